@@ -1,0 +1,169 @@
+"""The cell file as the contract gives it (schema ``edbb-cell/1``): millimetres and degrees, units in the keys."""
+
+from typing import Annotated, Literal
+
+from pydantic import (
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
+
+from planner.bodies import BodyFile, Vector
+from planner.schema import Strict
+
+Angle = Annotated[float, Field(gt=0, le=180)]
+
+
+class ToolFile(Strict):
+    """``[tool]``: the measurement application point (MAP) in the flange frame, and what is bolted on."""
+
+    map_mm: Vector
+    map_axis: Vector = (0.0, 0.0, 1.0)
+    mass_kg: NonNegativeFloat = 0.0
+    com_mm: Vector = (0.0, 0.0, 0.0)
+    bodies: tuple[BodyFile, ...] = ()
+    prior_mm: PositiveFloat = 1.0
+
+
+class ConeFile(Strict):
+    """Largest tilt of either ball joint from its axis."""
+
+    fixture: Angle = 70.0
+    map: Angle = 70.0
+
+
+class BarFile(Strict):
+    """The bar as a body: the housing goes with the fixture, the rod with the tool, both trimmed at the balls."""
+
+    radius_mm: PositiveFloat = 15.0
+    housing_mm: PositiveFloat = 250.0
+    rod_radius_mm: PositiveFloat = 6.0
+    trim_mm: PositiveFloat = 40.0
+
+
+class GaugeFile(Strict):
+    """``[gauge]``: what is measured, its workspace and body."""
+
+    kind: Literal["edbb", "ldbb", "draw-wire", "tracker", "trical", "ball-socket"]
+    length_mm: tuple[PositiveFloat, PositiveFloat] | None = None
+    noise_um: PositiveFloat = 1.0
+    cone_deg: ConeFile = ConeFile()
+    mount_deg: tuple[float, ...] | None = None
+    zero: Literal["free", "known"] = "free"
+    body: BarFile = BarFile()
+
+    @field_validator("length_mm")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[0] >= value[1]:
+            raise ValueError("the shortest length must come first and be smaller than the longest")
+        if value is not None and value[1] < 5.0:
+            raise ValueError("these look like metres; lengths are in millimetres")
+        return value
+
+
+class FixtureFile(Strict):
+    """``[[fixtures]]``: one magnet cup that holds the bar's fixed ball."""
+
+    name: str = "A"
+    position_mm: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
+    prior_mm: PositiveFloat = 5.0
+
+
+class BallFile(Strict):
+    """``[[balls]]``: one ball or socket of an artifact, in the plate's own frame."""
+
+    name: str
+    position_mm: Vector
+
+
+class MotionFile(Strict):
+    """``[motion]``: how the measuring poses are joined."""
+
+    measure: Literal["continuous", "static"] = "continuous"
+    both_ways: bool = True
+    tool_speed_mm_min: PositiveFloat = 1000.0
+    blend_mm: NonNegativeFloat = 10.0
+    clearance_mm: PositiveFloat = 10.0
+    dwell_s: NonNegativeFloat = 1.0
+    settle_s: NonNegativeFloat = 0.5
+    travel_percent: Annotated[float, Field(gt=0, le=100)] = 100.0
+
+
+class TwistFile(Strict):
+    """``[[cable.sums]]``: the absolute twists of these axes, counted from home, together stay within the limit."""
+
+    axes: tuple[PositiveInt, ...]
+    limit_deg: PositiveFloat
+
+
+class CableFile(Strict):
+    """``[cable]``: budget of twist, as sums over axes and of the tool about the bar."""
+
+    sums: tuple[TwistFile, ...] = ()
+    tool_about_bar_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+
+
+class BaseFile(Strict):
+    """``[base]``: how the base stands (for gravity) and the floor's height in the base frame."""
+
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+    floor_mm: float | None = 0.0
+
+
+class ControllerFile(Strict):
+    """``[controller]``: numbers to select, signals to use, and whether the controller already corrects itself."""
+
+    tool: NonNegativeInt | None = None
+    base: NonNegativeInt | None = None
+    load: NonNegativeInt | None = None
+    sync_output: PositiveInt | None = None
+    gauge_input: PositiveInt | None = None
+    log_axes: bool = True
+    accuracy_model: Literal["off", "on"] = "off"
+    dialects: tuple[str, ...] = ("din66025",)
+
+
+class PlanFile(Strict):
+    """``[plan]``: what is freed beside the robot's own parameters, and how much is tried."""
+
+    free: tuple[Literal["fixture", "tool", "zero"], ...] = ("fixture", "tool", "zero")
+    beta: Literal["auto", "none"] = "auto"
+    poses: PositiveInt | None = None
+    candidates: PositiveInt = 100_000
+    grid_step_deg: PositiveFloat | None = None
+    index: Literal["O1", "O2", "O3", "O4", "O5"] = "O2"
+    refine: bool = True
+    repeat: NonNegativeInt = 3
+    validate_: NonNegativeInt = Field(default=10, alias="validate")
+
+
+class CellFile(Strict):
+    """The whole cell file."""
+
+    schema_: Literal["edbb-cell/1"] = Field(alias="schema")
+    robot: str
+    tip: str | None = None
+    home_deg: tuple[float, ...] | None = None
+    tool: ToolFile | None = None
+    gauge: GaugeFile
+    fixtures: tuple[FixtureFile, ...] = ()
+    balls: tuple[BallFile, ...] = ()
+    obstacles: tuple[BodyFile, ...] = ()
+    motion: MotionFile = MotionFile()
+    cable: CableFile = CableFile()
+    base: BaseFile = BaseFile()
+    controller: ControllerFile = ControllerFile()
+    plan: PlanFile = PlanFile()
+
+    @model_validator(mode="after")
+    def _names(self) -> "CellFile":
+        names = [f.name for f in self.fixtures]
+        if len(set(names)) < len(names):
+            raise ValueError(f"two fixtures share a name ({', '.join(names)})")
+        return self

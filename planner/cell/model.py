@@ -1,0 +1,152 @@
+"""The cell that everything else works with: SI units, checked, read-only."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from planner.bodies import Body
+from planner.cell.file import CellFile
+from planner.chain import Chain, Transform
+from planner.robot import Robot
+from planner.units import Array
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Tool on the flange F: MAP position p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies."""
+
+    p_FM: Array
+    axis_F: Array
+    mass: float
+    com_F: Array
+    bodies: tuple[Body, ...]
+    prior: float
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m]."""
+
+    name: str
+    p_BX: Array
+    axis_B: Array
+    prior: float
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A length gauge: range [m], noise [m], cones [rad], body [m]; ``mount`` (N,) [rad] or ``None``."""
+
+    kind: str
+    length_min: float
+    length_max: float
+    noise: float
+    cone_fixture: float
+    cone_map: float
+    mount: Array | None
+    zero_free: bool
+    radius: float
+    housing: float
+    rod_radius: float
+    trim: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How poses are joined: speeds [m/s], blend and clearance [m], times [s]; travel as a part of full speed."""
+
+    measure: Literal["continuous", "static"]
+    both_ways: bool
+    tool_speed: float
+    blend: float
+    clearance: float
+    dwell: float
+    settle: float
+    travel: float
+
+
+@dataclass(frozen=True)
+class Cable:
+    """Budget of twist: sums of |q − home| over axes (indices from 0) [rad], and of the tool about the bar [rad]."""
+
+    sums: tuple[tuple[tuple[int, ...], float], ...]
+    tool_about_bar: float | None
+
+
+@dataclass(frozen=True)
+class Base:
+    """How the base stands: R_WB (3, 3) from base to world (gravity along −z of the world), floor height [m] or ``None``."""
+
+    R_WB: Array
+    floor: float | None
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What programs select and signal; see the cell file."""
+
+    tool: int | None
+    base: int | None
+    load: int | None
+    sync_output: int | None
+    gauge_input: int | None
+    log_axes: bool
+    dialects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What the plan frees and how much it tries."""
+
+    free: frozenset[str]
+    poses: int | None
+    candidates: int
+    grid_step: float | None
+    index: str
+    refine: bool
+    repeat: int
+    validate: int
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Robot, tool, fixtures, gauge and surroundings; ``file`` is what was read, whole."""
+
+    name: str
+    robot: Robot
+    home: Array
+    tool: Tool
+    gauge: Gauge
+    fixtures: tuple[Fixture, ...]
+    obstacles: tuple[Body, ...]
+    motion: Motion
+    cable: Cable
+    base: Base
+    controller: Controller
+    plan: PlanOptions
+    file: CellFile
+    path: Path
+
+    @property
+    def chain(self) -> Chain:
+        """The chain from the base to the measurement application point."""
+        tool = [Transform(f"map_{'xyz'[k]}", "translation", k, float(self.tool.p_FM[k])) for k in range(3)]
+        return Chain((*self.robot.transforms, *tool))
+
+    def map_position(self, q: Array) -> Array:
+        """Position of the MAP in the base frame, (n, 3) [m], for controller angles q (n, N) [rad]."""
+        return self.chain.carry(self.robot.theta(q), np.zeros(3))
+
+    def map_jacobian(self, q: Array) -> Array:
+        """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""
+        chain = self.chain
+        moving = [k for k, t in enumerate(chain.transforms) if t.joint is not None]
+        joints = [int(chain.transforms[k].joint or 0) for k in moving]
+        screws = chain.forward(self.robot.theta(q)).point_screws()[moving]  # (N, 3, n) by theta
+        return np.asarray(np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix[joints]))
+
+    def map_axis(self, q: Array) -> Array:
+        """Axis of the MAP's ball joint in the base frame, (n, 3)."""
+        return self.chain.carry(self.robot.theta(q), self.tool.axis_F, point=False)

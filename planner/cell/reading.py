@@ -1,0 +1,189 @@
+"""Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell.file import CellFile, FixtureFile, GaugeFile, ToolFile
+from planner.cell.model import Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
+from planner.errors import InputError, nearest
+from planner.resources import folder
+from planner.robot import Robot, load_robot
+from planner.schema import read_toml
+from planner.units import MM, MM_PER_MIN, UM, Array, from_deg, from_mm, frozen
+
+LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
+
+
+def shipped_cells() -> tuple[str, ...]:
+    """Names ``robot/cell`` of the cells that come with the planner."""
+    paths = folder("robots").glob("*/cells/*.toml")
+    return tuple(sorted(f"{p.parent.parent.name}/{p.stem}" for p in paths))
+
+
+def load_cell(reference: str) -> Cell:
+    """Load a cell by path, or by ``robot/cell`` for a shipped one.
+
+    Raises:
+        InputError: no such cell, or its file (or the robot's) is wrong.
+    """
+    path = Path(reference)
+    if path.suffix == ".toml" or path.is_file():
+        return read_cell(path, path.stem)
+    robot, _, cell = reference.partition("/")
+    shipped = folder("robots") / robot / "cells" / f"{cell}.toml"
+    if not shipped.is_file():
+        known = list(shipped_cells())
+        raise InputError(
+            f"cell '{reference}': neither a file nor a shipped cell{nearest(reference, known)} (shipped: {', '.join(known)})"
+        )
+    return read_cell(shipped, reference)
+
+
+def read_cell(path: Path, name: str) -> Cell:
+    """Read the cell file at ``path`` for planning with a length gauge.
+
+    Raises:
+        InputError: a key is wrong, missing, or contradicts another.
+    """
+    file = read_toml(path, CellFile)
+    if file.gauge.kind not in LENGTH_GAUGES:
+        raise InputError(
+            f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(LENGTH_GAUGES)}"
+        )
+    robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
+    if not file.fixtures:
+        raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
+    home = _angles(path, robot, "home_deg", file.home_deg)
+    return Cell(
+        name=name,
+        robot=robot,
+        home=home,
+        tool=_tool(path, file.tool, robot),
+        gauge=_gauge(path, robot, file.gauge),
+        fixtures=tuple(_fixture(path, f) for f in file.fixtures),
+        obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
+        motion=_motion(file),
+        cable=_cable(path, file, robot),
+        base=Base(
+            frozen(Rotation.from_euler("xyz", from_deg(file.base.rpy_deg)).as_matrix()),
+            None if file.base.floor_mm is None else file.base.floor_mm * MM,
+        ),
+        controller=Controller(
+            file.controller.tool,
+            file.controller.base,
+            file.controller.load,
+            file.controller.sync_output,
+            file.controller.gauge_input,
+            file.controller.log_axes,
+            file.controller.dialects,
+        ),
+        plan=_plan(file),
+        file=file,
+        path=path,
+    )
+
+
+def _angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:
+    if value is None:
+        raise InputError(f"{path}: the key '{key}' is missing ({robot.n_joints} angles in degrees)")
+    if len(value) != robot.n_joints:
+        raise InputError(f"{path}: '{key}' has {len(value)} angles, but {robot.name} has {robot.n_joints} joints")
+    q = from_deg(value)
+    for i in np.flatnonzero((q < robot.q_lower) | (q > robot.q_upper)):
+        low, up = np.rad2deg(robot.q_lower[i]), np.rad2deg(robot.q_upper[i])
+        raise InputError(f"{path}: '{key}' has joint {i + 1} at {value[i]:g}°, outside its limits {low:g}° … {up:g}°")
+    return frozen(q)
+
+
+def _unit(path: Path, key: str, v: tuple[float, float, float]) -> Array:
+    norm = float(np.linalg.norm(v))
+    if norm < 1e-9:
+        raise InputError(f"{path}: '{key}' = {list(v)} is no direction")
+    return frozen(np.array(v) / norm)
+
+
+def _tool(path: Path, tool: ToolFile | None, robot: Robot) -> Tool:
+    if tool is None:
+        raise InputError(
+            f"{path}: the section [tool] with map_mm is missing; without it nothing says where the bar's ball sits"
+        )
+    if robot.payload is not None and tool.mass_kg > robot.payload:
+        raise InputError(
+            f"{path}: tool.mass_kg = {tool.mass_kg:g} exceeds the rated payload of {robot.name}, {robot.payload:g} kg"
+        )
+    bodies = tuple(b.body(f"tool_{k}", path.parent) for k, b in enumerate(tool.bodies))
+    axis = _unit(path, "tool.map_axis", tool.map_axis)
+    return Tool(
+        frozen(from_mm(tool.map_mm)),
+        axis,
+        tool.mass_kg,
+        frozen(from_mm(tool.com_mm)),
+        bodies,
+        tool.prior_mm * MM,
+    )
+
+
+def _fixture(path: Path, f: FixtureFile) -> Fixture:
+    axis = _unit(path, f"fixtures.{f.name}.axis", f.axis)
+    return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM)
+
+
+def _gauge(path: Path, robot: Robot, g: GaugeFile) -> Gauge:
+    if g.length_mm is None:
+        raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
+    if g.body.housing_mm + g.body.trim_mm > g.length_mm[0]:
+        raise InputError(
+            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far ball "
+            f"do not fit into the shortest length {g.length_mm[0]:g} mm"
+        )
+    mount = None if g.mount_deg is None else _angles(path, robot, "gauge.mount_deg", g.mount_deg)
+    return Gauge(
+        kind=g.kind,
+        length_min=g.length_mm[0] * MM,
+        length_max=g.length_mm[1] * MM,
+        noise=g.noise_um * UM,
+        cone_fixture=float(from_deg(g.cone_deg.fixture)),
+        cone_map=float(from_deg(g.cone_deg.map)),
+        mount=mount,
+        zero_free=g.zero == "free",
+        radius=g.body.radius_mm * MM,
+        housing=g.body.housing_mm * MM,
+        rod_radius=g.body.rod_radius_mm * MM,
+        trim=g.body.trim_mm * MM,
+    )
+
+
+def _motion(file: CellFile) -> Motion:
+    m = file.motion
+    speed = m.tool_speed_mm_min * MM_PER_MIN
+    return Motion(
+        m.measure,
+        m.both_ways,
+        speed,
+        m.blend_mm * MM,
+        m.clearance_mm * MM,
+        m.dwell_s,
+        m.settle_s,
+        m.travel_percent / 100,
+    )
+
+
+def _cable(path: Path, file: CellFile, robot: Robot) -> Cable:
+    for twist in file.cable.sums:
+        far = [a for a in twist.axes if a > robot.n_joints]
+        if far:
+            raise InputError(f"{path}: cable.sums names axis {far[0]}, but {robot.name} has {robot.n_joints} joints")
+    sums = tuple((tuple(a - 1 for a in t.axes), float(from_deg(t.limit_deg))) for t in file.cable.sums)
+    spin = file.cable.tool_about_bar_deg
+    return Cable(sums, None if spin is None else float(from_deg(spin)))
+
+
+def _plan(file: CellFile) -> PlanOptions:
+    p = file.plan
+    free = frozenset(p.free)
+    if file.gauge.zero == "known":
+        free -= {"zero"}
+    step = None if p.grid_step_deg is None else float(from_deg(p.grid_step_deg))
+    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_)

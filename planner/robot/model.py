@@ -1,0 +1,114 @@
+"""The robot that everything else works with, in SI units."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from planner.bodies import Body
+from planner.chain import Chain, Transform
+from planner.units import Array
+
+
+@dataclass(frozen=True)
+class LinkMass:
+    """Mass [kg] and centre of mass (3,) [m] of one link, in the link's frame."""
+
+    mass: float
+    com: Array
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A revolute chain of five to seven joints.
+
+    Attributes:
+        name: short name, as cell files use it.
+        title: what a person calls it.
+        convention: ``dh``, ``mdh`` or ``urdf``.
+        transforms: elementary transforms from the base to the flange.
+        link_end: number of transforms up to the end of link frame 0 (the base) … N.
+        sense_matrix: A of ``theta = A q + theta_zero``, (N, N).
+        theta_zero: (N,) [rad].
+        q_lower, q_upper: controller's joint limits, (N,) [rad].
+        speed, acceleration, jerk: (N,) [rad/s, rad/s², rad/s³].
+        repeatability: of the tool point [m].
+        payload: rated payload [kg], or ``None``.
+        masses: of links 1 … N, ``None`` where unknown.
+        bodies: (link, shape) pairs; link 0 is the base.
+        gear_ratio: per joint, ``None`` where unknown.
+        sources: topic → where the numbers come from.
+        path: the file it was read from.
+    """
+
+    name: str
+    title: str
+    convention: str
+    transforms: tuple[Transform, ...]
+    link_end: tuple[int, ...]
+    sense_matrix: Array
+    theta_zero: Array
+    q_lower: Array
+    q_upper: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    repeatability: float
+    payload: float | None
+    masses: tuple[LinkMass | None, ...]
+    bodies: tuple[tuple[int, Body], ...]
+    gear_ratio: tuple[float | None, ...]
+    sources: tuple[tuple[str, str], ...]
+    path: Path
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints N."""
+        return len(self.speed)
+
+    @property
+    def chain(self) -> Chain:
+        """The chain from the base to the flange."""
+        return Chain(self.transforms)
+
+    def theta(self, q: Array) -> Array:
+        """Convert controller angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
+        return q @ self.sense_matrix.T + self.theta_zero
+
+    def pin_model(self) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
+        """Build the pinocchio model; its configuration is ``theta(q)``.
+
+        Returns:
+            The model, and for link frames 0 … N the parent joint and the placement in it.
+        """
+        model, placement, joint = pin.Model(), pin.SE3.Identity(), 0
+        frames: list[tuple[int, pin.SE3]] = []
+        for k, t in enumerate(self.transforms):
+            while len(frames) < len(self.link_end) and self.link_end[len(frames)] == k:
+                frames.append((joint, placement))
+            placement = placement * elementary(t, t.nominal)
+            if t.joint is not None:
+                kind = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)[t.axis]
+                joint = model.addJoint(joint, kind(), placement, f"joint{t.joint + 1}")
+                placement = pin.SE3.Identity()
+        while len(frames) < len(self.link_end):
+            frames.append((joint, placement))
+        for (parent, T), link in zip(frames[1:], self.masses, strict=True):
+            if link is not None:
+                model.appendBodyToJoint(parent, pin.Inertia(link.mass, np.array(link.com), np.zeros((3, 3))), T)
+        return model, frames
+
+    def flange_frame(self) -> pin.SE3:
+        """Return the flange in the last link frame (transforms after the last row)."""
+        T = pin.SE3.Identity()
+        for t in self.transforms[self.link_end[-1] :]:
+            T = T * elementary(t, t.nominal)
+        return T
+
+
+def elementary(t: Transform, value: float) -> pin.SE3:
+    """Return one elementary transform as a pinocchio placement."""
+    v = np.zeros(3)
+    v[t.axis] = value
+    return pin.SE3(np.eye(3), v) if t.kind == "translation" else pin.SE3(pin.exp3(v), np.zeros(3))

@@ -1,0 +1,182 @@
+"""Reads a URDF: the chain from the root to ``tip`` as elementary transforms, limits, masses and bodies."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.bodies import Body, Vector, capsule, turn_z_to
+from planner.chain import Transform
+from planner.errors import InputError, nearest
+from planner.robot.model import LinkMass
+from planner.robot.rows import frame
+from planner.units import Array, frozen
+
+
+@dataclass(frozen=True)
+class UrdfChain:
+    """What a URDF says of the chain from its root link to the tip (joints in order, SI units)."""
+
+    transforms: tuple[Transform, ...]
+    link_end: tuple[int, ...]
+    sense: tuple[int, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    speed: tuple[float, ...]
+    masses: tuple[LinkMass | None, ...]
+    bodies: tuple[tuple[int, Body], ...]
+
+
+def read_urdf(path: Path, tip: str | None) -> UrdfChain:
+    """Read the revolute chain from the root to ``tip`` (default: the only leaf) of the URDF at ``path``.
+
+    Raises:
+        InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
+    """
+    try:
+        root = ET.parse(path).getroot()
+    except (OSError, ET.ParseError) as err:
+        raise InputError(f"{path}: cannot be read as URDF ({err})") from err
+    links = {str(e.get("name")): e for e in root.findall("link")}
+    by_child = {str(_child(j, "child").get("link")): j for j in root.findall("joint")}
+    tip = tip or _only_leaf(path, links, by_child)
+    if tip not in links:
+        raise InputError(f"{path}: no link is called '{tip}'{nearest(tip, list(links))} (links: {', '.join(links)})")
+    joints: list[ET.Element] = []
+    link = tip
+    while link in by_child:
+        joints.insert(0, by_child[link])
+        link = str(_child(joints[0], "parent").get("link"))
+    return _assemble(path, links, joints, link)
+
+
+def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str) -> UrdfChain:
+    transforms: list[Transform] = []
+    ends, lower, upper, speed = [0], list[float](), list[float](), list[float]()
+    sense: list[int] = []
+    masses: list[LinkMass | None] = []
+    bodies = [(0, b) for b in _bodies(path, links[base], np.eye(4))]
+    carried = np.eye(4)  # pose of the current URDF link in the last link frame
+    for joint in joints:
+        name, kind = str(joint.get("name")), joint.get("type")
+        xyz, rpy = _origin(joint)
+        child = links[str(_child(joint, "child").get("link"))]
+        if kind == "fixed":
+            transforms += frame(f"_{name}", xyz, rpy)
+            carried = carried @ _matrix(xyz, rpy)
+            bodies += [(len(sense), b) for b in _bodies(path, child, carried)]
+            continue
+        if kind not in ("revolute", "continuous"):
+            raise InputError(f"{path}: joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
+        i = len(sense) + 1
+        rows, sign = _joint(i, xyz, rpy, np.array(_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
+        transforms += rows
+        ends.append(len(transforms))
+        carried = np.eye(4)
+        limit = joint.find("limit")
+        bound = 2 * np.pi if kind == "continuous" or limit is None else None
+        sense.append(sign)
+        lower.append(-bound if bound else float(limit.get("lower", 0)))  # type: ignore[union-attr]
+        upper.append(bound if bound else float(limit.get("upper", 0)))  # type: ignore[union-attr]
+        speed.append(0.0 if limit is None else float(limit.get("velocity", 0)))
+        masses.append(_mass(child))
+        bodies += [(i, b) for b in _bodies(path, child, np.eye(4))]
+    return UrdfChain(
+        tuple(transforms),
+        tuple(ends),
+        tuple(sense),
+        tuple(lower),
+        tuple(upper),
+        tuple(speed),
+        tuple(masses),
+        tuple(bodies),
+    )
+
+
+def _joint(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:
+    """Return the transforms of joint i: its origin, and a turn about x, y or z; other axes are turned to z and back."""
+    axis = axis / np.linalg.norm(axis)
+    k = int(np.argmax(np.abs(axis)))
+    rows = frame(str(i), xyz, rpy)
+    if abs(axis[k]) > 1 - 1e-9:
+        return [*rows, Transform(f"theta{i}", "rotation", k, 0.0, i - 1)], int(np.sign(axis[k]))
+    yaw, pitch, _ = Rotation.from_matrix(turn_z_to(axis)).as_euler("ZYX")
+    roll = Rotation.from_matrix(turn_z_to(axis)).as_euler("ZYX")[2]
+    turns = [("aligned_z", 2, yaw), ("aligned_y", 1, pitch), ("aligned_x", 0, roll)]
+    there = [Transform(f"{n}{i}", "rotation", a, float(v)) for n, a, v in turns]
+    back = [Transform(f"{n}{i}_back", "rotation", a, -float(v)) for n, a, v in reversed(turns)]
+    return [*rows, *there, Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
+
+
+def _only_leaf(path: Path, links: dict[str, ET.Element], by_child: dict[str, ET.Element]) -> str:
+    parents = {str(_child(j, "parent").get("link")) for j in by_child.values()}
+    leaves = [name for name in links if name not in parents]
+    if len(leaves) != 1:
+        raise InputError(f'{path}: the chain ends in several links ({", ".join(leaves)}): give tip = "link name"')
+    return leaves[0]
+
+
+def _bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
+    out = []
+    for k, element in enumerate(link.findall("collision")):
+        T = T_link @ _matrix(*_origin(element))
+        name = f"{link.get('name')}{f'_{k}' if k else ''}"
+        shape = _child(element, "geometry")[0]
+        if shape.tag == "sphere":
+            out.append(Body(name, "sphere", (float(shape.get("radius", 0)),), frozen(T)))
+        elif shape.tag == "box":
+            out.append(Body(name, "box", tuple(_numbers(shape, "size", (0, 0, 0))), frozen(T)))
+        elif shape.tag in ("cylinder", "capsule"):  # a capsule holds the cylinder of its radius and length
+            half = T[:3, 2] * float(shape.get("length", 0)) / 2
+            out.append(capsule(name, T[:3, 3] - half, T[:3, 3] + half, float(shape.get("radius", 0))))
+        else:
+            x, y, z = _numbers(shape, "scale", (1, 1, 1))
+            out.append(Body(name, "mesh", (), frozen(T), _mesh(path, str(shape.get("filename")), name), (x, y, z)))
+    return out
+
+
+def _mesh(path: Path, filename: str, name: str) -> Path:
+    """Find a mesh beside the URDF: a ``package://`` path is tried below each folder above the file."""
+    relative = filename.removeprefix("file://")
+    package = relative.startswith("package://")
+    relative = relative.removeprefix("package://")
+    tails = [relative] + ([relative.split("/", 1)[1]] if package and "/" in relative else [])
+    for folder in path.resolve().parents:
+        for tail in tails:
+            if (folder / tail).is_file():
+                return folder / tail
+    raise InputError(f"{path}: the mesh '{filename}' of link '{name}' does not exist in any folder above the file")
+
+
+def _mass(link: ET.Element) -> LinkMass | None:
+    inertial = link.find("inertial")
+    if inertial is None or inertial.find("mass") is None:
+        return None
+    xyz, _ = _origin(inertial)
+    return LinkMass(float(_child(inertial, "mass").get("value", 0)), frozen(xyz))
+
+
+def _origin(element: ET.Element) -> tuple[Array, Array]:
+    origin = element.find("origin")
+    return np.array(_numbers(origin, "xyz", (0, 0, 0))), np.array(_numbers(origin, "rpy", (0, 0, 0)))
+
+
+def _matrix(xyz: Array, rpy: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+    T[:3, 3] = xyz
+    return T
+
+
+def _numbers(element: ET.Element | None, key: str, default: Vector) -> list[float]:
+    text = None if element is None else element.get(key)
+    return list(default) if text is None else [float(v) for v in text.split()]
+
+
+def _child(element: ET.Element, tag: str) -> ET.Element:
+    found = element.find(tag)
+    if found is None:
+        raise InputError(f"URDF: <{element.tag} name='{element.get('name')}'> has no <{tag}>")
+    return found
