@@ -1,0 +1,127 @@
+"""Which bodies there are, what carries each, and which pairs may meet: one list for both collision engines."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from planner.bodies import Body, capsule
+from planner.cell import Cell
+from planner.units import Array, frozen
+
+Carrier = Literal["world", "link", "housing", "rod"]
+FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One body and what carries it.
+
+    Attributes:
+        body: the shape, in the frame of its carrier.
+        carrier: the base frame (``world``), a robot link, or a part of the bar.
+        link: which link, where the carrier is one (0 is the base, N carries the tool).
+        reach: largest distance of any of its points from the carrier's origin [m].
+    """
+
+    body: Body
+    carrier: Carrier
+    link: int = 0
+    reach: float = 0.0
+
+    @property
+    def of_bar(self) -> bool:
+        """Whether it is a part of the bar."""
+        return self.carrier in ("housing", "rod")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All pieces and the pairs that are checked, for one fixture.
+
+    Attributes:
+        pieces: every body.
+        pairs: positions in ``pieces`` of the two bodies of each checked pair.
+        p_BX: position of the fixture in the base frame, (3,) [m].
+    """
+
+    cell: Cell
+    pieces: tuple[Piece, ...]
+    pairs: tuple[tuple[int, int], ...]
+    p_BX: Array
+
+    def without_bar(self) -> "Scene":
+        """Return the scene of a robot that travels without the bar."""
+        kept = tuple(p for p in self.pairs if not any(self.pieces[k].of_bar for k in p))
+        return replace(self, pairs=kept)
+
+    def without(self, excluded: set[int]) -> "Scene":
+        """Return the scene without the pairs at the positions ``excluded``."""
+        return replace(self, pairs=tuple(p for k, p in enumerate(self.pairs) if k not in excluded))
+
+    def pair_name(self, k: int) -> str:
+        """Return the two bodies of pair ``k`` as a person calls them."""
+        a, b = self.pairs[k]
+        return f"{self.pieces[a].body.name} and {self.pieces[b].body.name}"
+
+
+def build_scene(cell: Cell, fixture: int = 0) -> Scene:
+    """Collect the bodies of robot, tool, bar, floor and obstacles, and the pairs that can meet.
+
+    Neighbouring links, bodies that do not move against each other, and the two parts of the bar are left out.
+    """
+    robot, n = cell.robot, cell.robot.n_joints
+    T_LF = np.array(robot.flange_frame().homogeneous)
+    bodies: list[tuple[Body, Carrier, int]] = [(b, "link", link) for link, b in robot.bodies]
+    bodies += [(replace(b, T=frozen(T_LF @ b.T)), "link", n) for b in cell.tool.bodies]
+    bodies += [(b, "world", 0) for b in cell.obstacles]
+    if cell.base.floor is not None:
+        T = np.eye(4)
+        T[2, 3] = cell.base.floor - FLOOR_THICKNESS / 2
+        bodies.append((Body("floor", "box", (FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS), frozen(T)), "world", 0))
+    housing, rod = _bar(cell)
+    bodies += [(housing, "housing", 0), (rod, "rod", 0)]
+    pieces = tuple(Piece(b, carrier, link, _reach(b)) for b, carrier, link in bodies)
+    pairs = [(a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b])]
+    return Scene(cell, pieces, tuple(pairs), cell.fixtures[fixture].p_BX)
+
+
+def _bar(cell: Cell) -> tuple[Body, Body]:
+    """Housing along z from the fixture's ball, rod along −z from the MAP's ball, together always the whole bar."""
+    g = cell.gauge
+    rod_length = min(g.length_max - g.housing, g.length_min - g.trim)
+    housing_length = max(g.housing, g.length_max - rod_length)
+    z = np.array([0.0, 0.0, 1.0])
+    housing = capsule(
+        "bar housing", z * (g.trim + g.radius), z * max(housing_length - g.radius, g.trim + g.radius), g.radius
+    )
+    rod_from = max(rod_length - g.rod_radius, g.trim + g.rod_radius)
+    return housing, capsule("bar rod", -z * (g.trim + g.rod_radius), -z * rod_from, g.rod_radius)
+
+
+def _may_meet(a: Piece, b: Piece) -> bool:
+    if a.of_bar or b.of_bar:
+        return not (a.of_bar and b.of_bar)
+    if a.carrier == "world" or b.carrier == "world":
+        moving = b if a.carrier == "world" else a
+        return moving.carrier == "link" and moving.link > 0
+    return abs(a.link - b.link) > 1
+
+
+def _reach(body: Body) -> float:
+    """Largest distance of a point of the body from the origin of the frame that carries it [m]."""
+    centre = float(np.linalg.norm(body.T[:3, 3]))
+    if body.kind == "capsule":
+        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
+        return max(float(np.linalg.norm(e)) for e in ends) + body.size[0]
+    if body.kind == "sphere":
+        return centre + body.size[0]
+    if body.kind == "box":
+        return centre + float(np.linalg.norm(body.size)) / 2
+    return centre + _mesh_reach(body)
+
+
+def _mesh_reach(body: Body) -> float:
+    from planner.collision.shapes import mesh_vertices
+
+    return float(np.linalg.norm(mesh_vertices(body)[0], axis=1).max())
