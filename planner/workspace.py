@@ -42,23 +42,25 @@ class Workspace:
 
     def margins(self, q: Array) -> Array:
         """Margins at controller angles q (n, N) [rad], (n, columns) [rad or m]; negative outside."""
-        cell, robot = self.cell, self.cell.robot
-        limits = np.minimum(q - robot.q_lower, robot.q_upper - q)
-        sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
+        return np.column_stack([self.stage(stage, q) for stage in STAGES])
+
+    def stage(self, stage: Stage, q: Array) -> Array:
+        """Margins of one stage, (n, its columns) [rad or m]: filters run one after the other pay only for their own."""
+        cell, robot, empty = self.cell, self.cell.robot, np.empty((len(q), 0))
+        if stage == "joint_limits":
+            return np.asarray(np.minimum(q - robot.q_lower, robot.q_upper - q))
+        if stage == "cable":
+            sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
+            spun = self.bar and cell.cable.tool_about_bar is not None
+            spin = [cell.cable.tool_about_bar - np.abs(self.spin(q))] if spun else []
+            return np.column_stack([empty, *sums, *spin])
         if not self.bar:
-            return np.column_stack([limits, *sums])
-        fixture, gauge = cell.fixtures[self.fixture], cell.gauge
-        bar = bar_state(cell.map_position(q), fixture.p_BX)
-        axis = cell.map_axis(q)
-        cones = [
-            gauge.cone_fixture - tilt(bar.direction, fixture.axis_B),
-            gauge.cone_map - tilt(-bar.direction, axis),
-        ]
-        spin = []
-        if cell.cable.tool_about_bar is not None:
-            spin = [cell.cable.tool_about_bar - np.abs(self.spin(q))]
-        reach = [bar.length - gauge.length_min, gauge.length_max - bar.length]
-        return np.column_stack([limits, *reach, *cones, *sums, *spin])
+            return empty
+        bar = bar_state(cell.map_position(q), cell.fixtures[self.fixture].p_BX)
+        if stage == "workspace":
+            return np.column_stack([bar.length - cell.gauge.length_min, cell.gauge.length_max - bar.length])
+        at_fixture = cell.gauge.cone_fixture - tilt(bar.direction, cell.fixtures[self.fixture].axis_B)
+        return np.column_stack([at_fixture, cell.gauge.cone_map - tilt(-bar.direction, cell.map_axis(q))])
 
     def spin(self, q: Array) -> Array:
         """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at home's own turn of the flange.

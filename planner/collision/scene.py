@@ -22,12 +22,14 @@ class Piece:
         carrier: the base frame (``world``), a robot link, or a part of the bar.
         link: which link, where the carrier is one (0 is the base, N carries the tool).
         reach: largest distance of any of its points from the carrier's origin [m].
+        of_robot: whether it is the robot's own, not the tool's.
     """
 
     body: Body
     carrier: Carrier
     link: int = 0
     reach: float = 0.0
+    of_robot: bool = False
 
     @property
     def of_bar(self) -> bool:
@@ -72,18 +74,25 @@ def build_scene(cell: Cell, fixture: int = 0) -> Scene:
     """
     robot, n = cell.robot, cell.robot.n_joints
     T_LF = np.array(robot.flange_frame().homogeneous)
-    bodies: list[tuple[Body, Carrier, int]] = [(b, "link", link) for link, b in robot.bodies]
-    bodies += [(replace(b, T=frozen(T_LF @ b.T)), "link", n) for b in cell.tool.bodies]
-    bodies += [(b, "world", 0) for b in cell.obstacles]
-    if cell.base.floor is not None:
-        T = np.eye(4)
-        T[2, 3] = cell.base.floor - FLOOR_THICKNESS / 2
-        bodies.append((Body("floor", "box", (FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS), frozen(T)), "world", 0))
+    pieces = [Piece(b, "link", link, _reach(b), of_robot=True) for link, b in robot.bodies]
+    tool = [replace(b, T=frozen(T_LF @ b.T)) for b in cell.tool.bodies]
+    pieces += [Piece(b, "link", n, _reach(b)) for b in tool]
+    pieces += [Piece(b, "world", 0, _reach(b)) for b in (*cell.obstacles, *_floor(cell))]
     housing, rod = _bar(cell)
-    bodies += [(housing, "housing", 0), (rod, "rod", 0)]
-    pieces = tuple(Piece(b, carrier, link, _reach(b)) for b, carrier, link in bodies)
-    pairs = [(a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b])]
-    return Scene(cell, pieces, tuple(pairs), cell.fixtures[fixture].p_BX)
+    pieces += [Piece(housing, "housing", 0, _reach(housing)), Piece(rod, "rod", 0, _reach(rod))]
+    never = robot.never_meet
+    pairs = [
+        (a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b], never)
+    ]
+    return Scene(cell, tuple(pieces), tuple(pairs), cell.fixtures[fixture].p_BX)
+
+
+def _floor(cell: Cell) -> list[Body]:
+    if cell.base.floor is None:
+        return []
+    T = np.eye(4)
+    T[2, 3] = cell.base.floor - FLOOR_THICKNESS / 2
+    return [Body("floor", "box", (FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS), frozen(T))]
 
 
 def _bar(cell: Cell) -> tuple[Body, Body]:
@@ -99,13 +108,14 @@ def _bar(cell: Cell) -> tuple[Body, Body]:
     return housing, capsule("bar rod", -z * (g.trim + g.rod_radius), -z * rod_from, g.rod_radius)
 
 
-def _may_meet(a: Piece, b: Piece) -> bool:
+def _may_meet(a: Piece, b: Piece, never: frozenset[tuple[int, int]]) -> bool:
     if a.of_bar or b.of_bar:
         return not (a.of_bar and b.of_bar)
     if a.carrier == "world" or b.carrier == "world":
         moving = b if a.carrier == "world" else a
         return moving.carrier == "link" and moving.link > 0
-    return abs(a.link - b.link) > 1
+    own = a.of_robot and b.of_robot and (min(a.link, b.link), max(a.link, b.link)) in never
+    return abs(a.link - b.link) > 1 and not own
 
 
 def _reach(body: Body) -> float:

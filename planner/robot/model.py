@@ -38,6 +38,7 @@ class Robot:
         masses: of links 1 … N, ``None`` where unknown.
         bodies: (link, shape) pairs; link 0 is the base.
         gear_ratio: per joint, ``None`` where unknown.
+        never_meet: pairs of links that the maker's own strokes keep apart, so that they are not checked.
         sources: topic → where the numbers come from.
         path: the file it was read from.
     """
@@ -59,6 +60,7 @@ class Robot:
     masses: tuple[LinkMass | None, ...]
     bodies: tuple[tuple[int, Body], ...]
     gear_ratio: tuple[float | None, ...]
+    never_meet: frozenset[tuple[int, int]]
     sources: tuple[tuple[str, str], ...]
     path: Path
 

@@ -71,6 +71,7 @@ class RobotFile(Strict):
     flange: FlangeFile = FlangeFile()
     joints: tuple[JointFile, ...] = ()
     bodies: tuple[LinkBodyFile, ...] = ()
+    never_meet: tuple[tuple[int, int], ...] = ()
 
     @model_validator(mode="after")
     def _complete(self) -> "RobotFile":
@@ -224,6 +225,7 @@ def _robot(
         masses=masses,
         bodies=shapes,
         gear_ratio=tuple(j.gear_ratio for j in joints),
+        never_meet=frozenset((min(p), max(p)) for p in file.never_meet),
         sources=tuple(sorted(sources.items())),
         path=path,
     )

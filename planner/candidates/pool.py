@@ -1,0 +1,179 @@
+"""Draws candidates until there are enough, and counts what every filter leaves."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from planner.candidates.grid import grid_blocks
+from planner.candidates.shell import ShellSample, sample_shell, sobol
+from planner.cell import Cell
+from planner.collision import CollisionWorld
+from planner.collision.world import available_threads
+from planner.errors import NoSolutionError
+from planner.units import Array, frozen
+from planner.workspace import STAGES, Workspace
+
+DRAWS = 1 << 18  # samples of the other joints in one round
+ROUNDS = 80
+CHUNK = 8192
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Funnel:
+    """Counts that survive each filter, in order."""
+
+    sampled: int = 0
+    joint_limits: int = 0
+    workspace: int = 0
+    cones: int = 0
+    cable: int = 0
+    collision: int = 0
+
+    def __add__(self, other: "Funnel") -> "Funnel":
+        """Add two funnels filter by filter."""
+        return Funnel(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def text(self) -> str:
+        """Return the counts as a person reads them."""
+        names = (
+            "sampled",
+            "within joint limits",
+            "in the shell",
+            "within both cones",
+            "within the cable",
+            "collision-free",
+        )
+        return ", ".join(f"{n} {name}" for n, name in zip(astuple(self), names, strict=True))
+
+
+@dataclass(frozen=True)
+class PoseSet:
+    """Poses that pass every filter.
+
+    Attributes:
+        q: controller angles, (n, N) [rad].
+        fixture: which fixture holds the bar, (n,) int.
+        funnel: what each filter left.
+    """
+
+    q: Array
+    fixture: np.ndarray
+    funnel: Funnel
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self.q)
+
+
+def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+    """Draw ``count`` candidates, shared evenly by the fixtures, or what the rounds allow.
+
+    Args:
+        cell: the cell; its ``plan.grid_step`` asks for the paper's joint grid instead of the shell's own samples.
+        count: how many are wanted.
+        seed: of the low-discrepancy sequence.
+        progress: called with (found, wanted).
+
+    Raises:
+        NoSolutionError: no state passes all filters; the message names the filter that emptied, and what would help.
+    """
+    share = -(-count // len(cell.fixtures))
+    parts: list[Array] = []
+    funnel = Funnel()
+    for fixture in range(len(cell.fixtures)):
+        q, counted = _of_fixture(cell, fixture, share, seed, progress)
+        funnel += counted
+        if len(q) == 0:
+            raise NoSolutionError(why_empty(cell, fixture, counted))
+        parts.append(q)
+    which = np.repeat(np.arange(len(parts)), [len(q) for q in parts])
+    which.setflags(write=False)
+    return PoseSet(frozen(np.vstack(parts)), which, funnel)
+
+
+def _of_fixture(cell: Cell, fixture: int, count: int, seed: int, progress: Progress | None) -> tuple[Array, Funnel]:
+    world, workspace = CollisionWorld.from_cell(cell, fixture), Workspace(cell, fixture)
+    found: list[Array] = []
+    funnel, total = Funnel(), 0
+    whole = cell.plan.grid_step is not None
+    for sample in _rounds(cell, fixture, seed):
+        q, counted = _filter(sample, workspace, world)
+        funnel, total = funnel + counted, total + len(q)
+        found.append(q)
+        if progress is not None:
+            progress(min(total, count), count)
+        if total >= count and not whole:
+            break
+    q = np.vstack(found)
+    if whole and len(q) > count:  # a grid is thinned evenly, not cut off
+        q = q[np.linspace(0, len(q) - 1, count).astype(int)]
+    return q[:count], funnel
+
+
+def _rounds(cell: Cell, fixture: int, seed: int) -> Iterator[ShellSample]:
+    if cell.plan.grid_step is not None:
+        yield from grid_blocks(cell, cell.plan.grid_step)
+        return
+    sequence = sobol(cell, seed)
+    for _ in range(ROUNDS):
+        yield sample_shell(cell, fixture, sequence.random(DRAWS))
+
+
+def _filter(sample: ShellSample, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
+    """Apply the filters in order, the cheap ones first and in threads (numpy lets them run side by side)."""
+    chunks = [sample.q[i : i + CHUNK] for i in range(0, len(sample.q), CHUNK)]
+    with ThreadPoolExecutor(available_threads()) as threads:
+        results = list(threads.map(lambda q: _stages(q, workspace), chunks))
+    q = np.vstack([r[0] for r in results]) if results else sample.q
+    counts = np.sum([r[1] for r in results], axis=0) if results else np.zeros(len(STAGES), int)
+    free = q[~world.collides(q)]
+    # states that the arcs never visited passed the joint limits as well
+    outside = sample.stands_for - len(sample.q)
+    within, shell, cones, cable = (int(c) for c in counts)
+    return free, Funnel(sample.stands_for, within + outside, shell, cones, cable, len(free))
+
+
+def _stages(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
+    counts = []
+    for stage in STAGES:
+        q = q[(workspace.stage(stage, q) > 0).all(axis=1)]
+        counts.append(len(q))
+    return q, counts
+
+
+def why_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
+    """Say which filter emptied the candidates, with counts, and what would help."""
+    place = cell.fixtures[fixture]
+    head = f"no candidate pose is left for fixture {place.name}: {funnel.text()}."
+    if funnel.workspace == 0:
+        return f"{head} {_out_of_reach(cell, fixture)}"
+    if funnel.cones == 0:
+        turn = "turn fixtures.axis or tool.map_axis towards the bar, or widen gauge.cone_deg"
+        return f"{head} The ball joints' cones reject all: {turn}."
+    if funnel.cable == 0:
+        return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
+    return f"{head} Every state collides: look at motion.clearance_mm, the obstacles and the bodies of tool and bar."
+
+
+def _out_of_reach(cell: Cell, fixture: int) -> str:
+    """Say how far the fixture is out of reach and which way to move it."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(*_limits(cell), (200_000, cell.robot.n_joints))
+    x, f = cell.map_position(q), cell.fixtures[fixture].p_BX
+    distance = np.linalg.norm(x - f, axis=1)
+    k = int(np.argmin(distance))
+    if distance[k] > cell.gauge.length_max:
+        gap = distance[k] - cell.gauge.length_max
+        move = (x[k] - f) / distance[k] * gap * 1e3
+        return (
+            f"The fixture is about {gap * 1e3:.0f} mm out of reach of the longest bar: "
+            f"move it by about [{move[0]:.0f}, {move[1]:.0f}, {move[2]:.0f}] mm, or take a longer bar."
+        )
+    return "The bar's range and the reachable distances do not meet: check gauge.length_mm."
+
+
+def _limits(cell: Cell) -> tuple[Array, Array]:
+    return cell.robot.q_lower, cell.robot.q_upper
