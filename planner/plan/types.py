@@ -1,0 +1,104 @@
+"""What a plan is made of, stage by stage: the values that flow from the candidates to the program."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from planner.candidates import PoseSet
+from planner.cell import Cell
+from planner.path import Path
+from planner.plan.choice import Choice
+from planner.program import ProgramFile
+from planner.tour import Tour
+from planner.trajectory import LimitReport, Trajectory
+from planner.units import Array
+
+Role = Literal["calibrate", "repeat", "validate", "mount"]
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One pose in visiting order.
+
+    Attributes:
+        id: number of the pose; a repeated visit has its own, ``repeats`` names the first one's.
+        q: controller angles, (N,) [rad].
+        length: nominal bar length [m].
+        fixture: which fixture holds the bar.
+        role: what the pose is for.
+        approach: sign of each axis' last movement before the pose, (N,) of −1, 0, 1.
+        repeats: id of the pose visited before, or ``None``.
+    """
+
+    id: int
+    q: Array
+    length: float
+    fixture: int
+    role: Role
+    approach: tuple[int, ...]
+    repeats: int | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one engine says of a path: the smallest distance of any pair [m] and whether it is proven."""
+
+    engine: str
+    proven: bool
+    clearance: float
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is driven with the bar on one fixture.
+
+    Attributes:
+        fixture: which fixture.
+        visits: poses in visiting order, the mount pose first and last.
+        tour: order and its proof.
+        path: measuring path from mount to mount, with support poses (one way).
+        trajectory: the path blended and timed, both ways where asked.
+        travel: path from home to the mount pose without the bar.
+        travel_trajectory: the same, timed.
+        limits: the trajectory held against the limits.
+        verdicts: of both collision engines.
+    """
+
+    fixture: int
+    visits: tuple[Visit, ...]
+    tour: Tour
+    path: Path
+    trajectory: Trajectory
+    travel: Path
+    travel_trajectory: Trajectory
+    limits: LimitReport
+    verdicts: tuple[Verdict, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The whole plan of one cell.
+
+    Attributes:
+        plan_id: 12 hex digits of a hash over the content.
+        driven: the index over the trajectory as it is driven.
+        programs: files of each dialect.
+        notes: what a person should know (a pose replaced, a solver that failed, …).
+    """
+
+    plan_id: str
+    cell: Cell
+    seed: int
+    pool: PoseSet
+    choice: Choice
+    drives: tuple[Drive, ...]
+    driven: float
+    programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...]
+    notes: tuple[str, ...]
+
+
+def signs(q: Array) -> np.ndarray:
+    """Signs of the last movement before each of the states (m, N), (m, N) of −1, 0, 1; the first has none."""
+    step = np.diff(q, axis=0, prepend=q[:1])
+    return np.sign(np.where(np.abs(step) > 1e-9, step, 0.0)).astype(int)
