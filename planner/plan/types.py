@@ -63,6 +63,7 @@ class Drive:
         travel_trajectory: the same, timed.
         limits: the trajectory held against the limits.
         verdicts: of both collision engines.
+        continuous: measured while moving, not at rest.
     """
 
     fixture: int
@@ -74,6 +75,7 @@ class Drive:
     travel_trajectory: Trajectory
     limits: LimitReport
     verdicts: tuple[Verdict, ...]
+    continuous: bool
 
 
 @dataclass(frozen=True)

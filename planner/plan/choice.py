@@ -1,0 +1,123 @@
+"""Which poses: what can be seen, how many poses it takes, the selection, its certificate and the refinement."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.candidates import PoseSet
+from planner.cell import Cell
+from planner.collision import CollisionWorld
+from planner.errors import InputError, NoSolutionError
+from planner.model import Model
+from planner.observability import Identifiability, Indices, identifiable, index_value, indices
+from planner.selection import Certificate, IndexCurve, bound, exchange, index_curve, knee, refine
+from planner.units import Array
+from planner.workspace import Workspace
+
+CURVE_SIZES = (22, 24, 26, 28, 30, 33, 36, 40, 45, 50, 60, 70, 80, 100, 120, 150, 200)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The poses that a plan measures, and why.
+
+    Attributes:
+        model: the measurement model with the identifiable parameters only.
+        seen: what the candidates can see, and why the rest is dropped.
+        q: chosen controller angles, refined off the grid where asked, (n, N) [rad].
+        fixture: which fixture holds the bar, (n,) int.
+        chosen: positions of the on-grid selection in the pool, (n,) int.
+        index: name of the index.
+        value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
+        certificate: no set of as many candidates beats its value.
+        raw, scaled: O1 … O5 in metres and radians, and unit-free by the parameters' prior sizes.
+        curve: index and bound against the number of poses.
+    """
+
+    model: Model
+    seen: Identifiability
+    q: Array
+    fixture: np.ndarray
+    chosen: np.ndarray
+    index: str
+    value: float
+    on_grid_value: float
+    certificate: Certificate
+    raw: Indices
+    scaled: Indices
+    curve: IndexCurve
+
+    def with_poses(self, q: Array, chosen: np.ndarray) -> "Choice":
+        """Return the choice with other poses q (n, N) [rad], its indices computed anew; the certificate still holds."""
+        rows = self.model.jacobian(q, self.fixture)
+        value = index_value(self.index, rows)
+        raw, scaled = indices(rows), indices(rows, self.model.prior)
+        return replace(self, q=q, chosen=chosen, value=value, raw=raw, scaled=scaled)
+
+
+def what_is_seen(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
+    """Return the model of the identifiable parameters, why the others are dropped, and the rows of the pool."""
+    model = Model.from_cell(cell)
+    rows = model.jacobian(pool.q, pool.fixture)
+    noise = float(np.median(model.noise(pool.q[:1000], pool.fixture[:1000])))
+    seen = identifiable(rows, model.names, model.prior, prefer=range(len(model.names)), noise=noise)
+    return model.subset(list(seen.kept)), seen, np.ascontiguousarray(rows[:, :, list(seen.kept)])
+
+
+def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) -> Choice:
+    """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
+
+    Raises:
+        InputError: fewer poses than parameters.
+        NoSolutionError: fewer candidates than poses.
+    """
+    model, seen, rows = what_is_seen(cell, pool)
+    _check_count(poses, seen.rank, len(pool))
+    sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if seen.rank < n <= len(pool)]
+    curve = index_curve(rows, sizes, index)
+    n = poses or knee(curve.sizes, curve.values, index)
+    certificate = bound(rows, index, poses=n)
+    selection = exchange(rows, n, index, seed=seed, certificate=certificate)
+    q, fixture = pool.q[selection.chosen], pool.fixture[selection.chosen]
+    if cell.plan.refine and len(cell.fixtures) == 1:
+        q = _refined(cell, model, q, index, seed)
+    final = model.jacobian(q, fixture)
+    return Choice(
+        model=model,
+        seen=seen,
+        q=q,
+        fixture=fixture,
+        chosen=selection.chosen,
+        index=index,
+        value=index_value(index, final),
+        on_grid_value=selection.value,
+        certificate=certificate,
+        raw=indices(final),
+        scaled=indices(final, model.prior),
+        curve=curve,
+    )
+
+
+def _refined(cell: Cell, model: Model, q: Array, index: str, seed: int) -> Array:
+    """Move the chosen poses continuously to better the index, keeping every filter."""
+    workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
+
+    def valid(states: Array) -> np.ndarray:
+        ok = (workspace.margins(states) > 0).all(axis=1)
+        ok[ok] = ~world.collides(states[ok])
+        return ok
+
+    return refine(q, model.jacobian, valid, index, seed=seed).q
+
+
+def _check_count(poses: int | None, parameters: int, candidates: int) -> None:
+    if poses is not None and poses < parameters:
+        raise InputError(
+            f"{poses} poses cannot identify {parameters} parameters: ask for at least {parameters}, better "
+            f"{int(1.5 * parameters)}, or free fewer in [plan]"
+        )
+    if candidates < (poses or parameters):
+        raise NoSolutionError(
+            f"only {candidates} candidate poses are left, fewer than the {poses or parameters} wanted: "
+            "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
+        )

@@ -1,0 +1,149 @@
+"""``plan.json``: the plan in the contract's keys, the same bytes for the same input and seed."""
+
+import hashlib
+import json
+from dataclasses import asdict
+
+import numpy as np
+
+from planner.observability import RULES
+from planner.plan.choice import Choice
+from planner.plan.types import Drive, Plan, Visit
+
+SCHEMA = "edbb-plan/1"
+DIGITS = 9  # of degrees, millimetres and seconds; far below any gauge
+
+
+def plan_text(plan: Plan) -> str:
+    """Return the text of ``plan.json``."""
+    content = {"schema": SCHEMA, "plan_id": plan.plan_id, **content_of(plan)}
+    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
+    content["notes"] = list(plan.notes)
+    return json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n"
+
+
+def identity(plan: Plan) -> str:
+    """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
+    content = content_of(plan) | {"cell_file": plan.cell.file.model_dump(mode="json", by_alias=True)}
+    text = json.dumps(_rounded(content), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def content_of(plan: Plan) -> dict[str, object]:
+    """Return the plan's content, without its id, its programs and its notes."""
+    choice, drives = plan.choice, plan.drives
+    return {
+        "robot": plan.cell.robot.name,
+        "cell": plan.cell.name,
+        "seed": plan.seed,
+        "parameters": list(choice.seen.names),
+        "dropped": [{"name": d.name, "because": d.because} for d in choice.seen.dropped],
+        "funnel": asdict(plan.pool.funnel),
+        "poses": [_pose(plan, v) for d in drives for v in d.visits],
+        "supports": [s for d in drives for s in _supports(d)],
+        "observability": _observability(choice, plan.driven),
+        "tour": _tour(drives),
+        "path": _path(drives),
+        "trajectory": {
+            "duration_s": sum(d.trajectory.duration_s for d in drives),
+            "measuring_s": sum(d.trajectory.measuring_s for d in drives),
+            "file": "trajectory.csv",
+        },
+        "drives": [_drive(plan, d) for d in drives],
+    }
+
+
+def _pose(plan: Plan, v: Visit) -> dict[str, object]:
+    pose = {
+        "id": v.id,
+        "q_deg": np.rad2deg(v.q),
+        "length_mm": v.length * 1e3,
+        "fixture": plan.cell.fixtures[v.fixture].name,
+        "role": v.role,
+        "approach": list(v.approach),
+    }
+    return pose if v.repeats is None else pose | {"repeats": v.repeats}
+
+
+def _supports(drive: Drive) -> list[dict[str, object]]:
+    """Support poses, each with the id of the visit that it follows."""
+    ids = np.cumsum(drive.path.node >= 0) - 1
+    support = np.flatnonzero(drive.path.node < 0)
+    return [{"after": drive.visits[int(ids[k])].id, "q_deg": np.rad2deg(drive.path.q[k])} for k in support]
+
+
+def _observability(choice: Choice, driven: float) -> dict[str, object]:
+    rule, bound = RULES[choice.index], choice.certificate
+    values = {name: getattr(choice.raw, name) for name in RULES}
+    scaled = {name: getattr(choice.scaled, name) for name in RULES}
+    return {
+        "index": choice.index,
+        "n": len(choice.q),
+        **values,
+        "scaled": scaled,
+        "bound": bound.value,
+        "gap": rule.gap(choice.value, bound.value),
+        "bound_kind": bound.kind,
+        "bound_verified": bound.verified,
+        "on_grid": {"value": choice.on_grid_value, "gap": rule.gap(choice.on_grid_value, bound.value)},
+        "path": {choice.index: driven},
+    }
+
+
+def _tour(drives: tuple[Drive, ...]) -> dict[str, object]:
+    return {
+        "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
+        "unsorted_s": sum(d.tour.unsorted_s for d in drives),
+        "cost_s": sum(d.tour.cost_s for d in drives),
+        "lower_bound_s": sum(d.tour.lower_bound_s for d in drives),
+        "optimal": all(d.tour.optimal for d in drives),
+        "driven_s": sum(d.trajectory.duration_s for d in drives),
+    }
+
+
+def _path(drives: tuple[Drive, ...]) -> dict[str, object]:
+    legs = [leg for d in drives for leg in d.path.legs]
+    direct = sum(leg.direct for leg in legs)
+    return {
+        "legs": len(legs),
+        "direct_legs": direct,
+        "planned_legs": len(legs) - direct,
+        "checked": "continuous",
+        "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
+        "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
+        "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
+        "verdicts": [
+            {"engine": v.engine, "proven": v.proven, "clearance_mm": v.clearance * 1e3}
+            for d in drives
+            for v in d.verdicts
+        ],
+    }
+
+
+def _drive(plan: Plan, drive: Drive) -> dict[str, object]:
+    """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
+    m = len(drive.path.q)
+    p = plan.cell.map_position
+    blend = np.linalg.norm(p(drive.trajectory.entry[:m]) - p(drive.path.q), axis=1)
+    return {
+        "fixture": plan.cell.fixtures[drive.fixture].name,
+        "travel_deg": np.rad2deg(drive.travel.q),
+        "waypoints": [
+            {"q_deg": np.rad2deg(q), "visit": bool(node >= 0), "stop": bool(stop), "blend_mm": float(r) * 1e3}
+            for q, node, stop, r in zip(drive.path.q, drive.path.node, drive.trajectory.stop[:m], blend, strict=True)
+        ],
+    }
+
+
+def _rounded(value: object) -> object:
+    """Round every number to what matters, so that the last bits of a sum do not change the bytes."""
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return _rounded(value.tolist())
+    if isinstance(value, float | np.floating):
+        short = round(float(value), DIGITS)
+        return 0.0 if short == 0 else short
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,6 @@
+"""The verbs: plan a cell, write the plan, export a program, study what can be seen."""
+
+from planner.workflow.planning import Options, Stages, plan, programs
+from planner.workflow.writing import write_plan
+
+__all__ = ["Options", "Stages", "plan", "programs", "write_plan"]

@@ -1,0 +1,196 @@
+"""From chosen poses to a timed path: tour, support poses, blending, timing, and both judges."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.candidates import PoseSet
+from planner.cell import Cell
+from planner.errors import NoSolutionError
+from planner.gauge import bar_state
+from planner.path import Constraints, Failure, Path, join, judge
+from planner.plan import Drive, Role, Verdict, Visit, signs
+from planner.tour import Tour, solve_tour
+from planner.trajectory import Limits, Trajectory, blend_corners, check_limits, plan_trajectory
+from planner.units import Array
+from planner.workflow.mount import check_home, costs, mount_pose
+
+TRIES = 12  # tours re-solved with a leg forbidden
+HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A pose to be visited."""
+
+    q: Array
+    role: Role
+
+
+@dataclass(frozen=True)
+class Unreachable(Exception):
+    """A pose that no path joins; ``which`` is its position among the stops."""
+
+    which: int
+
+
+def drive(cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: PoseSet, tsp: str, seed: int) -> Drive:
+    """Join the stops of one fixture into a driven, timed and twice-judged tour from mount to mount.
+
+    Raises:
+        InputError: home or mount pose is invalid.
+        Unreachable: a stop cannot be reached; replace it and call again.
+        NoSolutionError: no tour joins the poses, or a judge rejects the path.
+    """
+    with_bar, without_bar = Constraints(cell, fixture), Constraints(cell, fixture, bar=False)
+    check_home(cell, without_bar)
+    mount = mount_pose(cell, fixture, with_bar, pool)
+    nodes = np.vstack([mount, *[s.q for s in stops]])
+    near = pool.q[pool.fixture == fixture]
+    tour, path, order = _join_tour(cell, nodes, repeats, with_bar, near, tsp, seed)
+    travel = join(without_bar, np.vstack([cell.home, mount]), [0, 1], seed=seed, pool=cell.home[None])
+    if isinstance(travel, Failure):
+        raise NoSolutionError(f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}")
+    visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]])
+    trajectory = _timed(cell, with_bar, path)
+    free = travel_trajectory(cell, without_bar, travel)
+    limits = check_limits(trajectory, axis_limits(cell, measuring=True))
+    second = judge(with_bar, path)
+    verdicts = (Verdict("coal", True, path.clearance), Verdict("fcl", second.proven, second.clearance))
+    if not second.proven:
+        raise NoSolutionError(f"the second collision engine rejects the path: {second.why}")
+    moving = cell.motion.measure == "continuous"
+    return Drive(fixture, visits, tour, path, trajectory, travel, free, limits, verdicts, moving)
+
+
+def _join_tour(
+    cell: Cell, nodes: Array, repeats: int, constraints: Constraints, pool: Array, tsp: str, seed: int
+) -> tuple[Tour, Path, list[int]]:
+    cost = costs(cell, nodes)
+    forbidden: set[tuple[int, int]] = set()
+    for _ in range(TRIES):
+        tour = solve_tour(cost, start=0, end=0, forbidden=forbidden, method=tsp, seed=seed)
+        order = [*(int(k) for k in tour.order), 0]
+        order += _second_round(cost, order, repeats, forbidden, tsp, seed)
+        path = join(constraints, nodes, order, seed=seed, pool=pool)
+        if isinstance(path, Path):
+            return tour, path, order
+        if path.unreachable:
+            raise Unreachable(path.unreachable[0] - 1)
+        forbidden |= {(min(p), max(p)) for p in path.legs}
+    raise NoSolutionError(
+        f"no collision-free tour joins the poses after {TRIES} tries ({len(forbidden)} legs are impossible): "
+        "lower motion.clearance_mm, widen the cones, or move the fixture away from what is in the way"
+    )
+
+
+def _second_round(
+    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: str, seed: int
+) -> list[int]:
+    """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
+    inner = order[1:-1]
+    if repeats == 0 or not inner:
+        return []
+    again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(repeats, len(inner))).astype(int))]
+    nodes = [0, *again]
+    inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
+    tour = solve_tour(cost[np.ix_(nodes, nodes)], start=0, end=0, forbidden=inside, method=tsp, seed=seed)
+    return [*(nodes[k] for k in tour.order[1:]), 0]
+
+
+def _visits(
+    cell: Cell, fixture: int, nodes: Array, order: list[int], path: Path, roles: list[Role]
+) -> tuple[Visit, ...]:
+    """Number the poses in visiting order; the second visit of a pose is a repeat of the first."""
+    at = np.flatnonzero(path.node >= 0)
+    approach = signs(path.q)[at]
+    length = bar_state(cell.map_position(nodes), cell.fixtures[fixture].p_BX).length
+    first: dict[int, int] = {}
+    visits = []
+    for k, (node, sign) in enumerate(zip(order, approach, strict=True)):
+        again = node in first and node != 0
+        role = "repeat" if again else roles[node]
+        visits.append(
+            Visit(
+                k,
+                nodes[node],
+                float(length[node]),
+                fixture,
+                role,
+                tuple(int(s) for s in sign),
+                first.get(node) if again else None,
+            )
+        )
+        first.setdefault(node, k)
+    return tuple(visits)
+
+
+def axis_limits(cell: Cell, measuring: bool) -> Limits:
+    """Axis limits; where the robot only travels, or rests to measure, its speed is the allowed part of full speed."""
+    whole = measuring and cell.motion.measure == "continuous"
+    robot = cell.robot
+    return Limits(robot.speed if whole else robot.speed * cell.motion.travel, robot.acceleration, robot.jerk)
+
+
+def _timed(cell: Cell, constraints: Constraints, path: Path) -> Trajectory:
+    """Blend and time the measuring path, both ways where asked."""
+    q, stop, dwell = path.q, np.zeros(len(path.q), dtype=bool), np.zeros(len(path.q))
+    if cell.motion.measure == "static":
+        stop = path.node >= 0
+        dwell = np.where(stop, cell.motion.settle + cell.motion.dwell, 0.0)
+    stop[[0, -1]] = True
+    stop |= path.node == 0
+    blend = fitting_blends(cell, constraints, q, stop)
+    stop |= blend == 0.0
+    if cell.motion.measure == "continuous" and cell.motion.both_ways:
+        q, stop = np.vstack([q, q[-2::-1]]), np.concatenate([stop, stop[-2::-1]])
+        blend, dwell = np.concatenate([blend, blend[-2::-1]]), np.zeros(len(q))
+    speed = cell.motion.tool_speed if cell.motion.measure == "continuous" else np.inf
+    return timed(cell, q, stop, blend, speed, dwell, axis_limits(cell, measuring=True))
+
+
+def timed(
+    cell: Cell, q: Array, stop: np.ndarray, blend: Array, tool_speed: float, dwell: Array, limits: Limits
+) -> Trajectory:
+    """Time a blended path of the cell's tool point."""
+    return plan_trajectory(
+        q,
+        stop=stop,
+        blend_m=blend,
+        tool_position=cell.map_position,
+        tool_jacobian=cell.map_jacobian,
+        limits=limits,
+        tool_speed=tool_speed,
+        dwell=dwell,
+    )
+
+
+def travel_trajectory(cell: Cell, constraints: Constraints, path: Path) -> Trajectory:
+    """Time the way from home to the mount pose without the bar."""
+    stop = np.zeros(len(path.q), dtype=bool)
+    stop[[0, -1]] = True
+    blend = fitting_blends(cell, constraints, path.q, stop)
+    limits = axis_limits(cell, measuring=False)
+    return timed(cell, path.q, stop | (blend == 0), blend, np.inf, np.zeros(len(path.q)), limits)
+
+
+def fitting_blends(cell: Cell, constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
+    """Largest blend radius at each path point, (m,) [m], whose whole corner is proven to keep every constraint.
+
+    A blend that does not fit is halved; after some halvings the corner becomes a stop (radius 0).
+    """
+    blend = np.where(stop, 0.0, cell.motion.blend)
+    for attempt in range(HALVINGS + 1):
+        entry, leave, at_rest = blend_corners(
+            q, stop=stop | (blend == 0), blend_m=blend, tool_position=cell.map_position
+        )
+        corner = np.flatnonzero(~at_rest)
+        if not len(corner):
+            break
+        proof = constraints.prove_triangles(entry[corner], q[corner], leave[corner])
+        failed = corner[~proof.proven]
+        if not len(failed):
+            break
+        blend[failed] = blend[failed] / 2 if attempt < HALVINGS else 0.0
+    return blend

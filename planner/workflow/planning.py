@@ -1,0 +1,141 @@
+"""``plan()``: from a cell to a robot program, in the order of the picture in the README."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from planner.candidates import PoseSet, draw_candidates
+from planner.cell import Cell
+from planner.errors import NoSolutionError
+from planner.observability import index_value
+from planner.plan import Choice, Drive, Plan, choose, identity
+from planner.program import ProgramFile, info, write_program
+from planner.units import Array
+from planner.workflow.driving import Stop, Unreachable, drive
+from planner.workflow.session import session
+
+REPLACEMENTS = 20
+DRIVEN_SAMPLES = 2000
+Say = Callable[[str, int, int], None]
+
+
+@dataclass
+class Stages:
+    """Says what is going on and keeps the seconds of each stage."""
+
+    say: Say
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
+        """Time one stage; yields a callback for its progress (done, of)."""
+        start = time.perf_counter()
+        self.say(name, 0, 0)
+        yield lambda done, of: self.say(name, done, of)
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line may change; ``None`` leaves it to the cell."""
+
+    poses: int | None = None
+    index: str | None = None
+    seed: int = 0
+    dialects: tuple[str, ...] = ()
+    tsp: str = "auto"
+
+
+def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
+    """Plan a measuring session.
+
+    Raises:
+        InputError: the cell or an option is wrong.
+        NoSolutionError: a stage has no solution; the message says which.
+    """
+    dialects = options.dialects or cell.controller.dialects
+    for name in dialects:
+        _ = info(name)  # an unknown dialect is told before a minute's work
+    with stages.stage("candidates") as progress:
+        pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
+    with stages.stage("selection"):
+        choice = choose(cell, pool, options.poses or cell.plan.poses, options.index or cell.plan.index, options.seed)
+    with stages.stage("path"):
+        drives, choice, notes = _driven(cell, pool, choice, options)
+    with stages.stage("programs"):
+        driven = index_value(choice.index, _driven_rows(choice, drives))
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), notes)
+        named = replace(bare, plan_id=identity(bare))
+        return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
+
+
+def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:
+    """Write the session of a plan in one dialect; it is read back and compared before it is returned."""
+    program = session(plan.cell, plan.drives, plan.plan_id, info(dialect).wants_dense_path)
+    return write_program(program, dialect, f"{plan.cell.robot.name}_{plan.cell.name.rpartition('/')[2]}")
+
+
+def _driven(
+    cell: Cell, pool: PoseSet, choice: Choice, options: Options
+) -> tuple[tuple[Drive, ...], Choice, tuple[str, ...]]:
+    """Drive the tour of every fixture; a pose that no path joins is replaced by its best neighbour, and told."""
+    checks = _validation(cell, pool, choice, options.seed)
+    notes: list[str] = []
+    repeats = cell.plan.repeat if cell.motion.measure == "static" else 0
+    drives = []
+    for fixture in range(len(cell.fixtures)):
+        for _ in range(REPLACEMENTS):
+            mine = np.flatnonzero(choice.fixture == fixture)
+            stops = [Stop(choice.q[k], "calibrate") for k in mine]
+            stops += [Stop(pool.q[k], "validate") for k in checks if pool.fixture[k] == fixture]
+            try:
+                drives.append(drive(cell, fixture, stops, repeats, pool, options.tsp, options.seed))
+                break
+            except Unreachable as lost:
+                if lost.which < len(mine):
+                    choice = _replaced(pool, choice, int(mine[lost.which]))
+                else:
+                    checks = np.delete(checks, lost.which - len(mine))
+                notes.append(f"a pose that no path could join was replaced (fixture {cell.fixtures[fixture].name})")
+        else:
+            raise NoSolutionError(
+                f"{REPLACEMENTS} poses in a row could not be joined to the tour: the shell is split by obstacles"
+            )
+    notes += [note for d in drives for note in d.tour.notes]
+    return tuple(drives), choice, tuple(notes)
+
+
+def _validation(cell: Cell, pool: PoseSet, choice: Choice, seed: int) -> np.ndarray:
+    """Poses for checking the fit that it never sees: drawn blindly from the pool, none of them chosen."""
+    others = np.setdiff1d(np.arange(len(pool)), choice.chosen)
+    count = min(cell.plan.validate, len(others))
+    return np.sort(np.random.default_rng(seed).choice(others, count, replace=False))
+
+
+def _replaced(pool: PoseSet, choice: Choice, lost: int) -> Choice:
+    """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
+    rng = np.random.default_rng(lost)
+    others = np.setdiff1d(np.flatnonzero(pool.fixture == choice.fixture[lost]), choice.chosen)
+    tried = np.sort(rng.choice(others, min(500, len(others)), replace=False))
+    kept = choice.model.jacobian(np.delete(choice.q, lost, axis=0), np.delete(choice.fixture, lost))
+    rows = choice.model.jacobian(pool.q[tried], pool.fixture[tried])
+    mu = np.linalg.svd(
+        np.concatenate([np.broadcast_to(kept[:, 0], (len(tried), *kept[:, 0].shape)), rows], axis=1), compute_uv=False
+    )
+    best = int(tried[np.argmin(mu[:, 0] / mu[:, -1])])
+    q, chosen = choice.q.copy(), choice.chosen.copy()
+    q[lost], chosen[lost] = pool.q[best], best
+    return choice.with_poses(q, chosen)
+
+
+def _driven_rows(choice: Choice, drives: tuple[Drive, ...]) -> Array:
+    """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
+    rows = []
+    for d in drives:
+        t = np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)
+        q = d.trajectory.at(t).q if d.continuous else np.array([v.q for v in d.visits if v.role == "calibrate"])
+        rows.append(choice.model.jacobian(q, d.fixture))
+    return np.vstack(rows)

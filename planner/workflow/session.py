@@ -1,0 +1,164 @@
+"""The whole measuring session as a neutral program: travel, attach, measure, detach, travel back."""
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.plan import Drive
+from planner.program import (
+    Comment,
+    Dwell,
+    Instruction,
+    JointMove,
+    LogAxes,
+    Pause,
+    Program,
+    Section,
+    Sync,
+    WaitInput,
+)
+from planner.trajectory import Trajectory, axis_percent
+from planner.units import Array
+from planner.workflow.driving import axis_limits
+
+DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
+DENSE_TURN = 0.01  # [rad] of any axis between two such points
+
+
+def session(cell: Cell, drives: tuple[Drive, ...], plan_id: str, dense: bool) -> Program:
+    """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
+    body: list[Instruction] = [Section("home"), _first_move(cell)]
+    for drive in drives:
+        body += _of_fixture(cell, drive, dense)
+    control = cell.controller
+    return Program(
+        plan_id=plan_id,
+        robot=cell.robot.name,
+        n_joints=cell.robot.n_joints,
+        home_deg=_deg(cell.home),
+        instructions=tuple(body),
+        tool=control.tool,
+        base=control.base,
+        load=control.load,
+    )
+
+
+def _of_fixture(cell: Cell, drive: Drive, dense: bool) -> list[Instruction]:
+    name = cell.fixtures[drive.fixture].name
+    there = _moves(cell, drive.travel_trajectory, drive.travel.q, None, measuring=False)
+    back = [_again(move, q) for move, q in zip(reversed(there), reversed(drive.travel.q[:-1]), strict=True)]
+    back = [*(_blended(m, there[-k - 2].blend_mm) for k, m in enumerate(back[:-1])), _blended(back[-1], 0.0)]
+    measuring = _dense(cell, drive) if dense and cell.motion.measure == "continuous" else _measuring(cell, drive)
+    return [
+        Section(f"to the mount pose of fixture {name}, without the bar"),
+        *there,
+        Pause(f"attach the bar between fixture {name} and the tool, set its zero, start the gauge"),
+        WaitInput("gauge ready"),
+        Section(f"measuring on fixture {name}"),
+        *measuring,
+        Pause("stop the gauge and take the bar off"),
+        Section("back home, without the bar"),
+        *back,
+    ]
+
+
+def _first_move(cell: Cell) -> JointMove:
+    """The way to home is not planned: the operator stands the robot near it, and it moves slowly."""
+    return JointMove(_deg(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
+
+
+def _again(move: JointMove, q: Array) -> JointMove:
+    return JointMove(_deg(q), move.duration_s, move.tool_speed_mm_s, move.axis_percent, 0.0)
+
+
+def _blended(move: JointMove, blend_mm: float) -> JointMove:
+    return JointMove(move.q_deg, move.duration_s, move.tool_speed_mm_s, move.axis_percent, blend_mm, move.pose)
+
+
+def _moves(cell: Cell, trajectory: Trajectory, q: Array, pose: np.ndarray | None, measuring: bool) -> list[JointMove]:
+    """One joint move a leg of the path q (m, N), with the blends that the trajectory has."""
+    percent = axis_percent(
+        q,
+        tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
+        tool_jacobian=cell.map_jacobian,
+        limits=axis_limits(cell, measuring),
+    )
+    radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(q), axis=1)
+    return [
+        JointMove(
+            _deg(q[k + 1]),
+            duration_s=max(float(trajectory.leg_duration[k]), 1e-3),
+            tool_speed_mm_s=float(trajectory.leg_peak_tool_speed[k]) * 1e3,
+            axis_percent=float(np.clip(percent[k], 0.01, 100.0)),
+            blend_mm=0.0 if trajectory.stop[k + 1] else float(radius[k + 1]) * 1e3,
+            pose=None if pose is None or pose[k + 1] < 0 else int(pose[k + 1]),
+        )
+        for k in range(len(q) - 1)
+    ]
+
+
+def driven_poses(drive: Drive) -> np.ndarray:
+    """Id of the visit at each waypoint of the trajectory, −1 at support poses, (m,) int; both ways where driven so."""
+    ids = np.full(len(drive.path.node), -1)
+    ids[drive.path.node >= 0] = [v.id for v in drive.visits]
+    return ids if len(drive.trajectory.stop) == len(ids) else np.concatenate([ids, ids[-2::-1]])
+
+
+def driven_path(drive: Drive) -> Array:
+    """Waypoints of the trajectory, both ways where driven so, (m, N) [rad]."""
+    q = drive.path.q
+    return q if len(drive.trajectory.stop) == len(q) else np.vstack([q, q[-2::-1]])
+
+
+def _measuring(cell: Cell, drive: Drive) -> list[Instruction]:
+    out: list[Instruction] = []
+    rest = cell.motion.measure == "static"
+    for move in _moves(cell, drive.trajectory, driven_path(drive), driven_poses(drive), measuring=True):
+        out.append(move)
+        if move.pose is not None:
+            out += _at_pose(cell, move.pose) if rest else [Sync(move.pose)]
+    return out
+
+
+def _at_pose(cell: Cell, pose: int) -> list[Instruction]:
+    log: list[Instruction] = [LogAxes(pose)] if cell.controller.log_axes else []
+    return [Dwell(cell.motion.settle), Sync(pose), *log, Dwell(cell.motion.dwell)]
+
+
+def _dense(cell: Cell, drive: Drive) -> list[Instruction]:
+    """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
+    trajectory, ids = drive.trajectory, driven_poses(drive)
+    t = _dense_times(cell, trajectory)
+    motion = trajectory.at(t)
+    marks = {
+        int(np.argmin(np.abs(t[1:] - s))): int(i)
+        for s, i in zip(trajectory.waypoint_time[1:], ids[1:], strict=True)
+        if i >= 0
+    }
+    out: list[Instruction] = [Comment("the blended path in small steps: every corner is already cut")]
+    step = np.diff(t)
+    full = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed / step[:, None] * 100
+    for k in range(len(step)):
+        speed = float(motion.tool_speed[k : k + 2].max()) * 1e3
+        percent = float(np.clip(full[k].max(), 0.01, 100.0))
+        out.append(JointMove(_deg(motion.q[k + 1]), float(step[k]), speed, percent, 0.0, marks.get(k)))
+        if k in marks:
+            out.append(Sync(marks[k]))
+    return out
+
+
+def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
+    """Times at which the path is written: never more than the steps above apart, and at every waypoint."""
+    fine = np.unique(np.concatenate([trajectory.sample_times(0.02), trajectory.waypoint_time]))
+    motion = trajectory.at(fine)
+    x = cell.map_position(motion.q)
+    travel = np.linalg.norm(np.diff(x, axis=0), axis=1) / DENSE_TRAVEL
+    turn = np.abs(np.diff(motion.q, axis=0)).max(axis=1) / DENSE_TURN
+    covered = np.concatenate([[0.0], np.cumsum(np.maximum(travel, turn))])
+    count = int(np.ceil(covered[-1]))
+    even = np.interp(np.arange(count + 1) * covered[-1] / max(count, 1), covered, fine)
+    times = np.unique(np.concatenate([even, trajectory.waypoint_time]))
+    return np.asarray(times[np.concatenate([[True], np.diff(times) > 5e-3])])
+
+
+def _deg(q: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.rad2deg(q))

@@ -1,0 +1,74 @@
+"""Writes a finished plan into its folder: all of it, or nothing."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import tomli_w
+
+from planner.cell import Cell
+from planner.files import write_text
+from planner.gauge import bar_state
+from planner.plan import Plan, plan_text
+from planner.report import write_report
+from planner.resources import folder as data_folder
+from planner.trajectory import table, table_csv
+from planner.units import Array
+from planner.workflow.planning import Stages
+
+SAMPLE = 0.05  # [s] of trajectory.csv
+
+
+def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
+
+    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
+        draft = Path(name)
+        with stages.stage("report"):
+            for _, files in plan.programs:
+                for file in files:
+                    write_text(draft / file.name, file.text, file.encoding)
+            write_text(draft / "trajectory.csv", trajectory_csv(plan))
+            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            write_report(plan, draft)
+            write_text(draft / "plan.json", plan_text(plan))
+        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
+        return _move(draft, folder)
+
+
+def _move(draft: Path, folder: Path) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    moved = []
+    for path in sorted(p for p in draft.rglob("*") if p.is_file()):
+        target = folder / path.relative_to(draft)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(target)
+        moved.append(target)
+    return moved
+
+
+def trajectory_csv(plan: Plan) -> str:
+    """The driven trajectory of every fixture, one after the other: t_s, q1_deg …, length_mm."""
+    texts = []
+    for drive in plan.drives:
+        p_BX = plan.cell.fixtures[drive.fixture].p_BX
+
+        def length(q: Array, p_BX: Array = p_BX) -> Array:
+            return bar_state(plan.cell.map_position(q), p_BX).length
+
+        texts.append(table_csv(table(drive.trajectory, SAMPLE, length)))
+    head = texts[0].split("\n", 1)[0] + "\n"
+    return head + "".join(t.split("\n", 1)[1] for t in texts)
+
+
+def cell_text(cell: Cell, folder: Path) -> str:
+    """The cell as it was planned; a robot that is not a shipped one is laid beside it."""
+    content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if not cell.robot.path.is_relative_to(data_folder("robots")):
+        shutil.copyfile(cell.robot.path, folder / cell.robot.path.name)
+        content["robot"] = cell.robot.path.name
+    return tomli_w.dumps(content)
