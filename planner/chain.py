@@ -112,7 +112,7 @@ class Chain:
             u[k], p[k] = R[:, t.axis], x
             if t.kind == "translation":
                 x = x + R[:, t.axis] * value
-            elif value.size > 1 or value[0] != 0.0:
+            elif value.size != 1 or value[0] != 0.0:
                 R = _turn(R, t.axis, value)
         rotation = np.array([t.kind == "rotation" for t in self.transforms])
         return ForwardPass(np.broadcast_to(x, (3, n)), np.broadcast_to(R, (3, 3, n)), u, p, rotation)
@@ -135,7 +135,7 @@ class Chain:
             if t.kind == "translation":
                 if point:
                     w[t.axis] = w[t.axis] + value
-            elif value.size > 1 or value[0] != 0.0:
+            elif value.size != 1 or value[0] != 0.0:
                 b, c = (t.axis + 1) % 3, (t.axis + 2) % 3
                 cos, sin = np.cos(value), np.sin(value)
                 w[b], w[c] = cos * w[b] - sin * w[c], sin * w[b] + cos * w[c]

@@ -1,5 +1,6 @@
 """Reads a TOML file into a pydantic model, and says which key is wrong in one clear sentence."""
 
+import json
 import tomllib
 from pathlib import Path
 from typing import TypeVar
@@ -31,6 +32,20 @@ def read_toml(path: Path, model: type[M]) -> M:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
         raise InputError(f"{path}: is not valid TOML: {err}") from err
     return validate(data, model, str(path))
+
+
+def read_json(path: Path) -> object:
+    """Read the JSON file at ``path``.
+
+    Raises:
+        InputError: the file is missing or is no JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as err:
+        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    except ValueError as err:
+        raise InputError(f"{path}: is not valid JSON: {err}") from err
 
 
 def validate(data: object, model: type[M], where: str) -> M:

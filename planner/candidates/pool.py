@@ -15,7 +15,7 @@ from planner.errors import NoSolutionError
 from planner.units import Array, frozen
 from planner.workspace import STAGES, Workspace
 
-DRAWS = 1 << 18  # samples of the other joints in one round
+DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
 CHUNK = 8192
 Progress = Callable[[int, int], None]
@@ -118,8 +118,8 @@ def _rounds(cell: Cell, fixture: int, seed: int) -> Iterator[ShellSample]:
         yield from grid_blocks(cell, cell.plan.grid_step)
         return
     sequence = sobol(cell, seed)
-    for _ in range(ROUNDS):
-        yield sample_shell(cell, fixture, sequence.random(DRAWS))
+    for k in range(ROUNDS):
+        yield sample_shell(cell, fixture, sequence.random(min(DRAWS[0] << k, DRAWS[1])))
 
 
 def _filter(sample: ShellSample, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:

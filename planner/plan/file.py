@@ -8,18 +8,25 @@ import numpy as np
 
 from planner.observability import RULES
 from planner.plan.choice import Choice
+from planner.plan.course import DIGITS, Waypoints
 from planner.plan.types import Drive, Plan, Visit
 
 SCHEMA = "edbb-plan/1"
-DIGITS = 9  # of degrees, millimetres and seconds; far below any gauge
+
+
+def plan_content(plan: Plan) -> dict[str, object]:
+    """Return what ``plan.json`` says, in the contract's keys."""
+    content = {"schema": SCHEMA, "plan_id": plan.plan_id, **content_of(plan)}
+    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
+    content["notes"] = list(plan.notes)
+    rounded = _rounded(content)
+    assert isinstance(rounded, dict)
+    return rounded
 
 
 def plan_text(plan: Plan) -> str:
     """Return the text of ``plan.json``."""
-    content = {"schema": SCHEMA, "plan_id": plan.plan_id, **content_of(plan)}
-    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
-    content["notes"] = list(plan.notes)
-    return json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(plan_content(plan), indent=1, ensure_ascii=False) + "\n"
 
 
 def identity(plan: Plan) -> str:
@@ -122,17 +129,19 @@ def _path(drives: tuple[Drive, ...]) -> dict[str, object]:
 
 def _drive(plan: Plan, drive: Drive) -> dict[str, object]:
     """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
-    m = len(drive.path.q)
-    p = plan.cell.map_position
-    blend = np.linalg.norm(p(drive.trajectory.entry[:m]) - p(drive.path.q), axis=1)
+    m, measuring = len(drive.path.q), drive.course.measuring
     return {
         "fixture": plan.cell.fixtures[drive.fixture].name,
-        "travel_deg": np.rad2deg(drive.travel.q),
-        "waypoints": [
-            {"q_deg": np.rad2deg(q), "visit": bool(node >= 0), "stop": bool(stop), "blend_mm": float(r) * 1e3}
-            for q, node, stop, r in zip(drive.path.q, drive.path.node, drive.trajectory.stop[:m], blend, strict=True)
-        ],
+        "travel": _waypoints(drive.course.travel, len(drive.travel.q)),
+        "waypoints": _waypoints(measuring, m),
     }
+
+
+def _waypoints(path: Waypoints, count: int) -> list[dict[str, object]]:
+    return [
+        {"q_deg": np.rad2deg(q), "visit": int(visit), "blend_mm": float(r) * 1e3}
+        for q, visit, r in zip(path.q[:count], path.visit[:count], path.blend[:count], strict=True)
+    ]
 
 
 def _rounded(value: object) -> object:

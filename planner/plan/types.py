@@ -9,6 +9,7 @@ from planner.candidates import PoseSet
 from planner.cell import Cell
 from planner.path import Path
 from planner.plan.choice import Choice
+from planner.plan.course import Course
 from planner.program import ProgramFile
 from planner.tour import Tour
 from planner.trajectory import LimitReport, Trajectory
@@ -58,24 +59,25 @@ class Drive:
         visits: poses in visiting order, the mount pose first and last.
         tour: order and its proof.
         path: measuring path from mount to mount, with support poses (one way).
-        trajectory: the path blended and timed, both ways where asked.
         travel: path from home to the mount pose without the bar.
-        travel_trajectory: the same, timed.
+        course: both, blended and timed as they are driven.
         limits: the trajectory held against the limits.
         verdicts: of both collision engines.
-        continuous: measured while moving, not at rest.
     """
 
     fixture: int
     visits: tuple[Visit, ...]
     tour: Tour
     path: Path
-    trajectory: Trajectory
     travel: Path
-    travel_trajectory: Trajectory
+    course: Course
     limits: LimitReport
     verdicts: tuple[Verdict, ...]
-    continuous: bool
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The measuring path blended and timed, both ways where asked."""
+        return self.course.trajectory
 
 
 @dataclass(frozen=True)

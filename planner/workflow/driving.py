@@ -10,9 +10,9 @@ from planner.cell import Cell
 from planner.errors import NoSolutionError
 from planner.gauge import bar_state
 from planner.path import Constraints, Failure, Path, join, judge
-from planner.plan import Drive, Role, Verdict, Visit, signs
+from planner.plan import Drive, Role, Verdict, Visit, Waypoints, axis_limits, course, is_continuous, signs
 from planner.tour import Tour, solve_tour
-from planner.trajectory import Limits, Trajectory, blend_corners, check_limits, plan_trajectory
+from planner.trajectory import blend_corners, check_limits
 from planner.units import Array
 from planner.workflow.mount import check_home, costs, mount_pose
 
@@ -53,15 +53,16 @@ def drive(cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: P
     if isinstance(travel, Failure):
         raise NoSolutionError(f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}")
     visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]])
-    trajectory = _timed(cell, with_bar, path)
-    free = travel_trajectory(cell, without_bar, travel)
-    limits = check_limits(trajectory, axis_limits(cell, measuring=True))
+    measuring = _measuring(cell, with_bar, path, visits)
+    ends = np.zeros(len(travel.q), dtype=bool)
+    way = _blended(cell, without_bar, travel, ends, np.full(len(travel.q), -1))
+    driven = course(cell, fixture, way, measuring)
+    limits = check_limits(driven.trajectory, axis_limits(cell, bar=True))
     second = judge(with_bar, path)
     verdicts = (Verdict("coal", True, path.clearance), Verdict("fcl", second.proven, second.clearance))
     if not second.proven:
         raise NoSolutionError(f"the second collision engine rejects the path: {second.why}")
-    moving = cell.motion.measure == "continuous"
-    return Drive(fixture, visits, tour, path, trajectory, travel, free, limits, verdicts, moving)
+    return Drive(fixture, visits, tour, path, travel, driven, limits, verdicts)
 
 
 def _join_tour(
@@ -126,53 +127,18 @@ def _visits(
     return tuple(visits)
 
 
-def axis_limits(cell: Cell, measuring: bool) -> Limits:
-    """Axis limits; where the robot only travels, or rests to measure, its speed is the allowed part of full speed."""
-    whole = measuring and cell.motion.measure == "continuous"
-    robot = cell.robot
-    return Limits(robot.speed if whole else robot.speed * cell.motion.travel, robot.acceleration, robot.jerk)
+def _measuring(cell: Cell, constraints: Constraints, path: Path, visits: tuple[Visit, ...]) -> Waypoints:
+    """The measuring path, one way, with the blends that fit: none where the robot rests to measure or to turn back."""
+    stop = path.node == 0 if is_continuous(cell) else path.node >= 0
+    ids = np.full(len(path.node), -1)
+    ids[path.node >= 0] = [v.id for v in visits]
+    return _blended(cell, constraints, path, stop, ids)
 
 
-def _timed(cell: Cell, constraints: Constraints, path: Path) -> Trajectory:
-    """Blend and time the measuring path, both ways where asked."""
-    q, stop, dwell = path.q, np.zeros(len(path.q), dtype=bool), np.zeros(len(path.q))
-    if cell.motion.measure == "static":
-        stop = path.node >= 0
-        dwell = np.where(stop, cell.motion.settle + cell.motion.dwell, 0.0)
-    stop[[0, -1]] = True
-    stop |= path.node == 0
-    blend = fitting_blends(cell, constraints, q, stop)
-    stop |= blend == 0.0
-    if cell.motion.measure == "continuous" and cell.motion.both_ways:
-        q, stop = np.vstack([q, q[-2::-1]]), np.concatenate([stop, stop[-2::-1]])
-        blend, dwell = np.concatenate([blend, blend[-2::-1]]), np.zeros(len(q))
-    speed = cell.motion.tool_speed if cell.motion.measure == "continuous" else np.inf
-    return timed(cell, q, stop, blend, speed, dwell, axis_limits(cell, measuring=True))
-
-
-def timed(
-    cell: Cell, q: Array, stop: np.ndarray, blend: Array, tool_speed: float, dwell: Array, limits: Limits
-) -> Trajectory:
-    """Time a blended path of the cell's tool point."""
-    return plan_trajectory(
-        q,
-        stop=stop,
-        blend_m=blend,
-        tool_position=cell.map_position,
-        tool_jacobian=cell.map_jacobian,
-        limits=limits,
-        tool_speed=tool_speed,
-        dwell=dwell,
-    )
-
-
-def travel_trajectory(cell: Cell, constraints: Constraints, path: Path) -> Trajectory:
-    """Time the way from home to the mount pose without the bar."""
-    stop = np.zeros(len(path.q), dtype=bool)
-    stop[[0, -1]] = True
-    blend = fitting_blends(cell, constraints, path.q, stop)
-    limits = axis_limits(cell, measuring=False)
-    return timed(cell, path.q, stop | (blend == 0), blend, np.inf, np.zeros(len(path.q)), limits)
+def _blended(cell: Cell, constraints: Constraints, path: Path, stop: np.ndarray, ids: np.ndarray) -> Waypoints:
+    rest = stop.copy()
+    rest[[0, -1]] = True
+    return Waypoints(path.q, ids, np.round(fitting_blends(cell, constraints, path.q, rest), 12))
 
 
 def fitting_blends(cell: Cell, constraints: Constraints, q: Array, stop: np.ndarray) -> Array:

@@ -11,7 +11,7 @@ from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
 from planner.errors import NoSolutionError
 from planner.observability import index_value
-from planner.plan import Choice, Drive, Plan, choose, identity
+from planner.plan import Choice, Drive, Plan, choose, identity, is_continuous
 from planner.program import ProgramFile, info, write_program
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
@@ -66,7 +66,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     with stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
     with stages.stage("programs"):
-        driven = index_value(choice.index, _driven_rows(choice, drives))
+        driven = index_value(choice.index, _driven_rows(cell, choice, drives))
         bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), notes)
         named = replace(bare, plan_id=identity(bare))
         return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
@@ -74,7 +74,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
 
 def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:
     """Write the session of a plan in one dialect; it is read back and compared before it is returned."""
-    program = session(plan.cell, plan.drives, plan.plan_id, info(dialect).wants_dense_path)
+    program = session(plan.cell, (d.course for d in plan.drives), plan.plan_id, info(dialect).wants_dense_path)
     return write_program(program, dialect, f"{plan.cell.robot.name}_{plan.cell.name.rpartition('/')[2]}")
 
 
@@ -131,11 +131,11 @@ def _replaced(pool: PoseSet, choice: Choice, lost: int) -> Choice:
     return choice.with_poses(q, chosen)
 
 
-def _driven_rows(choice: Choice, drives: tuple[Drive, ...]) -> Array:
+def _driven_rows(cell: Cell, choice: Choice, drives: tuple[Drive, ...]) -> Array:
     """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
     rows = []
     for d in drives:
         t = np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)
-        q = d.trajectory.at(t).q if d.continuous else np.array([v.q for v in d.visits if v.role == "calibrate"])
+        q = d.trajectory.at(t).q if is_continuous(cell) else np.array([v.q for v in d.visits if v.role == "calibrate"])
         rows.append(choice.model.jacobian(q, d.fixture))
     return np.vstack(rows)

@@ -1,9 +1,12 @@
 """The whole measuring session as a neutral program: travel, attach, measure, detach, travel back."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 
 from planner.cell import Cell
-from planner.plan import Drive
+from planner.plan import Course, Waypoints, axis_limits, is_continuous
 from planner.program import (
     Comment,
     Dwell,
@@ -18,17 +21,16 @@ from planner.program import (
 )
 from planner.trajectory import Trajectory, axis_percent
 from planner.units import Array
-from planner.workflow.driving import axis_limits
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 
 
-def session(cell: Cell, drives: tuple[Drive, ...], plan_id: str, dense: bool) -> Program:
+def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) -> Program:
     """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
     body: list[Instruction] = [Section("home"), _first_move(cell)]
-    for drive in drives:
-        body += _of_fixture(cell, drive, dense)
+    for one in courses:
+        body += _of_fixture(cell, one, dense)
     control = cell.controller
     return Program(
         plan_id=plan_id,
@@ -42,12 +44,10 @@ def session(cell: Cell, drives: tuple[Drive, ...], plan_id: str, dense: bool) ->
     )
 
 
-def _of_fixture(cell: Cell, drive: Drive, dense: bool) -> list[Instruction]:
-    name = cell.fixtures[drive.fixture].name
-    there = _moves(cell, drive.travel_trajectory, drive.travel.q, None, measuring=False)
-    back = [_again(move, q) for move, q in zip(reversed(there), reversed(drive.travel.q[:-1]), strict=True)]
-    back = [*(_blended(m, there[-k - 2].blend_mm) for k, m in enumerate(back[:-1])), _blended(back[-1], 0.0)]
-    measuring = _dense(cell, drive) if dense and cell.motion.measure == "continuous" else _measuring(cell, drive)
+def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
+    name = cell.fixtures[one.fixture].name
+    there = _moves(cell, one.travel, one.travel_trajectory, bar=False)
+    measuring = _dense(cell, one) if dense and is_continuous(cell) else _measuring(cell, one)
     return [
         Section(f"to the mount pose of fixture {name}, without the bar"),
         *there,
@@ -57,8 +57,15 @@ def _of_fixture(cell: Cell, drive: Drive, dense: bool) -> list[Instruction]:
         *measuring,
         Pause("stop the gauge and take the bar off"),
         Section("back home, without the bar"),
-        *back,
+        *_back(there, one.travel.q),
     ]
+
+
+def _back(there: list[JointMove], q: Array) -> list[JointMove]:
+    """The same legs the other way round: leg k back is leg −k−1 there, its corner the one before that."""
+    blends = [0.0, *(m.blend_mm for m in there[:-1])]
+    legs = zip(reversed(there), reversed(q[:-1]), reversed(blends), strict=True)
+    return [replace(move, q_deg=_deg(target), blend_mm=blend, pose=None) for move, target, blend in legs]
 
 
 def _first_move(cell: Cell) -> JointMove:
@@ -66,56 +73,34 @@ def _first_move(cell: Cell) -> JointMove:
     return JointMove(_deg(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def _again(move: JointMove, q: Array) -> JointMove:
-    return JointMove(_deg(q), move.duration_s, move.tool_speed_mm_s, move.axis_percent, 0.0)
-
-
-def _blended(move: JointMove, blend_mm: float) -> JointMove:
-    return JointMove(move.q_deg, move.duration_s, move.tool_speed_mm_s, move.axis_percent, blend_mm, move.pose)
-
-
-def _moves(cell: Cell, trajectory: Trajectory, q: Array, pose: np.ndarray | None, measuring: bool) -> list[JointMove]:
-    """One joint move a leg of the path q (m, N), with the blends that the trajectory has."""
+def _moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> list[JointMove]:
+    """One joint move a leg of the path, with the blends that the trajectory has."""
     percent = axis_percent(
-        q,
+        path.q,
         tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
         tool_jacobian=cell.map_jacobian,
-        limits=axis_limits(cell, measuring),
+        limits=axis_limits(cell, bar),
     )
-    radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(q), axis=1)
+    radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(path.q), axis=1)
     return [
         JointMove(
-            _deg(q[k + 1]),
+            _deg(path.q[k + 1]),
             duration_s=max(float(trajectory.leg_duration[k]), 1e-3),
             tool_speed_mm_s=float(trajectory.leg_peak_tool_speed[k]) * 1e3,
             axis_percent=float(np.clip(percent[k], 0.01, 100.0)),
             blend_mm=0.0 if trajectory.stop[k + 1] else float(radius[k + 1]) * 1e3,
-            pose=None if pose is None or pose[k + 1] < 0 else int(pose[k + 1]),
+            pose=int(path.visit[k + 1]) if path.visit[k + 1] > 0 else None,
         )
-        for k in range(len(q) - 1)
+        for k in range(len(path.q) - 1)
     ]
 
 
-def driven_poses(drive: Drive) -> np.ndarray:
-    """Id of the visit at each waypoint of the trajectory, −1 at support poses, (m,) int; both ways where driven so."""
-    ids = np.full(len(drive.path.node), -1)
-    ids[drive.path.node >= 0] = [v.id for v in drive.visits]
-    return ids if len(drive.trajectory.stop) == len(ids) else np.concatenate([ids, ids[-2::-1]])
-
-
-def driven_path(drive: Drive) -> Array:
-    """Waypoints of the trajectory, both ways where driven so, (m, N) [rad]."""
-    q = drive.path.q
-    return q if len(drive.trajectory.stop) == len(q) else np.vstack([q, q[-2::-1]])
-
-
-def _measuring(cell: Cell, drive: Drive) -> list[Instruction]:
+def _measuring(cell: Cell, one: Course) -> list[Instruction]:
     out: list[Instruction] = []
-    rest = cell.motion.measure == "static"
-    for move in _moves(cell, drive.trajectory, driven_path(drive), driven_poses(drive), measuring=True):
+    for move in _moves(cell, one.measuring, one.trajectory, bar=True):
         out.append(move)
         if move.pose is not None:
-            out += _at_pose(cell, move.pose) if rest else [Sync(move.pose)]
+            out += [Sync(move.pose)] if is_continuous(cell) else _at_pose(cell, move.pose)
     return out
 
 
@@ -124,15 +109,15 @@ def _at_pose(cell: Cell, pose: int) -> list[Instruction]:
     return [Dwell(cell.motion.settle), Sync(pose), *log, Dwell(cell.motion.dwell)]
 
 
-def _dense(cell: Cell, drive: Drive) -> list[Instruction]:
+def _dense(cell: Cell, one: Course) -> list[Instruction]:
     """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
-    trajectory, ids = drive.trajectory, driven_poses(drive)
+    trajectory, ids = one.trajectory, one.measuring.visit
     t = _dense_times(cell, trajectory)
     motion = trajectory.at(t)
     marks = {
         int(np.argmin(np.abs(t[1:] - s))): int(i)
         for s, i in zip(trajectory.waypoint_time[1:], ids[1:], strict=True)
-        if i >= 0
+        if i > 0
     }
     out: list[Instruction] = [Comment("the blended path in small steps: every corner is already cut")]
     step = np.diff(t)

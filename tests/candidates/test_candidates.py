@@ -1,0 +1,106 @@
+"""Candidates: every filter holds, the density is even over joint space, the funnel counts true, the empty case speaks."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from planner.candidates import draw_candidates
+from planner.candidates.shell import box, sample_shell, sobol
+from planner.cell import load_cell, shipped_cells
+from planner.collision import CollisionWorld
+from planner.errors import InputError, NoSolutionError
+
+
+def cell_with(tmp_path, *changes):
+    text = load_cell("comau-nj130/edbb").path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "cell.toml"
+    path.write_text(text)
+    return load_cell(str(path))
+
+
+@pytest.mark.parametrize("name", shipped_cells())
+def test_every_candidate_passes_every_filter(name):
+    """Checked by plain formulas and by python-fcl's kinematics-free cousin, not by the margins that drew them."""
+    cell = load_cell(name)
+    pool = draw_candidates(cell, 400)
+    q = pool.q
+    assert len(q) == 400
+    assert ((q >= cell.robot.q_lower) & (q <= cell.robot.q_upper)).all()
+    motion = cell.chain.forward(cell.robot.theta(q))
+    bar = motion.x.T - cell.fixtures[0].p_BX
+    length = np.linalg.norm(bar, axis=1)
+    assert ((length > cell.gauge.length_min) & (length < cell.gauge.length_max)).all()
+    up = np.degrees(np.arccos(bar @ cell.fixtures[0].axis_B / length))
+    axis = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F)
+    at_map = np.degrees(np.arccos(np.einsum("ni,ni->n", -bar, axis) / length))
+    assert up.max() < np.degrees(cell.gauge.cone_fixture)
+    assert at_map.max() < np.degrees(cell.gauge.cone_map)
+    for axes, limit in cell.cable.sums:
+        assert np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1).max() <= limit
+    world = CollisionWorld.from_cell(cell)
+    assert world.distances(q).min() > cell.motion.clearance
+
+
+def test_the_shell_sample_is_as_dense_as_blind_rejection():
+    """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
+    cell = load_cell("comau-nj130/edbb")
+    sample = sample_shell(cell, 0, sobol(cell, 3).random(1 << 15))
+    lower, upper = box(cell)
+    blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
+    length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)
+    inside = blind[(length > cell.gauge.length_min) & (length < cell.gauge.length_max)]
+    assert len(sample.q) / sample.stands_for == pytest.approx(len(inside) / len(blind), rel=0.05)
+    for j in range(6):
+        # the four points of an arc share the other joints: compare one of four
+        assert stats.ks_2samp(sample.q[::4, j], inside[:, j]).pvalue > 1e-3, f"joint {j + 1}"
+
+
+def test_the_funnel_never_grows_and_ends_with_the_pool():
+    pool = draw_candidates(load_cell("comau-nj130/edbb"), 2000)
+    f = pool.funnel
+    assert f.sampled == f.joint_limits > f.workspace > f.cones > f.cable >= f.collision >= len(pool) == 2000
+
+
+def test_same_seed_same_candidates_other_seed_others():
+    cell = load_cell("comau-nj130/edbb")
+    a, b, c = (draw_candidates(cell, 500, seed=s).q for s in (1, 1, 2))
+    np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(a, c)
+
+
+def test_the_papers_joint_grid(tmp_path):
+    cell = cell_with(tmp_path, ("[plan]", "[plan]\ngrid_step_deg = 25"))
+    pool = draw_candidates(cell, 100_000)
+    lower, upper = box(cell)
+    steps = (pool.q - (lower + upper) / 2) / np.deg2rad(25)
+    assert np.allclose(steps * 2, np.round(steps * 2), atol=1e-9)  # whole or half steps from the middle
+    assert 20 < len(pool) < pool.funnel.workspace < pool.funnel.joint_limits <= pool.funnel.sampled
+
+
+def test_a_grid_too_fine_is_refused(tmp_path):
+    with pytest.raises(InputError, match="grid_step_deg = 1"):
+        draw_candidates(cell_with(tmp_path, ("[plan]", "[plan]\ngrid_step_deg = 1")), 100)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("position_mm = [258, 1468, 708]", "position_mm = [258, 4468, 708]"), ["out of reach", "move it by about", "0 in the shell"]),
+        (("map_axis = [0, 0, 1]", "map_axis = [0, 0, -1]\nprior_mm = 2"), []),
+        (("cone_deg = { fixture = 80, map = 80 }", "cone_deg = { fixture = 0.01, map = 0.01 }"), ["0 within both cones", "gauge.cone_deg"]),
+        (("tool_about_bar_deg = 170", "tool_about_bar_deg = 1e-6"), ["0 within the cable", "cable"]),
+        (("clearance_mm = 10", "clearance_mm = 900"), ["0 collision-free", "clearance_mm"]),
+    ],
+)
+def test_an_empty_pool_says_which_filter_and_what_would_help(tmp_path, monkeypatch, change, words):
+    monkeypatch.setattr("planner.candidates.pool.ROUNDS", 2)
+    cell = cell_with(tmp_path, change)
+    if not words:
+        assert len(draw_candidates(cell, 50)) <= 50  # the other way round the tool is merely hard to reach
+        return
+    with pytest.raises(NoSolutionError) as err:
+        draw_candidates(cell, 100)
+    assert all(w in str(err.value) for w in words), str(err.value)

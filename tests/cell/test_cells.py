@@ -1,0 +1,73 @@
+"""Cell files: every shipped one loads; every wrong key is refused in one clear sentence."""
+
+import numpy as np
+import pytest
+
+from planner.cell import load_cell, shipped_cells
+from planner.errors import InputError
+
+TEXT = load_cell("comau-nj130/edbb").path.read_text()
+
+
+def loaded(tmp_path, old, new):
+    assert old in TEXT, old
+    path = tmp_path / "cell.toml"
+    path.write_text(TEXT.replace(old, new, 1))
+    return load_cell(str(path))
+
+
+def test_the_four_cells_are_shipped():
+    assert set(shipped_cells()) >= {"comau-nj130/paper", "comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"}
+
+
+def test_angles_and_lengths_are_si_inside():
+    cell = load_cell("comau-nj130/edbb")
+    np.testing.assert_allclose(cell.home, [0, 0, 0, 0, -np.pi / 2, 0])
+    np.testing.assert_allclose(cell.fixtures[0].p_BX, [0.258, 1.468, 0.708])
+    assert cell.gauge.length_max == pytest.approx(0.52)
+    assert cell.motion.tool_speed == pytest.approx(1.0 / 60)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("clearance_mm = 10", "clearence_mm = 10", ["unknown key 'motion.clearence_mm'", 'did you mean "clearance_mm"']),
+        ("clearance_mm = 10", "clearance_mm = 0", ["motion.clearance_mm", "greater than 0"]),
+        ("length_mm = [300, 520]", "length_mm = [0.3, 0.52]", ["metres", "millimetres"]),
+        ("length_mm = [300, 520]", "length_mm = [520, 300]", ["shortest length must come first"]),
+        ("length_mm = [300, 520]", "", ["gauge.length_mm", "missing"]),
+        ("length_mm = [300, 520]", "length_mm = [280, 520]", ["housing_mm = 255", "shortest length 280 mm"]),
+        ("home_deg = [0, 0, 0, 0, -90, 0]", "home_deg = [0, 0, 0]", ["'home_deg' has 3 angles", "6 joints"]),
+        ("home_deg = [0, 0, 0, 0, -90, 0]", "home_deg = [0, 0, 99, 0, -90, 0]", ["joint 3", "99", "75"]),
+        ("noise_um = 1.0", "noise_um = nan", ["gauge.noise_um", "finite"]),
+        ('kind = "edbb"', 'kind = "edb"', ["gauge.kind", "'edb'"]),
+        ('kind = "edbb"', 'kind = "tracker"', ["tracker", "edbb"]),
+        ('robot = "comau-nj130"', 'robot = "comau"', ["robot 'comau'", "comau-nj130"]),
+        ('robot = "comau-nj130"', "", ["'robot' is missing"]),
+        ("mass_kg = 5", "mass_kg = 500", ["500", "130 kg"]),
+        ("axis = [0, 0, 1]\n\n[[obst", "axis = [0, 0, 0]\n\n[[obst", ["no direction"]),
+        ("axes = [4, 6]", "axes = [4, 9]", ["axis 9", "6 joints"]),
+        ("schema = ", "schema = 3 # ", ["schema"]),
+        ("schema = ", "schema ", ["not valid TOML"]),
+    ],
+)
+def test_a_wrong_cell_is_refused(tmp_path, old, new, words):
+    with pytest.raises(InputError) as err:
+        loaded(tmp_path, old, new)
+    assert all(w in str(err.value) for w in words), str(err.value)
+
+
+def test_an_unknown_cell_names_the_nearest():
+    with pytest.raises(InputError, match='did you mean "comau-nj130/edbb"'):
+        load_cell("comau-nj130/ebdd")
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(InputError, match=r"nowhere\.toml"):
+        load_cell("nowhere.toml")
+
+
+def test_a_cell_without_fixture(tmp_path):
+    start, end = TEXT.index("[[fixtures]]"), TEXT.index("[[obstacles]]")
+    with pytest.raises(InputError, match="fixtures"):
+        loaded(tmp_path, TEXT[start:end], "")
