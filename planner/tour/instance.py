@@ -15,7 +15,7 @@ from planner.units import Array
 IntArray = NDArray[np.int64]
 
 _FINEST = 1e-6  # [s] one unit of the integer costs, unless the range demands a coarser one
-_LARGEST_TOUR = 10**8  # [units] so that forbidden legs still fit in Concorde's 32 bits
+_LARGEST_TOUR = 10**9  # [units] so that a tour and a forbidden leg fit in Concorde's 32 bits
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,6 @@ class Instance:
         cost: (m, m) integer costs in units of ``unit_s``, rounded down, without bonus or penalty.
         unit_s: [s] what one unit stands for.
         n: number of real nodes.
-        start: node that the order begins with, if one is wanted.
         required: the leg that the closed tour must contain, if any.
         forbidden: (m, m) bool, legs that no tour may use.
 
@@ -35,7 +34,6 @@ class Instance:
     cost: IntArray
     unit_s: float
     n: int
-    start: int | None
     required: tuple[int, int] | None
     forbidden: NDArray[np.bool_]
 
@@ -62,25 +60,23 @@ class Instance:
         legs = (np.array(cycle), np.roll(cycle, -1))
         return int(self.cost[legs].sum()) + self.penalty * int(self.forbidden[legs].sum())
 
+    def holds_required(self, cycle: list[int]) -> bool:
+        """Say whether the closed tour contains the required leg."""
+        if self.required is None:
+            return True
+        a, b = (cycle.index(node) for node in self.required)
+        return (a - b) % len(cycle) in (1, len(cycle) - 1)
+
     def order(self, cycle: list[int]) -> list[int]:
-        """Cut the closed tour open at the dummy or the required leg; one of the two directions is canonical."""
+        """Cut the closed tour open at the dummy or the required leg, in either direction."""
         if len(self.cost) > self.n:
             place = cycle.index(self.n)
-            nodes = cycle[place + 1 :] + cycle[:place]
-        else:
-            place = cycle.index(self.start or 0)
-            nodes = cycle[place:] + cycle[:place]
-            if self.required is not None and nodes[1] in self.required:
-                nodes = [nodes[0], *nodes[:0:-1]]
-        return canonical(nodes, self.start, closed=len(self.cost) == self.n and self.required is None)
-
-
-def canonical(order: list[int], start: int | None, *, closed: bool) -> list[int]:
-    """Return the one of the two directions that begins at ``start``, else the one with the smaller node first."""
-    if closed:
-        return [order[0], *order[:0:-1]] if len(order) > 2 and order[1] > order[-1] else order
-    backwards = order[-1] == start if start is not None else order[0] > order[-1]
-    return order[::-1] if backwards else order
+            return cycle[place + 1 :] + cycle[:place]
+        if self.required is None:
+            return cycle
+        place = cycle.index(self.required[0])
+        nodes = cycle[place:] + cycle[:place]
+        return [nodes[0], *nodes[:0:-1]] if nodes[1] == self.required[1] else nodes
 
 
 def build_instance(
@@ -108,4 +104,4 @@ def build_instance(
         a, b = required
         cost[a, b] = cost[b, a] = 0
         banned[a, b] = banned[b, a] = False
-    return Instance(cost, unit_s, n, anchor, required, banned)
+    return Instance(cost, unit_s, n, required, banned)

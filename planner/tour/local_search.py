@@ -12,7 +12,7 @@ import numpy as np
 from planner.tour.instance import IntArray
 
 _BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
-_DEPTH = 25
+_DEPTH = 3
 _SEGMENT = 30  # longest segment that a perturbation swaps
 
 
@@ -22,7 +22,7 @@ class LocalSearch:
     def __init__(self, cost: IntArray, neighbours: IntArray, tour: list[int], seed: int) -> None:
         """Take costs (m, m), each node's promising neighbours (m, k), a first tour (m nodes) and a seed."""
         self._cost: list[list[int]] = cost.tolist()
-        self._near: list[list[int]] = neighbours.tolist()
+        self.neighbours = neighbours
         self._size = len(tour)
         self._random = Random(seed)
         self.tour = list(tour)
@@ -32,6 +32,7 @@ class LocalSearch:
 
     def improve(self, kicks: int) -> None:
         """Descend to a local optimum, then perturb and repair ``kicks`` times, keeping what is not worse."""
+        self._near: list[list[int]] = self.neighbours.tolist()
         self._descend(list(self.tour))
         if self._size < 8:
             return
@@ -68,9 +69,7 @@ class LocalSearch:
                 return gain, [node for flip in flips for node in flip]
         return 0, []
 
-    def _step(
-        self, t1: int, forward: bool, saved: int, depth: int, flips: list[tuple[int, int, int, int]]
-    ) -> int:
+    def _step(self, t1: int, forward: bool, saved: int, depth: int, flips: list[tuple[int, int, int, int]]) -> int:
         """Extend the chain that removed ``saved`` net so far; return its final gain, or 0 with all undone."""
         tour, position, size, cost = self.tour, self._position, self._size, self._cost
         here = position[t1]
@@ -103,9 +102,7 @@ class LocalSearch:
 
     def _flip(self, t1: int, t2: int, t3: int, t4: int, forward: bool) -> bool:
         """Replace legs t1-t2 and t3-t4 by t2-t3 and t4-t1; return whether t4 now follows t1."""
-        first, last = (
-            (self._position[t2], self._position[t4]) if forward else (self._position[t4], self._position[t2])
-        )
+        first, last = (self._position[t2], self._position[t4]) if forward else (self._position[t4], self._position[t2])
         size = self._size
         inside = (last - first) % size + 1
         mirrored = 2 * inside > size
@@ -152,3 +149,28 @@ def nearest_neighbours(weight: np.ndarray, count: int) -> IntArray:
     np.fill_diagonal(masked, np.inf)
     order = np.argsort(masked, axis=1, kind="stable")
     return order[:, : min(count, len(masked) - 1)].astype(np.int64)
+
+
+def greedy_tour(cost: IntArray) -> list[int]:
+    """Return a closed tour made of the cheapest legs that close no circle early, ties by number."""
+    m = len(cost)
+    tail, head = np.triu_indices(m, 1)
+    near: list[list[int]] = [[] for _ in range(m)]
+    group = list(range(m))  # the other end of the path that a node ends
+    left = m - 1
+    for leg in np.argsort(cost[tail, head], kind="stable"):
+        a, b = int(tail[leg]), int(head[leg])
+        if len(near[a]) < 2 and len(near[b]) < 2 and group[a] != b:
+            near[a].append(b)
+            near[b].append(a)
+            ends = group[a], group[b]
+            group[ends[0]], group[ends[1]] = ends[1], ends[0]
+            left -= 1
+            if left == 0:
+                break
+    here = next(node for node in range(m) if len(near[node]) == 1)
+    tour, before = [here], -1
+    while len(tour) < m:
+        before, here = here, next(node for node in near[here] if node != before)
+        tour.append(here)
+    return tour

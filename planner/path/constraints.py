@@ -1,0 +1,97 @@
+"""Everything that a pose and a motion must keep: limits, bar length, cones, cable, and the clearance of all bodies."""
+
+from functools import cached_property
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.collision import Scene
+from planner.path.distances import CoalPairs, FclPairs
+from planner.path.pair_bounds import PairBounds
+from planner.path.proof import Proof, Prover
+from planner.path.workspace_bounds import WorkspaceBounds
+from planner.units import MM, Array, to_deg, to_mm
+from planner.workspace import Workspace
+
+FCL_TRUST = 0.95  # python-fcl was seen to overestimate far distances by up to 3 %
+
+
+class Constraints:
+    """Constraints of a cell with one fixture.
+
+    Args:
+        cell: the cell.
+        fixture: which fixture the bar is on.
+        bar: whether the bar is attached; without it the arm travels free of length, cones and twist about the bar.
+        scene: bodies and pairs, where a collision world has already found out which pairs always overlap.
+    """
+
+    def __init__(self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None) -> None:
+        scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
+        self.cell, self.bar = cell, bar
+        self.workspace = Workspace(cell, fixture, bar)
+        self.scene = scene if bar else scene.without_bar()
+        self.world = CoalPairs(self.scene)
+        self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
+
+    @property
+    def clearance(self) -> float:
+        """Smallest distance of two bodies that is allowed [m]."""
+        return self.cell.motion.clearance
+
+    def valid(self, q: Array) -> np.ndarray:
+        """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""
+        out = (self.bounds.margins(q, self.bounds.kinematics.at(q)) > 0.0).all(axis=1)
+        rows = np.flatnonzero(out)
+        out[rows] = ~self.world.near(q[rows], self.clearance)
+        return np.asarray(out)
+
+    def reason(self, q: Array) -> str | None:
+        """Say what is wrong with the state q (N,) [rad], or ``None``."""
+        margins = self.workspace.margins(q[None])[0]
+        if margins.min() <= 0.0:
+            return self._overrun(int(np.argmin(margins)), float(margins.min()))
+        found = self.world.distances(q[None])[0]
+        k = int(np.argmin(found))
+        return self._too_near(k, float(found[k])) if found[k] <= self.clearance else None
+
+    def prove(self, q_from: Array, q_to: Array) -> Proof:
+        """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""
+        return self._prover.prove(np.stack([q_from, q_to], axis=1))
+
+    def prove_triangles(self, q_entry: Array, q_corner: Array, q_exit: Array) -> Proof:
+        """Prove every state in the triangles (m, N) × 3 [rad]: a blended corner stays in one of them."""
+        return self._prover.prove(np.stack([q_entry, q_corner, q_exit], axis=1))
+
+    def judge(self, corners: Array) -> Proof:
+        """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances, a part of them counted on."""
+        return self._judge.prove(corners)
+
+    def failure(self, proof: Proof, k: int) -> str | None:
+        """Say which constraint motion ``k`` of a proof fails, and where, or ``None``."""
+        column = int(proof.failed[k])
+        if column < 0:
+            return None
+        columns = self.workspace.columns
+        name = columns[column][1] if column < len(columns) else self.scene.pair_name(column - len(columns))
+        what = name if column < len(columns) else f"clearance of {name}"
+        return f"{what}, {100 * proof.failed_at[k]:.0f} % of the way"
+
+    @cached_property
+    def _prover(self) -> Prover:
+        return Prover(self.bounds, self.pairs, self.world, self.clearance)
+
+    @cached_property
+    def _judge(self) -> Prover:
+        return Prover(self.bounds, self.pairs, FclPairs(self.scene), self.clearance, FCL_TRUST)
+
+    def _overrun(self, column: int, margin: float) -> str:
+        stage, name = self.workspace.columns[column]
+        size = f"{to_mm(-margin):.1f} mm" if stage == "workspace" else f"{to_deg(-margin):.1f}°"
+        return f"{name} exceeded by {size}"
+
+    def _too_near(self, pair: int, distance: float) -> str:
+        name, wanted = self.scene.pair_name(pair), to_mm(self.clearance)
+        if distance <= 0.0:
+            return f"{name} collide ({wanted:g} mm wanted between them)"
+        return f"{name} come within {distance / MM:.1f} mm ({wanted:g} mm wanted)"

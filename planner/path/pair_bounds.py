@@ -1,0 +1,105 @@
+"""How much nearer each pair of bodies can come while the joints move within a small neighbourhood of a state.
+
+The distance of two bodies changes, to first order, by what the motion does along the line through their nearest
+points. A joint between the two contributes at most its angle times the distance of either body from its axis: the
+two nearest points lie on one common normal, so both give the same number and the smaller bound holds. A capsule is
+its segment grown by a radius, so only the segment's points count.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from planner.bodies import Body
+from planner.collision import Piece, Scene
+from planner.path.bounds import Travel
+from planner.units import Array
+from planner.workspace import axis_reach
+
+
+@dataclass(frozen=True)
+class PairBounds:
+    """Bounds for the checked pairs of a scene."""
+
+    scene: Scene
+
+    def changes(self, far: Travel) -> Array:
+        """Return what the distance of each pair can lose in the neighbourhoods, (n, pairs) [m]."""
+        out = far.step @ self._reach.T
+        for k, bar, other in self._bar_pairs:
+            out[:, k] = self._bar_change(far, self.scene.pieces[bar], self.scene.pieces[other])
+        return out
+
+    def _bar_change(self, far: Travel, bar: Piece, other: Piece) -> Array:
+        """Housing or rod against another piece, (n,) [m]."""
+        end = core_reach(bar)
+        # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
+        own = end * far.swing if bar.carrier == "housing" else far.move
+        if other.carrier == "world":
+            return np.asarray(own)
+        carried = far.step @ self._link_reach(other)
+        at_tool = other.link == self.scene.cell.robot.n_joints
+        to_map = self._distance_from_map(other) if at_tool else np.inf
+        if at_tool:
+            carried = np.minimum(carried, far.move + to_map * far.turn)
+        apart = own + carried
+        if bar.carrier == "housing":
+            return np.asarray(apart)
+        if at_tool:  # both hold the MAP: only the angle between bar and tool changes
+            return np.asarray(np.minimum(apart, min(end, to_map) * (far.swing + far.turn)))
+        return np.asarray(apart)
+
+    @cached_property
+    def _bar_pairs(self) -> list[tuple[int, int, int]]:
+        """Position of each pair with a part of the bar, then that part and the other piece."""
+        pieces = self.scene.pieces
+        found = [(k, *pair) for k, pair in enumerate(self.scene.pairs) if any(pieces[i].of_bar for i in pair)]
+        return [(k, a, b) if pieces[a].of_bar else (k, b, a) for k, a, b in found]
+
+    @cached_property
+    def _reach(self) -> Array:
+        """Largest distance from each axis between the two of a pair, (pairs, N) [m]; zero for pairs with the bar."""
+        out = np.zeros((len(self.scene.pairs), self.scene.cell.robot.n_joints))
+        for k, (a, b) in enumerate(self.scene.pairs):
+            near, far = sorted((self.scene.pieces[a], self.scene.pieces[b]), key=_height)
+            if not (near.of_bar or far.of_bar):
+                out[k] = self._joints_between(near, far)
+        return out
+
+    def _joints_between(self, near: Piece, far: Piece) -> Array:
+        """Largest distance of the nearer of the two pieces from each axis between them, (N,) [m]."""
+        robot = self.scene.cell.robot
+        start, end = (0 if p.carrier == "world" else robot.link_end[p.link] for p in (near, far))
+        between = robot.transforms[start:end]
+        outward = axis_reach(between, robot.n_joints, core_reach(far))
+        inward = axis_reach(between[::-1], robot.n_joints, core_reach(near))
+        return np.asarray(np.minimum(outward, inward))
+
+    def _link_reach(self, piece: Piece) -> Array:
+        """Largest distance of a link's piece from each axis before it, (N,) [m]."""
+        robot = self.scene.cell.robot
+        return axis_reach(robot.transforms[: robot.link_end[piece.link]], robot.n_joints, core_reach(piece))
+
+    def _distance_from_map(self, piece: Piece) -> float:
+        """Largest distance of a tool piece's core from the MAP [m]."""
+        T_LF = np.array(self.scene.cell.robot.flange_frame().homogeneous)
+        return core_distance(piece.body, T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3], piece)
+
+
+def core_reach(piece: Piece) -> float:
+    """Largest distance of the body's core (a capsule's segment, a sphere's centre) from its carrier's origin [m]."""
+    body = piece.body
+    return piece.reach - body.size[0] if body.kind in ("capsule", "sphere") else piece.reach
+
+
+def core_distance(body: Body, p: Array, piece: Piece) -> float:
+    """Largest distance of the body's core from the point p (3,) of its carrier's frame [m]."""
+    if body.kind == "capsule":
+        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
+        return max(float(np.linalg.norm(e - p)) for e in ends)
+    return float(np.linalg.norm(p)) + core_reach(piece)
+
+
+def _height(piece: Piece) -> int:
+    return -1 if piece.carrier == "world" else piece.link

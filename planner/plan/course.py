@@ -1,0 +1,86 @@
+"""What the robot drives for one fixture, timed: the way to the mount pose, and the measuring path with its blends.
+
+A course is made from waypoints and blend radii alone, so a program exported later from ``plan.json`` is the same.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.trajectory import Limits, Trajectory, plan_trajectory
+from planner.units import Array, frozen
+
+DIGITS = 9  # of degrees and millimetres in plan.json
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """A path to be driven: q (m, N) [rad], visit id or −1 (m,), blend radius (m,) [m], 0 where it rests."""
+
+    q: Array
+    visit: np.ndarray
+    blend: Array
+
+    def there_and_back(self) -> "Waypoints":
+        """Return the path driven forward and then backward."""
+        parts = ((a, a[-2::-1]) for a in (self.q, self.visit, self.blend))
+        return Waypoints(*(np.concatenate(p) for p in parts))
+
+
+@dataclass(frozen=True)
+class Course:
+    """All that a program needs for one fixture; ``measuring`` is the whole drive, both ways where asked."""
+
+    fixture: int
+    travel: Waypoints
+    travel_trajectory: Trajectory
+    measuring: Waypoints
+    trajectory: Trajectory
+
+
+def settled(angles: Array) -> Array:
+    """Round angles [rad] to what ``plan.json`` keeps of them, so that reading it back gives the same bits."""
+    return frozen(np.deg2rad(np.round(np.rad2deg(angles), DIGITS)))
+
+
+def axis_limits(cell: Cell, bar: bool) -> Limits:
+    """Axis limits; where the robot does not measure on the way, its speed is the allowed part of full speed."""
+    robot = cell.robot
+    slow = 1.0 if bar and is_continuous(cell) else cell.motion.travel
+    return Limits(robot.speed * slow, robot.acceleration, robot.jerk)
+
+
+def is_continuous(cell: Cell) -> bool:
+    """Whether the gauge is read while moving."""
+    return cell.motion.measure == "continuous"
+
+
+def course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
+    """Time the way to the mount pose and the measuring path (given one way)."""
+    moving = is_continuous(cell)
+    if moving and cell.motion.both_ways:
+        measuring = measuring.there_and_back()
+    rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
+    dwell = np.where(measuring.visit > 0, rest, 0.0) * (measuring.blend == 0)
+    speed = cell.motion.tool_speed if moving else np.inf
+    return Course(
+        fixture,
+        travel,
+        _timed(cell, travel, np.inf, np.zeros(len(travel.q)), axis_limits(cell, bar=False)),
+        measuring,
+        _timed(cell, measuring, speed, dwell, axis_limits(cell, bar=True)),
+    )
+
+
+def _timed(cell: Cell, path: Waypoints, tool_speed: float, dwell: Array, limits: Limits) -> Trajectory:
+    return plan_trajectory(
+        path.q,
+        stop=path.blend == 0,
+        blend_m=path.blend,
+        tool_position=cell.map_position,
+        tool_jacobian=cell.map_jacobian,
+        limits=limits,
+        tool_speed=tool_speed,
+        dwell=dwell,
+    )

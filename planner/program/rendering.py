@@ -1,0 +1,117 @@
+"""Puts the steps through a dialect's template and cuts the result into the controller's files."""
+
+import re
+from dataclasses import dataclass
+from itertools import accumulate
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
+from jinja2.environment import TemplateModule
+
+from planner.errors import InputError
+from planner.program.dialect import Dialect, root
+from planner.program.instructions import Program
+from planner.program.lowering import Step, lower
+from planner.program.numbers import fixed
+
+LINE_END = {"lf": "\n", "crlf": "\r\n"}
+
+
+@dataclass(frozen=True)
+class ProgramFile:
+    """A file for the controller: ``text`` holds its own line ends, ``encoding`` its characters."""
+
+    name: str
+    text: str
+    encoding: str = "ascii"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A stretch of a long program that the main program calls by ``name``."""
+
+    name: str
+    number: int
+    lines: tuple[str, ...]
+
+
+def program_name(stem: str, dialect: Dialect, room: int = 0) -> str:
+    """Return ``stem`` as a name that the controller takes: letters, digits, underscores, not too long.
+
+    ``room`` characters are left free for the number of a part.
+    """
+    name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
+    led = len(name) >= dialect.name.letters and name[: dialect.name.letters].isalpha()
+    if not led or name.lower() in dialect.name.reserved:
+        name = f"PR_{name}"
+    name = name[: dialect.name.max_length - room].rstrip("_")
+    return name.upper() if dialect.name.upper else name
+
+
+def render(program: Program, dialect: Dialect, folder_name: str, stem: str) -> tuple[ProgramFile, ...]:
+    """Return the files of ``program``; the first is the one to start.
+
+    Raises:
+        InputError: the dialect cannot carry the program, or its template is wrong.
+    """
+    steps = lower(program, dialect)
+    try:
+        return _files(program, dialect, folder_name, stem, steps)
+    except TemplateError as err:
+        raise InputError(f"{root() / folder_name / 'program.j2'}: {err}") from err
+
+
+def _files(
+    program: Program, dialect: Dialect, folder_name: str, stem: str, steps: tuple[Step, ...]
+) -> tuple[ProgramFile, ...]:
+    environment = Environment(
+        loader=FileSystemLoader([root() / folder_name, root()]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,  # a robot program is no HTML
+    )
+    environment.filters["fixed"] = fixed
+    template = environment.get_template("program.j2")
+    name = program_name(stem, dialect)
+    context = {"d": dialect, "p": program, "name": name, "rows": [s for s in steps if s.kind == "log"]}
+    module = template.make_module(context)
+    blocks = [_lines(module, "step", s) for s in steps]
+    if dialect.part_lines is not None and sum(map(len, blocks)) > dialect.part_lines:
+        name = program_name(stem, dialect, room=4)
+        module = template.make_module({**context, "name": name})
+    parts = _split(blocks, name, dialect.part_lines)
+    files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
+    if dialect.files.part is not None and len(parts) > 1:
+        files += [(dialect.files.part.format(name=p.name), _lines(module, "part", p)) for p in parts]
+    if dialect.files.data is not None:
+        files.append((dialect.files.data.format(name=name), _lines(module, "data", parts)))
+    return tuple(_finish(file_name, lines, dialect) for file_name, lines in files)
+
+
+def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:
+    if not hasattr(module, macro):
+        raise TemplateError(f"the macro '{macro}' is missing")
+    text = str(getattr(module, macro)(*values))
+    return [line.rstrip() for line in text.split("\n") if line.strip()]
+
+
+def _split(blocks: list[list[str]], name: str, limit: int | None) -> list[Part]:
+    """Cut between steps, never inside one, into parts of at most ``limit`` lines."""
+    cut: list[list[str]] = [[]]
+    for lines in blocks:
+        if limit is not None and cut[-1] and len(cut[-1]) + len(lines) > limit:
+            cut.append([])
+        cut[-1].extend(lines)
+    return [Part(f"{name}_{i:03d}", i, tuple(lines)) for i, lines in enumerate(cut, start=1)]
+
+
+def _finish(name: str, lines: list[str], dialect: Dialect) -> ProgramFile:
+    if dialect.number_step:
+        code = [not line.startswith((dialect.comment.start, "%")) for line in lines]
+        numbers = (n * dialect.number_step for n in accumulate(code))
+        lines = [f"N{n} {x}" if c else x for x, c, n in zip(lines, code, numbers, strict=True)]
+    for number, line in enumerate(lines, start=1):
+        if len(line) > dialect.max_line:
+            raise InputError(f"{name}, line {number}: {len(line)} characters, {dialect.title} takes {dialect.max_line}")
+    end = LINE_END[dialect.line_ending]
+    return ProgramFile(name, end.join(lines) + end, dialect.encoding)

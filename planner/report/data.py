@@ -1,0 +1,125 @@
+"""The numbers of the report, prepared once: page and prints show these and compute none of their own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.gauge import bar_state
+from planner.model import Parameter
+from planner.observability import covariance
+from planner.plan import Drive, Plan, axis_limits
+from planner.trajectory import Motion
+from planner.units import Array
+from planner.workspace import Workspace
+
+SAMPLES = 2000  # along the way there: a picture has no more columns
+
+
+@dataclass(frozen=True)
+class Driven:
+    """One fixture's measuring path, from the mount pose through all poses, as it is driven.
+
+    Attributes:
+        motion: state at n times.
+        length: bar length, (n,) [m].
+        tilt: of the bar at the fixture and at the tool, (n, 2) [rad].
+        share: joint speed as a part of its limit, (n, N).
+        passed: times of the visits [s], (k,), with the bar's length then, (k,) [m].
+        ends: when the last visit is done [s]; a drive both ways then goes the same way back.
+        returns: whether it does.
+    """
+
+    motion: Motion
+    length: Array
+    tilt: Array
+    share: Array
+    passed: Array
+    passed_length: Array
+    ends: float
+    returns: bool
+
+
+def driven(cell: Cell, drive: Drive, samples: int = SAMPLES) -> Driven:
+    """Sample one fixture's way there evenly in time."""
+    trajectory, count = drive.trajectory, len(drive.path.q)
+    returns = len(trajectory.waypoint_time) > count
+    ends = float(trajectory.waypoint_time[count - 1]) if returns else trajectory.duration_s
+    motion = trajectory.at(np.linspace(0.0, ends, samples))
+    workspace = Workspace(cell, drive.fixture)
+    cones = np.array([cell.gauge.cone_fixture, cell.gauge.cone_map])
+    passed = trajectory.waypoint_time[:count][drive.path.node >= 0]
+    return Driven(
+        motion=motion,
+        length=bar_length(cell, drive.fixture, motion.q),
+        tilt=cones - workspace.stage("cones", motion.q),
+        share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
+        passed=passed,
+        passed_length=bar_length(cell, drive.fixture, trajectory.at(passed).q),
+        ends=ends,
+        returns=returns,
+    )
+
+
+def bar_length(cell: Cell, fixture: int, q: Array) -> Array:
+    """Bar length at controller angles q (n, N) [rad], (n,) [m]."""
+    return bar_state(cell.map_position(q), cell.fixtures[fixture].p_BX).length
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """The same poses in two orders: time of each [s] by its slowest axis (EDBB paper, eq. 7), angles (m, N) [rad]."""
+
+    unsorted_t: Array
+    unsorted_q: Array
+    sorted_t: Array
+    sorted_q: Array
+
+
+def rounds(cell: Cell, drive: Drive) -> Rounds:
+    """Return the tour before and after sorting, both closed at the mount pose."""
+    order = [int(k) for k in drive.tour.order]
+    q = np.array([v.q for v in drive.visits[: len(order)]])
+    sorted_q = np.vstack([q, q[:1]])
+    unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
+    return Rounds(_clock(cell, unsorted_q), unsorted_q, _clock(cell, sorted_q), sorted_q)
+
+
+def _clock(cell: Cell, q: Array) -> Array:
+    legs = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """One identifiable parameter: prior size and predicted standard deviation [m or rad], and what it moves."""
+
+    parameter: Parameter
+    what: str
+    sigma: float
+
+    @property
+    def share(self) -> float:
+        """Standard deviation left, as a part of the prior size."""
+        return self.sigma / self.parameter.prior
+
+
+def learnt(plan: Plan) -> tuple[Learnt, ...]:
+    """Predict what one reading at each chosen pose leaves unknown of every parameter."""
+    choice = plan.choice
+    noise = choice.model.noise(choice.q, choice.fixture)
+    std = covariance(choice.model.jacobian(choice.q, choice.fixture), noise[:, None]).std
+    return tuple(Learnt(p, _what(plan.cell, p), float(s)) for p, s in zip(choice.model.parameters, std, strict=True))
+
+
+def _what(cell: Cell, p: Parameter) -> str:
+    if p.on == "reading":
+        return "zero of the bar"
+    if p.on == "fixture":
+        return f"place of fixture {cell.fixtures[p.index // 3].name} along {'xyz'[p.index % 3]}"
+    t = cell.chain.transforms[p.index]
+    if t.name.startswith("map_"):
+        return f"tool point along {'xyz'[t.axis]} of the flange"
+    if t.joint is not None:
+        return f"zero of joint {t.joint + 1}"
+    return f"shift along {'xyz'[t.axis]}" if t.kind == "translation" else f"turn about {'xyz'[t.axis]}"

@@ -1,0 +1,162 @@
+"""What the page says, ready to be set: every number is a text with its unit, every table a list of rows."""
+
+from dataclasses import dataclass
+
+from planner.cell import Cell
+from planner.observability import RULES
+from planner.plan import Drive, Plan
+from planner.report.data import Learnt
+from planner.report.picture import Picture
+from planner.report.words import certificate, count, percent, proven, seconds, sized
+from planner.units import to_deg, to_mm
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One fixture's drive in words, and its pictures by what they show."""
+
+    fixture: str
+    tour_facts: tuple[Row, ...]
+    path_facts: tuple[Row, ...]
+    tour: Picture
+    joints: Picture
+    bar: Picture
+    speeds: Picture
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All pictures of the drive."""
+        return (self.tour, self.joints, self.bar, self.speeds)
+
+
+@dataclass(frozen=True)
+class Page:
+    """The report without its drawings; tables are rows of texts."""
+
+    title: str
+    cell: str
+    plan_id: str
+    seed: int
+    facts: tuple[Row, ...]
+    certificate: tuple[str, ...]
+    notes: tuple[str, ...]
+    sections: tuple[Section, ...]
+    learnt: tuple[Row, ...]
+    unseen: tuple[Row, ...]
+    weak: tuple[str, ...]
+    indices: tuple[Row, ...]
+    programs: tuple[Row, ...]
+    joints: tuple[str, ...]
+    poses: tuple[Row, ...]
+
+
+def build_page(plan: Plan, rows: tuple[Learnt, ...], sections: tuple[Section, ...]) -> Page:
+    """Set all texts of the report."""
+    seen = plan.choice.seen
+    return Page(
+        title=f"Measuring plan for {plan.cell.robot.title}",
+        cell=plan.cell.name,
+        plan_id=plan.plan_id,
+        seed=plan.seed,
+        facts=_facts(plan),
+        certificate=certificate(plan),
+        notes=plan.notes,
+        sections=sections,
+        learnt=tuple(_learnt(r) for r in rows),
+        unseen=tuple((d.name, d.because) for d in seen.dropped),
+        weak=tuple(w.name for w in seen.weak),
+        indices=_indices(plan),
+        programs=tuple((name, ", ".join(f.name for f in files)) for name, files in plan.programs),
+        joints=tuple(f"axis {j + 1} (deg)" for j in range(plan.cell.robot.n_joints)),
+        poses=tuple(_pose(plan.cell, d, k) for d in plan.drives for k in range(len(d.visits))),
+    )
+
+
+def _facts(plan: Plan) -> tuple[Row, ...]:
+    """The handful of numbers that a person asks for first: (what, value, remark)."""
+    choice, cell, drives = plan.choice, plan.cell, plan.drives
+    rule, bound, g = RULES[choice.index], choice.certificate, cell.gauge
+    roles = [v.role for d in drives for v in d.visits]
+    extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
+    free = len(choice.seen.names)
+    gap = rule.gap(choice.value, bound.value)
+    beyond = "better than any set of the candidates" if gap < 0 else f"within {percent(gap)} of the bound"
+    verdicts = [v for d in drives for v in d.verdicts]
+    engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
+    driving = sum(d.trajectory.duration_s for d in drives)
+    both = cell.motion.both_ways and cell.motion.measure == "continuous"
+    names = ", ".join(f.name for f in cell.fixtures)
+    return (
+        ("poses", str(len(choice.q)), f"to calibrate{f', {extra}' if extra else ''}"),
+        ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
+        (choice.index, sized(choice.value, 4), rule.what),
+        ("bound", proven(bound.value, rule.maximise), f"{'proven; ' if bound.verified else 'not proven; '}{beyond}"),
+        ("driving", seconds(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
+        ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}"),
+        ("bar", f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm", f"on fixture {names}"),
+    )
+
+
+def tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
+    """What is known of the order: (what, value)."""
+    tour, returns = drive.tour, len(drive.trajectory.waypoint_time) > len(drive.path.q)
+    short = "proven: no order is quicker" if tour.optimal else f"no order is quicker than {seconds(tour.lower_bound_s)}"
+    return (
+        ("solver", tour.solver),
+        ("in the order of selection", seconds(tour.unsorted_s)),
+        ("in the order of the tour", f"{seconds(tour.cost_s)} ({short})"),
+        ("as driven", f"{seconds(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
+    )
+
+
+def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
+    """What is known of the path: (what, value)."""
+    path, g = drive.path, cell.gauge
+    direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
+    length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
+    asked = f"{float(to_mm(cell.motion.clearance)):g} mm asked for"
+    verdicts = [
+        (
+            f"judged by {v.engine}",
+            f"{'free, proven between the checked states too' if v.proven else 'not proven free'}; "
+            f"nearest pair {float(to_mm(v.clearance)):.1f} mm apart ({asked})",
+        )
+        for v in drive.verdicts
+    ]
+    return (
+        ("legs", f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"),
+        ("support poses", str(supports)),
+        ("bar length", f"{length} of {float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"),
+        *verdicts,
+    )
+
+
+def _learnt(row: Learnt) -> Row:
+    """Name, what it is, unit, prior size, standard deviation, their ratio."""
+    p = row.parameter
+    unit, to = ("mm", to_mm) if p.unit == "m" else ("deg", to_deg)
+    return (p.name, row.what, unit, sized(float(to(p.prior))), sized(float(to(row.sigma))), sized(row.share))
+
+
+def _indices(plan: Plan) -> tuple[Row, ...]:
+    """Name, what it is, which way is better, raw, scaled."""
+    raw, scaled = plan.choice.raw, plan.choice.scaled
+    return tuple(
+        (
+            name,
+            rule.what,
+            "higher" if rule.maximise else "lower",
+            sized(getattr(raw, name), 4),
+            sized(getattr(scaled, name), 4),
+        )
+        for name, rule in RULES.items()
+    )
+
+
+def _pose(cell: Cell, drive: Drive, k: int) -> Row:
+    v = drive.visits[k]
+    role = v.role if v.repeats is None else f"{v.role} of {v.repeats}"
+    angles = tuple(f"{float(a):.3f}" for a in to_deg(v.q))
+    return (str(v.id), cell.fixtures[v.fixture].name, role, f"{float(to_mm(v.length)):.2f}", *angles)

@@ -1,0 +1,78 @@
+"""A picture as data: what is drawn, without a word on how; the page and the prints draw the same one."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from planner.units import Array
+
+BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+PURPLE, SKY, BLACK, GREY = "#CC79A7", "#56B4E9", "#222222", "#8A8A8A"
+JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
+"""Okabe and Ito's palette: told apart by every common kind of colour vision."""
+ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
+
+
+@dataclass(frozen=True)
+class Series:
+    """One line, set of points, or set of horizontal bars.
+
+    Attributes:
+        name: for the legend.
+        x, y: (n,) in the units of the panel's labels.
+        mark: how it is drawn.
+        hover: one text a point, shown under the pointer.
+        texts: one text a point, written beside it.
+    """
+
+    name: str
+    x: Array
+    y: Array
+    colour: str
+    mark: Literal["line", "points", "bars"] = "line"
+    dashed: bool = False
+    width: float = 1.5
+    hover: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A straight line across the panel, and what it stands for."""
+
+    at: float
+    text: str
+    upright: bool = False
+    below: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes; ``y_names`` names the places 0, 1, … from the top down."""
+
+    title: str
+    x_label: str
+    y_label: str
+    series: tuple[Series, ...]
+    limits: tuple[Limit, ...] = ()
+    log_x: bool = False
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+    y_names: tuple[str, ...] = ()
+    height: int = 250
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Panels one above the other.
+
+    Attributes:
+        name: stem of the file, and name of the place in the page.
+        title: what it shows, in a few words.
+        caption: what to look at.
+        panels: from the top down.
+    """
+
+    name: str
+    title: str
+    caption: str
+    panels: tuple[Panel, ...]

@@ -1,0 +1,110 @@
+"""Draws a picture for print: PNGs by matplotlib's own renderer, without screen, clock or user settings."""
+
+from contextlib import AbstractContextManager
+from io import BytesIO
+
+import matplotlib.style
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from planner.report.picture import Limit, Panel, Picture, Series
+
+WIDTH, DPI, PX = 8.0, 160, 1 / 80  # [inch], dots an inch, inch a pixel of the page
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "axes.edgecolor": "#888888",
+    "axes.axisbelow": True,
+    "grid.color": "#E4E4E4",
+    "text.color": "#222222",
+    "legend.frameon": False,
+    "svg.hashsalt": "edbb",
+}
+
+
+def style() -> AbstractContextManager[None]:
+    """Our own look, whatever the user's settings file says."""
+    return matplotlib.style.context(STYLE, after_reset=True)
+
+
+def png(figure: Figure) -> bytes:
+    """Return the PNG of a figure without date or program name."""
+    FigureCanvasAgg(figure)
+    out = BytesIO()
+    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
+    return out.getvalue()
+
+
+def picture_png(picture: Picture) -> bytes:
+    """Return the PNG of a picture: panels one above the other."""
+    heights = [p.height * PX for p in picture.panels]
+    with style():
+        figure = Figure(figsize=(WIDTH, sum(heights) + 0.75 * len(heights) + 0.1), layout="constrained")
+        axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+        named: set[str] = set()
+        for ax, panel in zip(axes, picture.panels, strict=True):
+            _draw(ax, panel, named)
+        return png(figure)
+
+
+def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
+    ax.set_title(panel.title)
+    ax.set_xlabel(panel.x_label)
+    ax.set_ylabel(panel.y_label)
+    if panel.log_x:
+        ax.set_xscale("log")
+    for series in panel.series:
+        _series(ax, series, "" if series.name in named else series.name)
+        named.add(series.name)
+    for limit in panel.limits:
+        _limit(ax, limit)
+    if panel.x_range is not None:
+        ax.set_xlim(*panel.x_range)
+    if panel.y_names:
+        ax.set_yticks(range(len(panel.y_names)), panel.y_names)
+        ax.set_ylim(len(panel.y_names) - 0.4, -0.6)
+    elif panel.y_range is not None:
+        ax.set_ylim(*panel.y_range)
+    ax.grid(visible=True, axis="x" if panel.y_names else "y")
+    labels = ax.get_legend_handles_labels()[1]
+    if len(panel.series) > 1 and labels:
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels), borderaxespad=0.1, columnspacing=1.2)
+
+
+def _series(ax: Axes, series: Series, name: str) -> None:
+    label = name or "_unnamed"
+    if series.mark == "bars":
+        ax.barh(series.y, series.x, height=0.65, color=series.colour, label=label)
+        for x, y, text in zip(series.x, series.y, series.texts, strict=True):
+            ax.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center")
+    elif series.mark == "points":
+        ax.plot(series.x, series.y, "o", color=series.colour, markersize=4.5, label=label)
+    else:
+        dash = "--" if series.dashed else "-"
+        ax.plot(series.x, series.y, dash, color=series.colour, linewidth=series.width * 0.8, label=label)
+
+
+def _limit(ax: Axes, limit: Limit) -> None:
+    look = {"color": "#666666", "linewidth": 0.8, "linestyle": ":"}
+    if limit.upright:
+        ax.axvline(limit.at, **look)
+        ax.annotate(limit.text, (limit.at, 1), (3, -3), xycoords=ax.get_xaxis_transform(), textcoords="offset points", va="top")
+        return
+    ax.axhline(limit.at, **look)
+    down = -3 if limit.below else 3
+    ax.annotate(
+        limit.text,
+        (1, limit.at),
+        (0, down),
+        xycoords=ax.get_yaxis_transform(),
+        textcoords="offset points",
+        ha="right",
+        va="top" if limit.below else "bottom",
+        color="#444444",
+    )

@@ -1,0 +1,66 @@
+"""The view in space for print: the same bodies, poses and path, drawn by matplotlib."""
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from planner.report.picture import ROLES
+from planner.report.printed import png, style
+from planner.report.shapes import Mesh
+from planner.report.stage import STAND, Stage
+from planner.units import Array
+
+LIGHT = np.array([0.35, 0.45, 0.82])
+MARKS = {"calibrate": "o", "repeat": "D", "validate": "s", "mount": "P"}
+
+
+def view_png(stage: Stage) -> bytes:
+    """Return a PNG with the whole cell on the left and the gauge's surroundings on the right."""
+    with style():
+        figure = Figure(figsize=(10.0, 5.2))
+        for k, (low, high) in enumerate(((stage.low, stage.high), (stage.near_low, stage.near_high))):
+            ax = figure.add_axes((0.5 * k, 0.06, 0.5, 0.92), projection="3d", computed_zorder=False)
+            _draw(ax, stage, low, high, near=bool(k))
+        handles, labels = figure.axes[1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=9)
+        return png(figure)
+
+
+def _draw(ax: Axes3D, stage: Stage, low: Array, high: Array, near: bool) -> None:
+    # whatever lies outside the box would be drawn over the rest: only what is near is shown near
+    for shell in stage.shells[1::2] if near else stage.shells[1::2]:
+        ax.add_collection3d(Poly3DCollection(shell.vertices[shell.triangles], facecolor="#56B4E918", edgecolor="none", zorder=1))
+    if near:
+        ax.plot(*stage.cloud.T, ".", color="#9A9A9A", markersize=0.8, alpha=0.6, zorder=2, label="candidates")
+    bodies = [(m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours) for m in stage.moving if not near or m.name == "bar"]
+    if stage.standing is not None and not near:
+        bodies.append((stage.standing.vertices, stage.standing.triangles, (STAND,) * len(stage.standing.triangles)))
+    corners = np.vstack([v[t] for v, t, _ in bodies])
+    colours = np.vstack([_shaded(Mesh(v, t), c) for v, t, c in bodies])
+    ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=3))
+    for path in stage.paths:
+        ax.plot(*path.T, "-", color="#444444", linewidth=0.9, zorder=4)
+    for way in stage.ways if not near else ():
+        ax.plot(*way.T, "--", color="#777777", linewidth=0.9, zorder=4)
+    for role in [r for r in ROLES if any(s.role == r for s in stage.spots)]:
+        points = np.array([s.position for s in stage.spots if s.role == role])
+        ax.plot(*points.T, MARKS[role], color=ROLES[role], markersize=4 if near else 2, label=role, zorder=5)
+    for name, a, b in zip("xyz", low, high, strict=True):
+        getattr(ax, f"set_{name}lim")(a, b)
+        getattr(ax, f"set_{name}label")(f"{name} (mm)", fontsize=8)
+        ax.tick_params(axis=name, labelsize=7, pad=-1)
+        getattr(ax, f"{name}axis").set_pane_color((1, 1, 1, 0))
+    ax.set_box_aspect(high - low)
+    ax.view_init(elev=22, azim=42)
+
+
+def _shaded(mesh: Mesh, colours: tuple[str, ...]) -> Array:
+    """Colour of each triangle in the light of one far lamp, (t, 3)."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    bright = 0.62 + 0.38 * np.abs(normal @ LIGHT)
+    palette = {name: to_rgb(name) for name in set(colours)}
+    return np.asarray(np.array([palette[name] for name in colours]) * bright[:, None])

@@ -1,0 +1,68 @@
+"""Numbers and findings as sentences: a bound is never rounded to the side on which it would be wrong."""
+
+from math import ceil, floor, isfinite, log10
+
+from planner.observability import RULES
+from planner.plan import Plan
+
+FILTERS = ("sampled", "within joint limits", "bar length in range", "within both cones", "within cable budget", "collision-free")
+
+
+def count(n: float) -> str:
+    """Write a whole number with its thousands apart."""
+    return f"{int(n):,}".replace(",", "\u202f")
+
+
+def sized(x: float, digits: int = 3) -> str:
+    """Write a number with so many significant digits, without an exponent where it can be read without one."""
+    if x == 0 or not isfinite(x):
+        return f"{x:g}"
+    if not 1e-5 <= abs(x) < 1e7:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{max(0, digits - 1 - floor(log10(abs(x))))}f}"
+
+
+def seconds(t: float) -> str:
+    """Write a time: seconds up to two minutes, then minutes and seconds."""
+    if t < 120:
+        return f"{t:.1f} s"
+    minutes, rest = divmod(round(t), 60)
+    return f"{minutes} min {rest:02d} s"
+
+
+def proven(bound: float, maximise: bool) -> str:
+    """Write a bound with four digits, rounded to the side on which it still holds."""
+    if not isfinite(bound) or bound == 0:
+        return f"{bound:g}"
+    step = 10.0 ** (floor(log10(abs(bound))) - 3)
+    return sized((ceil if maximise else floor)(bound / step) * step, 4)
+
+
+def percent(gap: float) -> str:
+    """Write a gap in per cent, rounded up to a tenth."""
+    return f"{ceil(gap * 1000 - 1e-9) / 10:.1f} %"
+
+
+def certificate(plan: Plan) -> tuple[str, ...]:
+    """Say how far from the best possible the poses are, sentence by sentence."""
+    choice, bound = plan.choice, plan.choice.certificate
+    rule, n = RULES[choice.index], len(choice.q)
+    pool = f"the {count(bound.candidates)} candidate poses"
+    who = f"No {n} of {pool}" if bound.poses else f"No set of {pool}, however many it takes,"
+    verb = ("reach" if bound.poses else "reaches") if rule.maximise else ("have" if bound.poses else "has")
+    limit = proven(bound.value, rule.maximise)
+    gap = rule.gap(choice.on_grid_value, bound.value)
+    out = [
+        f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.",
+        f"The {n} that were chosen among them have {sized(choice.on_grid_value, 4)}: "
+        f"at most {percent(gap)} {'below' if rule.maximise else 'above'} what is possible.",
+    ]
+    if choice.value != choice.on_grid_value:
+        out.append(f"After moving them off the grid of candidates: {sized(choice.value, 4)}.")
+    out.append(f"Over the trajectory as it is driven: {sized(plan.driven, 4)}.")
+    out.append(
+        "The bound is a proof: its dual solution was checked afresh against every candidate."
+        if bound.verified
+        else "The check of the bound's dual solution failed: take it as an estimate, not as a proof."
+    )
+    return tuple(out)

@@ -1,0 +1,26 @@
+"""Selection of measuring poses: pruning, DETMAX, exchange, off-grid refinement, and a certificate for each choice."""
+
+from .bounds import bound, check
+from .certificate import Certificate, Dual, verify
+from .curve import IndexCurve, index_curve, knee
+from .detmax import detmax
+from .exchange import Selection, exchange
+from .pruning import prune
+from .refinement import Refined, refine
+
+__all__ = [
+    "Certificate",
+    "Dual",
+    "IndexCurve",
+    "Refined",
+    "Selection",
+    "bound",
+    "check",
+    "detmax",
+    "exchange",
+    "index_curve",
+    "knee",
+    "prune",
+    "refine",
+    "verify",
+]

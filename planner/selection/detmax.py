@@ -1,0 +1,128 @@
+"""DETMAX: the D-optimal set (O1) by adding the best and dropping the worst pose, with excursions in size.
+
+Source: Mitchell 1974. One addition or removal costs one pass over the candidates (rank-r update of the inverse and of
+every candidate's prediction variance), refreshed from scratch now and then.
+"""
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.units import Array
+
+from .swaps import information
+from .threads import canonical, single_threaded
+
+_REFRESH = 50
+
+
+class _Design:
+    """A set of candidates with its inverse information and the variance blocks of all candidates, kept in step."""
+
+    def __init__(self, rows: Array, chosen: Array, ridge: float) -> None:
+        self.rows, self.ridge = rows, ridge
+        self.within = np.zeros(len(rows), dtype=bool)
+        self.within[chosen] = True
+        self.moves = 0
+        self._refresh()
+
+    def _refresh(self) -> None:
+        size = self.rows.shape[2]
+        self.mass = information(self.rows[self.within]) + self.ridge * np.eye(size)
+        self.inverse = np.linalg.inv(self.mass)
+        self.blocks = (self.rows @ self.inverse) @ np.swapaxes(self.rows, 1, 2)  # (N, r, r)
+        self.logdet = float(np.linalg.slogdet(self.mass)[1])
+
+    def change(self, candidate: int, sign: int) -> None:
+        """Add (sign 1) or remove (sign -1) one candidate."""
+        row, eye = self.rows[candidate], np.eye(self.rows.shape[1])
+        small = eye + sign * self.blocks[candidate]
+        self.logdet += float(np.linalg.slogdet(small)[1])
+        gain = self.inverse @ row.T
+        core = sign * np.linalg.inv(small)
+        cross = self.rows @ gain  # (N, r, r)
+        self.blocks -= cross @ core @ np.swapaxes(cross, 1, 2)
+        self.inverse -= gain @ core @ gain.T
+        self.within[candidate] = sign > 0
+        self.moves += 1
+        if self.moves % _REFRESH == 0:
+            self._refresh()
+
+    def best(self, sign: int) -> int:
+        """The candidate whose addition gains, or whose removal loses, the most or the least determinant."""
+        if self.rows.shape[1] == 1:
+            gain = sign * self.blocks[:, 0, 0]
+        else:
+            gain = np.linalg.det(np.eye(self.rows.shape[1]) + sign * self.blocks)
+        allowed = ~self.within if sign > 0 else self.within
+        return int(np.argmax(np.where(allowed, canonical(gain), -np.inf)))
+
+    def key(self) -> bytes:
+        """What tells two sets apart."""
+        return np.packbits(self.within).tobytes()
+
+
+@single_threaded
+def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6) -> Array:
+    """Return ``n`` distinct candidates (n,) of ``rows`` (N, r, P), ascending, with a large determinant.
+
+    The first start is greedy, the others ``starts - 1`` seeded samples. ``excursion``: how far the size of the set may wander
+    from n before the search gives up (Mitchell's six).
+
+    Raises:
+        InputError: n outside what the candidates and parameters allow.
+    """
+    least = -(-rows.shape[2] // rows.shape[1])
+    if not least <= n <= len(rows):
+        raise InputError(f"{n} poses cannot be chosen: ask for {least} (the parameters) to {len(rows)} (the pool)")
+    scale = np.sqrt(np.mean(rows**2, axis=(0, 1)))
+    white = rows / np.where(scale > 0, scale, 1.0)
+    best, best_value = np.zeros(0, dtype=np.intp), -np.inf
+    for turn in range(starts):
+        design = _greedy(white, n) if turn == 0 else _sample(white, n, seed + turn)
+        chosen, value = _search(design, n, excursion)
+        if canonical(np.array(value)) > best_value or not len(best):
+            best, best_value = chosen, float(canonical(np.array(value)))
+    return best
+
+
+def _greedy(rows: Array, n: int) -> _Design:
+    """Add the most informative pose n times, from a faint prior that the last refresh takes away."""
+    design = _Design(rows, np.zeros(0, dtype=np.intp), 1e-6 * len(rows))
+    for _ in range(n):
+        design.change(design.best(1), 1)
+    return _Design(rows, np.flatnonzero(design.within), _faint(rows))
+
+
+def _sample(rows: Array, n: int, seed: int) -> _Design:
+    return _Design(rows, np.random.default_rng(seed).permutation(len(rows))[:n], _faint(rows))
+
+
+def _faint(rows: Array) -> float:
+    """A ridge too small to matter in a set that sees everything, large enough to invert one that does not."""
+    return 1e-10 * rows.shape[1]
+
+
+def _search(design: _Design, n: int, excursion: int) -> tuple[Array, float]:
+    """Excursions from the best set so far, until one wanders too far: longer ones open as shorter ones fail."""
+    best, value, failed = design.within.copy(), design.logdet, set[bytes]()
+    trail: list[bytes] = []
+    size = n
+    while True:
+        key = design.key()
+        grow = size < n or (size == n and key not in failed)
+        if size != n and key in failed:
+            grow = size > n
+        trail.append(key)
+        if abs(size + (1 if grow else -1) - n) > excursion or (not grow and size <= 1) or size >= len(design.rows):
+            break
+        design.change(design.best(1 if grow else -1), 1 if grow else -1)
+        size += 1 if grow else -1
+        if size != n:
+            continue
+        if design.logdet > value + 1e-9:
+            best, value, failed, trail = design.within.copy(), design.logdet, set[bytes](), []
+        else:
+            failed.update(trail)
+            trail = []
+            design = _Design(design.rows, np.flatnonzero(best), design.ridge)
+    return np.flatnonzero(best), value

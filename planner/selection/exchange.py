@@ -1,0 +1,131 @@
+"""Exchange of poses for any index: from the relaxation's weights, annealed, then down to where no swap helps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.observability import rule
+from planner.units import Array
+
+from .annealing import anneal
+from .bounds import bound, prices
+from .certificate import Certificate
+from .potential import Potential
+from .swaps import best_by_index, best_by_potential, exact, index_of, information
+from .threads import canonical, single_threaded
+
+_CORE = 300  # candidates with the best prices that are annealed over
+_WIDE = 2_000  # candidates that the descent looks at before it looks at all
+_STRENGTHS = (0.1, 0.03, 0.01, 0.003)
+_SWAPS = 2_000  # no descent was seen to take a tenth of it
+
+
+@dataclass(frozen=True)
+class Selection:
+    """``chosen`` candidates (n,), ascending, their index ``value`` and the certificate that bounds it, if asked for.
+
+    ``gap``: how far, at most, the value is from the best possible choice among the candidates (a share; nan without).
+    """
+
+    chosen: Array
+    index: str
+    value: float
+    certificate: Certificate | None = None
+
+    @property
+    def gap(self) -> float:
+        """Relative distance to the certified bound."""
+        return rule(self.index).gap(self.value, self.certificate.value) if self.certificate else float("nan")
+
+
+@single_threaded
+def exchange(
+    rows: Array,
+    n: int,
+    index: str = "O2",
+    starts: int = 4,
+    seed: int = 0,
+    certificate: Certificate | None = None,
+    steps: int = 1_500,
+) -> Selection:
+    """Return the best set of ``n`` distinct candidates for ``index`` among ``starts`` searches. Deterministic.
+
+    ``rows`` (N, r, P), reduced to identifiable columns. ``certificate``: the bound for this index and n if it is known
+    already (its weights are the start and its prices the shortlist), else it is found first. ``steps`` of annealing in
+    each start. No single swap with any candidate that the first-order score singles out betters the result.
+
+    Raises:
+        InputError: fewer readings than parameters, or more poses than candidates.
+    """
+    if n * rows.shape[1] < rows.shape[2]:
+        raise InputError(
+            f"{n} poses give {n * rows.shape[1]} readings for {rows.shape[2]} parameters: "
+            f"ask for at least {-(-rows.shape[2] // rows.shape[1])} poses"
+        )
+    certificate = certificate or bound(rows, index, n, seed=seed)
+    best: Selection | None = None
+    for turn in range(max(1, starts)):
+        chosen = _searched(rows, n, index, certificate, turn, seed, steps)
+        value = index_of(index, information(rows[chosen]), n)
+        if best is None or rule(index).better(float(value), best.value):
+            best = Selection(np.sort(chosen), index, float(value), certificate)
+    assert best is not None
+    return best
+
+
+def _searched(
+    rows: Array, n: int, index: str, certificate: Certificate, turn: int, seed: int, steps: int
+) -> Array:
+    """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
+    if n == len(rows):
+        return np.arange(n)
+    order = ranking(rows, certificate)
+    chosen = _drawn(certificate, order, n, seed, turn)
+    core = np.union1d(order[: max(_CORE, 3 * n)], certificate.support)
+    if index != "O1" and exact(rows, Potential(index, 1.0)):
+        chosen = anneal(rows, chosen, core, index, steps, seed + 7919 * turn)
+    wide = np.sort(order[: max(_WIDE, 10 * n)])
+    for strength in _STRENGTHS:
+        chosen = descend(rows, chosen, wide, Potential(index, strength))
+    return polish(rows, chosen, np.arange(len(rows)), Potential(index, _STRENGTHS[-1]))
+
+
+def descend(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Array:
+    """Take the best swap by the potential until there is none."""
+    for _ in range(_SWAPS):
+        swap = best_by_potential(rows, chosen, np.setdiff1d(pool, chosen), potential)
+        if swap is None:
+            break
+        chosen = np.where(np.arange(len(chosen)) == swap.out, swap.into, chosen)
+    return chosen
+
+
+def polish(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Array:
+    """Take the best swap by the index itself until there is none."""
+    for _ in range(_SWAPS):
+        swap = best_by_index(rows, chosen, np.setdiff1d(pool, chosen), potential)
+        if swap is None:
+            break
+        chosen = np.where(np.arange(len(chosen)) == swap.out, swap.into, chosen)
+    return chosen
+
+
+def ranking(rows: Array, certificate: Certificate) -> Array:
+    """Candidates (N,) from the most to the least wanted by the certificate's dual."""
+    if not certificate.duals:
+        return np.arange(len(rows))
+    price = prices(rows, certificate.duals[-1], np.arange(len(rows)))
+    return np.lexsort((np.arange(len(rows)), canonical(price)))
+
+
+def _drawn(certificate: Certificate, order: Array, n: int, seed: int, turn: int) -> Array:
+    """Take n of the support: the heaviest at the first turn, later drawn by weight; filled up by rank."""
+    support, weights = certificate.support, certificate.weights
+    if turn == 0:
+        keys = canonical(weights)
+    else:  # Efraimidis and Spirakis 2006: weighted sampling without replacement
+        keys = np.log(np.random.default_rng([seed, turn]).random(len(support))) / weights
+    chosen = support[np.lexsort((support, -keys))[:n]]
+    rest = order[~np.isin(order, chosen)]
+    return np.concatenate([chosen, rest[: n - len(chosen)]]).astype(np.intp)

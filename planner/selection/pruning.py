@@ -1,0 +1,105 @@
+"""The paper's backward pruning: take poses away one at a time, each time the one whose loss hurts the index least.
+
+Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the Rayleigh quotient
+v'(M - J_i'J_i) v at its old eigenvector, nor the largest below that at its own; so two numbers a candidate
+bound its cost from below, and exact eigenvalues are computed in the order of these bounds only until no bound is left that
+could win. The result is the one that an SVD per candidate and step would give.
+"""
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.observability import rule
+from planner.units import Array
+
+from .relaxation import quadratic
+from .swaps import information
+from .threads import canonical, single_threaded
+
+EXACT_FROM = 3_000
+"""Larger pools are first thinned: a twelfth goes at a time, those with the least bounds, all judged at once."""
+_SHARE = 12
+_BATCH = 16
+_REFRESH = 64
+
+
+@single_threaded
+def prune(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) -> Array:
+    """Return the ``n`` candidates (n,) that backward pruning leaves of ``rows`` (N, r, P), ascending.
+
+    From ``exact_from`` candidates on it is step for step the naive pruning; ties go to the lower index. Source: the
+    pruning of the EDBB paper (section 2.1), after Borm and Menq 1991.
+
+    Raises:
+        InputError: unknown index, or n outside what the candidates and parameters allow.
+    """
+    rule(index)
+    least = -(-rows.shape[2] // rows.shape[1])
+    if not least <= n <= len(rows):
+        raise InputError(f"{n} poses cannot be kept: choose between {least} (the parameters) and {len(rows)} (the pool)")
+    kept = np.arange(len(rows))
+    while len(kept) > max(n, exact_from):
+        count = min(-(-len(kept) // _SHARE), len(kept) - max(n, exact_from))
+        costs = canonical(_optimistic(rows[kept], information(rows[kept]), index))
+        kept = np.sort(kept[np.lexsort((kept, costs))[count:]])
+    mass = information(rows[kept])
+    for step in range(len(kept) - n):
+        if step % _REFRESH == 0:
+            mass = information(rows[kept])
+        out = _least_missed(rows[kept], mass, index)
+        mass = mass - information(rows[kept[out : out + 1]])
+        kept = np.delete(kept, out)
+    return kept
+
+
+def _least_missed(rows: Array, mass: Array, index: str) -> int:
+    """Position of the pose whose removal costs least, exactly."""
+    floor = _optimistic(rows, mass, index)
+    if index == "O1" and rows.shape[1] == 1:
+        return int(np.argmin(canonical(floor)))  # the bound is the cost itself
+    order = np.argsort(floor, kind="stable")
+    best, at = np.inf, len(rows)
+    for k in range(0, len(order), _BATCH):
+        batch = order[k : k + _BATCH]
+        if floor[batch[0]] > best + 1e-9 * abs(best):
+            break
+        left = mass - np.swapaxes(rows[batch], 1, 2) @ rows[batch]
+        costs = canonical(cost(np.linalg.eigvalsh(left), index))
+        low = float(np.min(costs))
+        first = int(np.min(batch[costs == low]))
+        if low < best or (low == best and first < at):
+            best, at = low, first
+    return at if at < len(rows) else int(order[0])
+
+
+def cost(mu: Array, index: str) -> Array:
+    """What grows as the index gets worse, for ascending eigenvalues (..., P); inf when a direction is unseen."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = mu[..., 0], mu[..., -1]
+        if index == "O1":
+            value = -np.sum(np.log(np.maximum(mu, 0.0)), axis=-1)
+        elif index == "O2":
+            value = high / low
+        elif index == "O3":
+            value = -low
+        elif index == "O4":
+            value = -(low**2) / high
+        else:
+            value = np.sum(np.maximum(mu, 0.0) ** -0.5, axis=-1)
+    return np.asarray(np.where(low > 1e-13 * high, value, np.inf))
+
+
+def _optimistic(rows: Array, mass: Array, index: str) -> Array:
+    """A lower bound on the cost after taking each pose away, (n,)."""
+    mu, axes = np.linalg.eigh(mass)
+    if index == "O1":  # exact for one reading a pose; log det is concave, so its slope bounds it in general
+        share = quadratic(rows, (axes / mu) @ axes.T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            loss = -np.log(np.maximum(1.0 - share, 0.0)) if rows.shape[1] == 1 else share
+        return np.asarray(loss - np.sum(np.log(mu)))
+    if index == "O5":  # convex: above its tangent
+        return np.asarray(np.sum(mu**-0.5) + 0.5 * quadratic(rows, (axes * mu**-1.5) @ axes.T))
+    low = np.maximum(mu[0] - np.sum((rows @ axes[:, 0]) ** 2, axis=1), 0.0)
+    high = np.maximum(mu[-1] - np.sum((rows @ axes[:, -1]) ** 2, axis=1), mu[-2])
+    with np.errstate(divide="ignore"):
+        return np.asarray({"O2": high / low, "O3": -low, "O4": -(low**2) / high}[index])

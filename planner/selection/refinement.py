@@ -1,0 +1,120 @@
+"""Off-grid refinement: the chosen poses move in joint space, all filters kept, and the index only gets better.
+
+Around each pose trial poses are drawn, all of them in one batch; the poses then take turns to accept their best valid
+trial, scored exactly against the set as it stands. Reach grows where trials succeed and shrinks where they fail.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.observability import rule
+from planner.units import Array, frozen
+
+from .potential import Potential
+from .swaps import Table, exact, index_of, information
+from .threads import single_threaded
+
+_STRENGTHS = (0.1, 0.03, 0.01, 0.003)
+_TRIALS = 24
+_REACH = 0.2  # [rad] at first
+_SMALLEST = 1e-4  # [rad]
+
+RowsOf = Callable[[Array], Array]
+Valid = Callable[[Array], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
+
+
+@dataclass(frozen=True)
+class Refined:
+    """Poses ``q`` (n, N) [rad] after refinement, their ``rows`` (n, r, P), index ``value`` and that ``before``."""
+
+    q: Array
+    rows: Array
+    index: str
+    value: float
+    before: float
+    moved: int
+
+
+@single_threaded
+def refine(
+    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 60
+) -> Refined:
+    """Return poses near ``q0`` (n, N) [rad] with a better index.
+
+    ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,) which
+    joint angles pass every filter. ``rounds`` of trials at each of four barrier strengths. Deterministic. The
+    result is ``q0`` itself when nothing better is found.
+
+    Raises:
+        InputError: a starting pose is not valid.
+    """
+    rule(index)
+    q0 = np.asarray(q0, dtype=float)
+    fine = np.asarray(valid(q0), dtype=bool)
+    if not fine.all():
+        raise InputError(f"pose {int(np.flatnonzero(~fine)[0])} does not pass the filters: refinement starts from valid poses")
+    rng = np.random.default_rng(seed)
+    q, rows = q0.copy(), rows_of(q0)
+    before = _value(rows, index)
+    best = q, rows, before
+    for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
+        reach = np.full(len(q), _REACH)
+        for _ in range(rounds):
+            q, rows, reach = _round(q, rows, reach, rows_of, valid, Potential(index, strength), rng)
+            value = _value(rows, index)
+            if rule(index).better(value, best[2]):
+                best = q, rows, value
+            if np.all(reach <= _SMALLEST):
+                break
+        q, rows = best[0], best[1]
+    moved = int(np.sum(np.any(best[0] != q0, axis=1)))
+    return Refined(frozen(best[0]), frozen(best[1]), index, best[2], before, moved)
+
+
+def _value(rows: Array, index: str) -> float:
+    return float(index_of(index, information(rows), len(rows)))
+
+
+def _round(
+    q: Array,
+    rows: Array,
+    reach: Array,
+    rows_of: RowsOf,
+    valid: Valid,
+    potential: Potential,
+    rng: np.random.Generator,
+) -> tuple[Array, Array, Array]:
+    """One batch of trials around every pose, then a turn for each."""
+    n, joints = q.shape
+    step = rng.standard_normal((n, _TRIALS, joints)) / np.sqrt(joints)
+    trial = q[:, None] + reach[:, None, None] * step
+    trial_rows = rows_of(trial.reshape(-1, joints)).reshape(n, _TRIALS, *rows.shape[1:])
+    gains = np.array([_gains(rows, k, trial_rows[k], potential) for k in range(n)])
+    hopeful = gains > 0
+    passed = np.zeros(gains.shape, dtype=bool)
+    if hopeful.any():
+        passed[hopeful] = valid(trial[hopeful])
+    q, rows, reach = q.copy(), rows.copy(), reach.copy()
+    for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
+        gain = np.where(passed[k], _gains(rows, k, trial_rows[k], potential), -np.inf) if passed[k].any() else gains[k]
+        best = int(np.argmax(gain))
+        if passed[k].any() and gain[best] > 1e-10:
+            q[k], rows[k] = trial[k, best], trial_rows[k, best]
+            reach[k] *= 1.4
+        else:
+            reach[k] *= 0.7
+    return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH)
+
+
+def _gains(rows: Array, position: int, trials: Array, potential: Potential) -> Array:
+    """Gain (T,) of the potential when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
+    if exact(rows, potential):
+        return Table(rows, potential).of(trials, slice(position, position + 1))[0]
+    mass = information(rows)
+    mu = np.linalg.eigvalsh(mass)
+    shifts = potential.shifts(mu)
+    after = mass - information(rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
+    return potential.barrier(np.linalg.eigvalsh(after), *shifts) - potential.barrier(mu, *shifts)

@@ -1,0 +1,39 @@
+"""One BLAS thread where a number decides, so that a result has the same bytes on any machine's thread count."""
+
+from collections.abc import Callable
+from functools import cache, wraps
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from planner.units import Array
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+@cache
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def single_threaded(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Run ``function`` with linear algebra on one thread."""
+
+    @wraps(function)
+    def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with _controller().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return wrapped
+
+
+def canonical(values: Array) -> Array:
+    """Round to 11 significant digits, so that rounding noise breaks no tie: ties then fall to the lower index."""
+    values = np.asarray(values, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 10.0 ** (10 - np.floor(np.log10(np.abs(values))))
+    known = np.isfinite(scale) & np.isfinite(values) & (values != 0)
+    safe = np.where(known, scale, 1.0)
+    return np.where(known, np.round(np.where(known, values, 0.0) * safe) / safe, values)

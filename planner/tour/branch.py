@@ -1,0 +1,214 @@
+"""Branch and cut: the linear relaxation, cuts, and what is left to try one leg at a time, best bound first.
+
+Follows Padberg and Rinaldi, "A branch-and-cut algorithm for the resolution of large-scale symmetric traveling
+salesman problems", SIAM Review 33 (1991). Limits are counts of nodes and rounds, never seconds.
+"""
+
+from dataclasses import dataclass
+from heapq import heappop, heappush
+
+import numpy as np
+
+from planner.tour.cuts import separate
+from planner.tour.instance import Instance, IntArray
+from planner.tour.local_search import LocalSearch, nearest_neighbours
+from planner.tour.relaxation import GRID, Relaxation
+from planner.units import Array
+
+_FIRST_NEIGHBOURS = 6
+_STALLED_ROUNDS = 8  # rounds of cuts that gain less than _GAIN of the gap before branching
+_GAIN = 0.02
+_CANDIDATES = 8  # legs tried by strong branching
+_TRIAL_ITERATIONS = 60
+_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # where the candidates for a free end are split in two
+_WHOLE = 1e-6  # a value closer than this to 0 or 1 is not fractional
+
+Choice = tuple[tuple[int, ...], float]  # legs, and the value that all of them take
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A tour, the proven lower bound [units of cost] and how many nodes of the search tree were opened."""
+
+    tour: list[int]
+    bound: int
+    nodes: int
+
+
+class BranchAndCut:
+    """Proves how short a tour can be, and finds a shorter one where there is."""
+
+    def __init__(self, instance: Instance, search: LocalSearch) -> None:
+        self._instance = instance
+        self._search = search
+        self._size = len(instance.cost)
+        self.tour = list(search.tour)
+        self.length = instance.length(self.tour)
+        legs = [
+            (i, int(j)) for i, row in enumerate(nearest_neighbours(instance.weighted(), _FIRST_NEIGHBOURS)) for j in row
+        ]
+        self._relaxation = Relaxation(instance, self.length, legs + self._legs())
+        self._nodes = 0
+
+    def run(self, kicks: int, nodes: int) -> Outcome:
+        """Bound at the root, improve the tour by what the root has taught, and branch over at most ``nodes`` nodes."""
+        relaxation = self._relaxation
+        self._root()
+        reduced = relaxation.reduced()
+        self._search.neighbours = nearest_neighbours(reduced, _FIRST_NEIGHBOURS)
+        self._search.improve(kicks)
+        self._accept(self._search.tour)
+        self._root()
+        reduced = relaxation.reduced()
+        bound = -(-relaxation.bound_all(reduced) // GRID)
+        if bound < self.length:
+            self._keep(reduced, relaxation.bound_all(reduced))
+            bound = self._branch(bound, nodes)
+        return Outcome(self.tour, min(bound, self.length), self._nodes)
+
+    def _legs(self) -> list[tuple[int, int]]:
+        return list(zip(self.tour, self.tour[1:] + self.tour[:1], strict=True))
+
+    def _accept(self, tour: list[int]) -> None:
+        if len(set(tour)) < self._size:
+            return
+        length = self._instance.length(tour)
+        if length < self.length:
+            self.tour, self.length = list(tour), length
+
+    def _root(self) -> None:
+        """Cut, then let in every leg with a negative reduced cost, until neither changes anything."""
+        relaxation = self._relaxation
+        self._add(np.array([sorted(leg) for leg in self._legs()]))
+        while True:
+            self._cut_loop()
+            reduced = relaxation.reduced()
+            if not self._add(np.argwhere(np.triu(reduced < 0, 1))):
+                return
+
+    def _add(self, legs: IntArray) -> bool:
+        """Let in the legs (k, 2) that are not yet."""
+        relaxation = self._relaxation
+        there = np.zeros((self._size, self._size), dtype=np.bool_)
+        there[relaxation.tail, relaxation.head] = True
+        fresh = legs[~there[legs[:, 0], legs[:, 1]]]
+        if len(fresh):
+            relaxation.add_legs(fresh)
+        return len(fresh) > 0
+
+    def _keep(self, reduced: IntArray, bound: int) -> None:
+        """Hold exactly the legs that a tour shorter than the best known can use, whatever the branch."""
+        relaxation = self._relaxation
+        useful = np.triu(reduced <= (self.length - 1) * GRID - bound, 1)
+        if self._instance.required is not None:
+            a, b = sorted(self._instance.required)
+            useful[a, b] = True
+        relaxation.drop_legs(useful[relaxation.tail, relaxation.head])
+        self._add(np.argwhere(useful))
+
+    def _cut_loop(self) -> bool:
+        """Solve and cut until nothing is violated or gains stall; return False if no point is left."""
+        relaxation = self._relaxation
+        before, stalled = -np.inf, 0
+        while True:
+            if not relaxation.solve():
+                return False
+            value = relaxation.objective()
+            if value >= self.length + 1:
+                return True
+            stalled = stalled + 1 if value - before < _GAIN * (self.length - value) else 0
+            before = max(before, value)
+            if stalled >= _STALLED_ROUNDS and len(self._fractional()):
+                return True
+            if not relaxation.add_cuts(separate(relaxation.x, self.tour)):
+                return True
+            relaxation.drop_idle_cuts()
+
+    def _fractional(self) -> IntArray:
+        values = self._relaxation.values
+        return np.flatnonzero((values > _WHOLE) & (values < 1.0 - _WHOLE))
+
+    def _branch(self, bound: int, limit: int) -> int:
+        """Search the tree; return the proven lower bound on a tour [units]."""
+        relaxation = self._relaxation
+        base = relaxation.lower.copy(), relaxation.upper.copy()
+        heap: list[tuple[int, int, tuple[Choice, ...]]] = [(bound, 0, ())]
+        unresolved = self.length
+        serial = 0
+        while heap and heap[0][0] < self.length and self._nodes < limit:
+            bound, _, choices = heappop(heap)
+            self._nodes += 1
+            lower, upper = _with_choices(base, choices)
+            relaxation.bound_legs(lower, upper)
+            if not self._cut_loop():
+                if not relaxation.proves_empty():
+                    unresolved = min(unresolved, bound)
+                continue
+            bound = max(bound, -(-relaxation.bound_here(relaxation.reduced()) // GRID))
+            if bound >= self.length:
+                continue
+            fractional = self._fractional()
+            if not len(fractional):
+                self._accept(_cycle(relaxation.x))
+                unresolved = min(unresolved, bound)
+                continue
+            for choice in self._choose(fractional, (lower, upper)):
+                serial += 1
+                heappush(heap, (bound, -serial, (*choices, choice)))
+        return min([unresolved, self.length] + [entry[0] for entry in heap[:1]])
+
+    def _choose(self, fractional: IntArray, limits: tuple[Array, Array]) -> tuple[Choice, Choice]:
+        """Return the two alternatives that raise the bound most in a few simplex iterations."""
+        relaxation = self._relaxation
+        values, start = relaxation.values[fractional], relaxation.objective()
+        nearest = fractional[np.argsort(np.abs(values - 0.5), kind="stable")[:_CANDIDATES]]
+        options: list[tuple[Choice, Choice]] = [(((int(leg),), 1.0), ((int(leg),), 0.0)) for leg in nearest]
+        options += self._ends_apart()
+        scores = []
+        for option in options:
+            gains = []
+            for choice in option:
+                relaxation.bound_legs(*_with_choices(limits, (choice,)))
+                solved = relaxation.solve(_TRIAL_ITERATIONS)
+                gains.append(max(relaxation.objective() - start, 1e-6) if solved else float(self.length))
+            scores.append(min(gains) * 10.0 + max(gains))
+        return options[int(np.argmax(scores))]
+
+    def _ends_apart(self) -> list[tuple[Choice, Choice]]:
+        """Alternatives for a free end: it lies in one stretch of the best tour, or in the rest.
+
+        One leg at a time would say little: the next pose of the same cluster is nearly as good an end.
+        """
+        instance, relaxation = self._instance, self._relaxation
+        if instance.required is None or self._size == instance.n:
+            return []
+        place = np.argsort(self.tour)
+        legs = np.flatnonzero((relaxation.head == instance.n) & (relaxation.lower < 1.0) & (relaxation.upper > 0.0))
+        legs = legs[np.argsort(place[relaxation.tail[legs]], kind="stable")]
+        share = np.cumsum(relaxation.values[legs])
+        options: list[tuple[Choice, Choice]] = []
+        for fraction in _SHARES:
+            cut = int(np.searchsorted(share, fraction)) + 1
+            first, second = tuple(legs[:cut].tolist()), tuple(legs[cut:].tolist())
+            if first and second and share[cut - 1] < 1.0 - _WHOLE:
+                options.append(((first, 0.0), (second, 0.0)))
+        return options
+
+
+def _with_choices(base: tuple[Array, Array], choices: tuple[Choice, ...]) -> tuple[Array, Array]:
+    lower, upper = base[0].copy(), base[1].copy()
+    for legs, value in choices:
+        lower[list(legs)] = upper[list(legs)] = value
+    return lower, upper
+
+
+def _cycle(x: Array) -> list[int]:
+    """Read the tour off a point that is one."""
+    near = [np.flatnonzero(row > 0.5).tolist() for row in x]
+    tour, before = [0], -1
+    while len(tour) < len(x):
+        here = tour[-1]
+        following = near[here][0] if near[here][0] != before else near[here][1]
+        before = here
+        tour.append(following)
+    return tour

@@ -1,0 +1,22 @@
+"""The solver that is always there: local search for a tour, branch and cut for the proof."""
+
+from planner.tour.branch import BranchAndCut, Outcome
+from planner.tour.instance import Instance
+from planner.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours
+
+_NEIGHBOURS = 8
+_WORK = 200_000  # nodes of the search tree times nodes of the tour; what 200 poses need is 1 % of it
+
+
+def first_search(instance: Instance, seed: int) -> LocalSearch:
+    """Return a local search that has come to a good tour, a few per cent at most above the best."""
+    weight = instance.weighted()
+    search = LocalSearch(weight, nearest_neighbours(weight, _NEIGHBOURS), greedy_tour(weight), seed)
+    search.improve(len(weight) // 2)
+    return search
+
+
+def solve_embedded(instance: Instance, search: LocalSearch) -> Outcome:
+    """Return the best tour found from ``search`` on, and the lower bound proven for it."""
+    size = len(instance.cost)
+    return BranchAndCut(instance, search).run(kicks=2 * size, nodes=max(50, _WORK // size))

@@ -1,0 +1,117 @@
+"""From chosen steps to time: each timed by ruckig with one degree of freedom along the path, laid end to end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+
+from planner.errors import PlannerError
+from planner.trajectory.profile import Steps
+from planner.units import Array, frozen
+
+TOLERANCE = 1e-6  # relative to a step's own length and speed: ruckig's own accuracy is 1e-8
+
+
+@dataclass(frozen=True)
+class Phases:
+    """s(t) as K polynomials of degree three.
+
+    t (K,) [s] when each begins; s [m], speed [m/s], acceleration [m/s²] at that time and jerk [m/s³] throughout, each
+    (K,); duration [s] of all together.
+    """
+
+    t: Array
+    s: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    duration: float
+
+    def at(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Return s, ds/dt, d²s/dt² and d³s/dt³, each (n,), at times t (n,) within [0, duration]."""
+        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, None)
+        x = t - self.t[k]
+        v, a, j = self.speed[k], self.acceleration[k], self.jerk[k]
+        s = self.s[k] + x * (v + x * (a / 2.0 + x * j / 6.0))
+        return s, v + x * (a + x * j / 2.0), a + x * j, j
+
+    def time_at(self, s: Array) -> Array:
+        """Return the first time (n,) at which each s (n,) is reached."""
+        k = np.clip(np.searchsorted(self.s, s, side="left") - 1, 0, None)
+        low = self.t[k]
+        high = np.append(self.t, self.duration)[k + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            x = middle - self.t[k]
+            way = self.s[k] + x * (self.speed[k] + x * (self.acceleration[k] / 2.0 + x * self.jerk[k] / 6.0))
+            low, high = np.where(way < s, middle, low), np.where(way < s, high, middle)
+        return high
+
+
+def time_steps(steps: Steps, edge: Array, wait: Array) -> tuple[Phases, Array]:
+    """Time the steps between the ends ``edge`` [m], resting for ``wait`` [s] at each end (both (S+1,)).
+
+    Returns the phases and the time (S+1,) [s] of arrival at each end at which a step begins or ends, NaN at the others.
+    """
+    moves = _ruckig_phases(steps)
+    moves[:, :, 1] += edge[steps.first][:, None]
+    at = np.append(steps.first, len(edge) - 1)
+    rest = np.zeros((len(at), 1, 5))
+    rest[:, 0, 0], rest[:, 0, 1] = wait[at], edge[at]
+    nothing = np.zeros((1, 7, 5))
+    table = np.concatenate([rest, np.concatenate([moves, nothing])], axis=1).reshape(-1, 5)[:-7]
+    start = np.concatenate([[0.0], np.cumsum(table[:, 0])])
+    arrival = np.full(len(edge), np.nan)
+    arrival[at] = start[:-1:8]
+    kept = table[:, 0] > 0.0
+    kept[-1] = True  # the rest at the end, though it lasts no time
+    s, speed, acceleration, jerk = (frozen(column) for column in table[kept, 1:].T)
+    return Phases(frozen(start[:-1][kept]), s, speed, acceleration, jerk, float(start[-1])), frozen(arrival)
+
+
+def stand_still(wait: float) -> Phases:
+    """Return the phases of a tour that rests at its only point for ``wait`` [s]."""
+    zero = frozen(np.zeros(1))
+    return Phases(zero, zero, zero, zero, zero, wait)
+
+
+def _ruckig_phases(steps: Steps) -> Array:
+    """Return duration, s, ds/dt, d²s/dt², d³s/dt³ at the start of the seven phases of every step: (n, 7, 5).
+
+    Each is solved with its length and its speed bound as the units, so ruckig's absolute tolerances suit any size.
+    """
+    time_unit = steps.length / steps.speed
+    scaled = np.column_stack(
+        [
+            steps.v0 / steps.speed,
+            steps.v1 / steps.speed,
+            steps.acceleration * time_unit / steps.speed,
+            steps.jerk * time_unit**2 / steps.speed,
+        ]
+    )
+    solver, move, answer = ruckig.Ruckig(1), ruckig.InputParameter(1), ruckig.Trajectory(1)
+    move.current_position, move.current_acceleration = [0.0], [0.0]
+    move.target_position, move.target_acceleration = [1.0], [0.0]
+    move.max_velocity = [1.0]
+    rows = []
+    for i, (v0, v1, acceleration, jerk) in enumerate(scaled.tolist()):
+        move.current_velocity, move.target_velocity = [v0], [v1]
+        move.max_acceleration, move.max_jerk = [acceleration], [jerk]
+        result = solver.calculate(move, answer)
+        if result != ruckig.Result.Working:
+            raise PlannerError(f"ruckig could not time step {i} of the path: {result.name}")
+        p = answer.profiles[0][0]
+        if p.brake.duration > 0.0 or min(p.v) < -TOLERANCE or max(p.v) > 1.0 + TOLERANCE:
+            raise PlannerError(f"ruckig timed step {i} of the path with a speed outside 0 to its bound")
+        rows.append((p.t, p.p[:7], p.v[:7], p.a[:7], p.j))
+    unit = np.stack(
+        [
+            time_unit,
+            steps.length,
+            steps.speed,
+            steps.speed / time_unit,
+            steps.speed / time_unit**2,
+        ],
+        axis=1,
+    )
+    return np.array(rows).transpose(0, 2, 1) * unit[:, None, :]

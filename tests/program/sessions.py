@@ -1,0 +1,87 @@
+"""Measuring sessions to write in every dialect."""
+
+import numpy as np
+
+from planner.program import (
+    Comment,
+    Dwell,
+    Instruction,
+    JointMove,
+    LogAxes,
+    Pause,
+    Program,
+    Section,
+    Sync,
+    WaitInput,
+)
+
+PLAN_ID = "0123456789ab"
+
+
+def angles(n_joints: int, n_poses: int, seed: int = 0) -> list[tuple[float, ...]]:
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-120.0, 120.0, (n_poses, n_joints))
+    q[0, :2] = [-1e-7, 1e-5]  # must be printed neither as -0.0 nor with an exponent
+    return [tuple(row) for row in q.tolist()]
+
+
+def _frame(n_joints: int, tour: list[Instruction]) -> Program:
+    home = (0.0, -10.0, 0.0, 0.0, 90.0, 0.0, 5.0, 5.0)[:n_joints]
+    mount = (40.0, -20.0, -60.0, 0.0, 45.0, 1.0, 2.0, 3.0)[:n_joints]
+    start = [
+        Section("home to mount, without the bar"),
+        JointMove(home, 6.0, 500.0, 20.0),
+        JointMove(mount, 4.0, 800.0, 35.0),
+        Pause('attach the bar (both balls); zero it with the "350 mm" master\'s help \\ öäü'),
+        WaitInput("gauge ready"),
+        Section("tour"),
+    ]
+    end = [
+        JointMove(mount, 30.0, 16.6, 0.61),
+        Pause("take the bar off"),
+        JointMove(home, 4.0, 800.0, 35.9),
+        Comment("end; of (the) session"),
+    ]
+    return Program(PLAN_ID, "comau-nj130", n_joints, home, tuple([*start, *tour, *end]), tool=1, base=0, load=2)
+
+
+def static(n_joints: int = 6, n_poses: int = 4) -> Program:
+    """At each pose: rest, settle, mark, log, dwell."""
+    tour: list[Instruction] = []
+    for pose, q in enumerate(angles(n_joints, n_poses), start=1):
+        tour += [JointMove(q, 7.3, 16.6, 0.52, pose=pose), Dwell(0.5), Sync(pose), LogAxes(pose), Dwell(1.25)]
+    return _frame(n_joints, tour)
+
+
+def continuous(n_joints: int = 6, n_poses: int = 4) -> Program:
+    """Rounded at the poses, marked in passing; a support point in between."""
+    tour: list[Instruction] = []
+    for pose, q in enumerate(angles(n_joints, n_poses), start=1):
+        tour += [JointMove(q, 37.3, 16.6667, 0.52, 10.0, pose, 700.0), Sync(pose)]
+        support = tuple(x + 3.0 for x in q)
+        tour.append(JointMove(support, 5.0, 16.0, 0.7, 7.5))
+    return _frame(n_joints, tour)
+
+
+def mixed(n_joints: int = 6, n_poses: int = 2) -> Program:
+    """A tour in passing, with remarks between, and then the same poses once more at rest."""
+    tour: list[Instruction] = []
+    for item in continuous(n_joints, n_poses).instructions[6:-4]:
+        tour += [item, Comment("a remark")]
+    last = angles(n_joints, 1, seed=1)[0]
+    tour += [JointMove(last, 20.0, 16.0, 0.5), Section("repeat")]
+    tour += static(n_joints, n_poses).instructions[6:-4]
+    return _frame(n_joints, tour)
+
+
+def dense(n_joints: int = 6, n_steps: int = 200) -> Program:
+    """A curve in steps below one degree, as a controller needs it that knows no millimetres."""
+    s = np.linspace(0.0, 2.0 * np.pi, n_steps)
+    mount = np.array((40.0, -20.0, -60.0, 0.0, 45.0, 1.0, 2.0)[:n_joints])
+    q = mount + 10.0 * (1.0 - np.cos(s))[:, None] * np.linspace(0.4, 1.0, n_joints)
+    tour: list[Instruction] = []
+    for index, row in enumerate(q.tolist()):
+        tour.append(JointMove(tuple(row), 0.123, 16.0, 0.5, 10.0 if index < n_steps - 1 else 0.0))
+        if index % 50 == 25:
+            tour.append(Sync(index))
+    return _frame(n_joints, tour)
