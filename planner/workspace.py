@@ -17,6 +17,7 @@ from planner.units import Array
 
 Stage = str
 STAGES: tuple[Stage, ...] = ("joint_limits", "workspace", "cones", "cable")
+ROOM = 2e-3  # [m or rad] that a measuring pose keeps from every limit, so that a path can reach it
 SIDE = np.array([1.0, 0.0, 0.0])
 
 
@@ -63,7 +64,7 @@ class Workspace:
         return np.column_stack([at_fixture, cell.gauge.cone_map - tilt(-bar.direction, cell.map_axis(q))])
 
     def spin(self, q: Array) -> Array:
-        """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at home's own turn of the flange.
+        """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero where the bar is attached (at home while no mount pose is chosen).
 
         A line painted on the bar is carried without twist from the fixture's axis to the bar's direction, another
         from the tool's axis to the bar; the angle between them is what a cable along the bar is twisted by.
@@ -94,7 +95,7 @@ class Workspace:
 
     @cached_property
     def _zero(self) -> Array:
-        mount = self.cell.gauge.mount
+        mount = self.cell.fixtures[self.fixture].mount
         return (self.cell.home if mount is None else mount)[None]
 
     def _raw_spin(self, q: Array) -> Array:

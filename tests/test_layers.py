@@ -9,7 +9,7 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "errors", "units", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "model", "workspace",
-    "collision", "candidates", "observability", "selection", "tour", "path", "trajectory", "program", "plan",
+    "collision", "candidates", "observability", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
     "report", "study", "workflow", "cli",
 ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from planner.collision import CollisionWorld
 from planner.collision.world import available_threads
 from planner.errors import NoSolutionError
 from planner.units import Array, frozen
-from planner.workspace import STAGES, Workspace
+from planner.workspace import ROOM, STAGES, Workspace
 
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
@@ -129,7 +129,7 @@ def _filter(sample: ShellSample, workspace: Workspace, world: CollisionWorld) ->
         results = list(threads.map(lambda q: _stages(q, workspace), chunks))
     q = np.vstack([r[0] for r in results]) if results else sample.q
     counts = np.sum([r[1] for r in results], axis=0) if results else np.zeros(len(STAGES), int)
-    free = q[~world.collides(q)]
+    free = q[~world.collides(q, world.cell.motion.clearance + ROOM)]
     # states that the arcs never visited passed the joint limits as well
     outside = sample.stands_for - len(sample.q)
     within, shell, cones, cable = (int(c) for c in counts)
@@ -139,7 +139,7 @@ def _filter(sample: ShellSample, workspace: Workspace, world: CollisionWorld) ->
 def _stages(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
     counts = []
     for stage in STAGES:
-        q = q[(workspace.stage(stage, q) > 0).all(axis=1)]
+        q = q[(workspace.stage(stage, q) > ROOM).all(axis=1)]
         counts.append(len(q))
     return q, counts
 

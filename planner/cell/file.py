@@ -73,6 +73,7 @@ class FixtureFile(Strict):
     position_mm: Vector
     axis: Vector = (0.0, 0.0, 1.0)
     prior_mm: PositiveFloat = 5.0
+    mount_deg: tuple[float, ...] | None = None
 
 
 class BallFile(Strict):

@@ -27,17 +27,21 @@ class Tool:
 
 @dataclass(frozen=True)
 class Fixture:
-    """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m]."""
+    """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m].
+
+    ``mount`` (N,) [rad] is the pose where the bar is attached, ``None`` until one is chosen.
+    """
 
     name: str
     p_BX: Array
     axis_B: Array
     prior: float
+    mount: Array | None = None
 
 
 @dataclass(frozen=True)
 class Gauge:
-    """A length gauge: range [m], noise [m], cones [rad], body [m]; ``mount`` (N,) [rad] or ``None``."""
+    """A length gauge: range [m], noise [m], cones [rad], body [m]."""
 
     kind: str
     length_min: float
@@ -45,7 +49,6 @@ class Gauge:
     noise: float
     cone_fixture: float
     cone_map: float
-    mount: Array | None
     zero_free: bool
     radius: float
     housing: float

@@ -61,8 +61,8 @@ def read_cell(path: Path, name: str) -> Cell:
         robot=robot,
         home=home,
         tool=_tool(path, file.tool, robot),
-        gauge=_gauge(path, robot, file.gauge),
-        fixtures=tuple(_fixture(path, f) for f in file.fixtures),
+        gauge=_gauge(path, file.gauge),
+        fixtures=tuple(_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
         motion=_motion(file),
         cable=_cable(path, file, robot),
@@ -125,12 +125,15 @@ def _tool(path: Path, tool: ToolFile | None, robot: Robot) -> Tool:
     )
 
 
-def _fixture(path: Path, f: FixtureFile) -> Fixture:
+def _fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None) -> Fixture:
+    key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
+    angles = f.mount_deg or common
+    mount = None if angles is None else _angles(path, robot, key, angles)
     axis = _unit(path, f"fixtures.{f.name}.axis", f.axis)
-    return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM)
+    return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
 
 
-def _gauge(path: Path, robot: Robot, g: GaugeFile) -> Gauge:
+def _gauge(path: Path, g: GaugeFile) -> Gauge:
     if g.length_mm is None:
         raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
     if g.body.housing_mm + g.body.trim_mm > g.length_mm[0]:
@@ -138,7 +141,6 @@ def _gauge(path: Path, robot: Robot, g: GaugeFile) -> Gauge:
             f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far ball "
             f"do not fit into the shortest length {g.length_mm[0]:g} mm"
         )
-    mount = None if g.mount_deg is None else _angles(path, robot, "gauge.mount_deg", g.mount_deg)
     return Gauge(
         kind=g.kind,
         length_min=g.length_mm[0] * MM,
@@ -146,7 +148,6 @@ def _gauge(path: Path, robot: Robot, g: GaugeFile) -> Gauge:
         noise=g.noise_um * UM,
         cone_fixture=float(from_deg(g.cone_deg.fixture)),
         cone_map=float(from_deg(g.cone_deg.map)),
-        mount=mount,
         zero_free=g.zero == "free",
         radius=g.body.radius_mm * MM,
         housing=g.body.housing_mm * MM,

@@ -1,7 +1,7 @@
 """How far tool and bar can get while the joints move within a small neighbourhood of a state.
 
-A neighbourhood is a state q and spokes δ_1 … δ_M: everything in the convex hull of q + δ_m (and q itself; of q ± δ for a
-motion, M = 1). From q to any of its points the arm goes straight, q + t δ. A point x of the arm then moves by at most
+A neighbourhood is a state q and spokes δ_1 … δ_M: the convex hull of the q + δ_m (for a motion, M = 1, of q ± δ).
+From q to any of its points the arm goes straight, q + t δ. A point x of the arm then moves by at most
 
     |J δ| + ½ Σ_ij |δ_i| |δ_j| r_max(i,j),      r_j the largest distance of x from axis j,
 

@@ -7,13 +7,12 @@ import numpy as np
 from planner.cell import Cell
 from planner.collision import Scene
 from planner.path.distances import CoalPairs, FclPairs
+from planner.path.extremes import Extremes, extremes
 from planner.path.pair_bounds import PairBounds
 from planner.path.proof import Proof, Prover
 from planner.path.workspace_bounds import WorkspaceBounds
 from planner.units import MM, Array, to_deg, to_mm
 from planner.workspace import Workspace
-
-FCL_TRUST = 0.95  # python-fcl was seen to overestimate far distances by up to 3 %
 
 
 class Constraints:
@@ -41,10 +40,10 @@ class Constraints:
 
     def valid(self, q: Array) -> np.ndarray:
         """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""
-        out = (self.bounds.margins(q, self.bounds.kinematics.at(q)) > 0.0).all(axis=1)
-        rows = np.flatnonzero(out)
+        rows = np.flatnonzero((self.bounds.margins(q, self.bounds.kinematics.at(q)) > 0.0).all(axis=1))
+        out = np.zeros(len(q), dtype=bool)
         out[rows] = ~self.world.near(q[rows], self.clearance)
-        return np.asarray(out)
+        return out
 
     def reason(self, q: Array) -> str | None:
         """Say what is wrong with the state q (N,) [rad], or ``None``."""
@@ -57,15 +56,23 @@ class Constraints:
 
     def prove(self, q_from: Array, q_to: Array) -> Proof:
         """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""
-        return self._prover.prove(np.stack([q_from, q_to], axis=1))
+        return self.prove_corners(np.stack([q_from, q_to], axis=1))
 
     def prove_triangles(self, q_entry: Array, q_corner: Array, q_exit: Array) -> Proof:
         """Prove every state in the triangles (m, N) × 3 [rad]: a blended corner stays in one of them."""
-        return self._prover.prove(np.stack([q_entry, q_corner, q_exit], axis=1))
+        return self.prove_corners(np.stack([q_entry, q_corner, q_exit], axis=1))
+
+    def prove_corners(self, corners: Array) -> Proof:
+        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2) or triangles (K = 3)."""
+        return self._prover.prove(corners)
 
     def judge(self, corners: Array) -> Proof:
-        """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances, a part of them counted on."""
+        """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
         return self._judge.prove(corners)
+
+    def extremes(self, corners: Array, tolerance: float) -> Extremes:
+        """Smallest clearance and extreme lengths over motions or triangles (m, K, N) [rad], to ``tolerance`` [m]."""
+        return extremes(self._prover, corners, tolerance)
 
     def failure(self, proof: Proof, k: int) -> str | None:
         """Say which constraint motion ``k`` of a proof fails, and where, or ``None``."""
@@ -83,7 +90,7 @@ class Constraints:
 
     @cached_property
     def _judge(self) -> Prover:
-        return Prover(self.bounds, self.pairs, FclPairs(self.scene), self.clearance, FCL_TRUST)
+        return Prover(self.bounds, self.pairs, FclPairs(self.scene), self.clearance)
 
     def _overrun(self, column: int, margin: float) -> str:
         stage, name = self.workspace.columns[column]

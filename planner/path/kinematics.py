@@ -71,7 +71,7 @@ class Kinematics:
     @cached_property
     def _zero(self) -> float:
         """Twist at the state where the bar is attached; which lines are painted on the bar then cancels."""
-        mount = self.cell.gauge.mount
+        mount = self.cell.fixtures[self.fixture].mount
         q = (self.cell.home if mount is None else mount)[None]
         motion = self._chain.forward(self.cell.robot.theta(q))
         direction = bar_state(motion.x.T, self.cell.fixtures[self.fixture].p_BX).direction

@@ -7,7 +7,7 @@ proven together.
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from planner.path.constraints import Constraints
 from planner.units import Array
@@ -38,6 +38,16 @@ class LazyGraph:
         self.known = np.full(len(self.edges), UNKNOWN)
         self._key = self.edges[:, 0] * len(q) + self.edges[:, 1]
 
+    def add_way(self, ends: np.ndarray, way: Array) -> None:
+        """Add a proven way (k, N) [rad] between two states that the graph has."""
+        inner = len(self.q) + np.arange(len(way) - 2)
+        chain = np.concatenate([ends[:1], inner, ends[1:]])
+        new = np.column_stack([chain[:-1], chain[1:]])
+        grown = LazyGraph(self.constraints, np.concatenate([self.q, way[1:-1]]), np.concatenate([self.edges, new]))
+        grown.known[grown._rows(self.edges)] = self.known
+        grown.known[grown._rows(new)] = PROVEN
+        self.__dict__.update(grown.__dict__)
+
     def strike(self, edges: np.ndarray) -> None:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
         self.known[self._rows(edges)] = BROKEN
@@ -52,6 +62,8 @@ class LazyGraph:
         found: list[list[int] | None] = [None] * len(wanted)
         open_ = list(range(len(wanted)))
         for _ in range(rounds):
+            if not open_:
+                break
             ways = self._search(wanted[open_])
             asked = [self._rows(np.column_stack([w[:-1], w[1:]])) if w else np.zeros(0, int) for w in ways]
             self._prove(np.unique(np.concatenate([np.zeros(0, int), *asked])))
@@ -62,9 +74,25 @@ class LazyGraph:
                 elif way:
                     later.append(k)
             open_ = later
-            if not open_:
-                break
         return found
+
+    def parts(self) -> np.ndarray:
+        """Number of the connected part of each state, (V,), largest part 0; proves no more edges than that takes."""
+        while True:
+            part = self._parts(self.known == PROVEN)
+            a, b = part[self.edges].T
+            rows = np.flatnonzero((self.known == UNKNOWN) & (a != b))
+            if len(rows) == 0:
+                return part
+            self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
+
+    def _parts(self, good: np.ndarray) -> np.ndarray:
+        a, b = self.edges[good].T
+        graph = csr_array((np.ones(len(a)), (a, b)), shape=(len(self.q),) * 2)
+        part = connected_components(graph, directed=False)[1]
+        rank = np.empty(part.max() + 1, dtype=int)
+        rank[np.argsort(-np.bincount(part), kind="stable")] = np.arange(part.max() + 1)
+        return np.asarray(rank[part])
 
     def _search(self, wanted: np.ndarray) -> list[list[int] | None]:
         good = self.known != BROKEN
@@ -86,6 +114,15 @@ class LazyGraph:
         key = low * len(self.q) + high
         place = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
         return np.asarray(place[self._key[place] == key] if len(self._key) else place[:0])
+
+
+def _cheapest(rows: np.ndarray, ends: np.ndarray, cost: Array, size: np.ndarray) -> np.ndarray:
+    """Of edges between parts, the cheapest one of each part (Borůvka), and more of a larger part."""
+    both = np.tile(rows, 2)
+    part = ends.T.ravel()
+    order = np.lexsort((both, np.tile(cost, 2), part))
+    first = np.searchsorted(part[order], part[order])
+    return np.asarray(np.unique(both[order][np.arange(len(order)) - first < 1 + size[part[order]] // 8]))
 
 
 def _trace(before: np.ndarray, goal: int) -> list[int] | None:

@@ -20,7 +20,7 @@ RANGE = 1.0  # [s] longest motion of RRT-Connect
 
 
 def roadmap_edges(points: Array, neighbours: int, seed: int) -> np.ndarray:
-    """Return the edges (E, 2) of OMPL's PRM over points (V, N), each joined to its nearest; their proof is left for later.
+    """Return the edges (E, 2) of OMPL's PRM over points (V, N), each joined to its nearest; their proof comes later.
 
     Args:
         points: states in the planning metric, every one becomes a milestone, in this order.
@@ -98,7 +98,7 @@ def _countdown(count: int) -> Callable[[], bool]:
 
 
 def _space(low: Array, high: Array, seed: int) -> Any:
-    """Return the space information of a box in which every single state counts as valid: motions are what is checked."""
+    """Return the space information of a box in which every state counts as valid: motions are what is checked."""
     ou.noOutputHandler()
     ou.RNG.setSeed(seed + 1)
     bounds = ob.RealVectorBounds(len(low))

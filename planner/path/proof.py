@@ -1,7 +1,7 @@
 """Continuous proof that motions keep every constraint: adaptive bisection with a bound on every margin's change.
 
-A cell of the covering (an interval of a motion, or a triangle under a blended corner) is proven when at its centre every
-margin exceeds what the neighbourhood can use up; else it is cut in halves. All open cells of all motions are
+A cell of the covering (an interval of a motion, or a triangle under a blended corner) is proven when at its centre
+every margin exceeds what the neighbourhood can use up; else it is cut in halves. All open cells of all motions are
 treated in one batch a level, and a pair of bodies that is far enough for a whole cell is not asked again in its parts.
 """
 
@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.path.covering import Cells
 from planner.path.pair_bounds import PairBounds
 from planner.path.workspace_bounds import WorkspaceBounds
 from planner.units import Array
@@ -24,51 +25,6 @@ class Distances(Protocol):
 
     def wanted(self, q: Array, mask: np.ndarray) -> Array:
         """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Open neighbourhoods: the hull of K corners each, 2 for an interval of a motion, 3 for a triangle.
-
-    Attributes:
-        motion: which motion each belongs to, (n,).
-        corners: (n, K, N) [rad].
-        place: where each corner lies along its motion, (n, K), 0 … 1.
-    """
-
-    motion: np.ndarray
-    corners: Array
-    place: Array
-
-    @property
-    def q(self) -> Array:
-        """Centres (n, N) [rad]."""
-        return np.asarray(self.corners.mean(axis=1))
-
-    @property
-    def spokes(self) -> Array:
-        """From centre to corners (n, K, N) [rad]; one of the two is enough for an interval."""
-        spread = self.corners - self.q[:, None]
-        return spread[:, :1] if self.corners.shape[1] == 2 else spread
-
-    def take(self, rows: np.ndarray) -> "Cells":
-        """Return the cells ``rows``."""
-        return Cells(self.motion[rows], self.corners[rows], self.place[rows])
-
-    def halves(self) -> "Cells":
-        """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i."""
-        n, K = self.place.shape
-        ends = [(a, b) for a in range(K) for b in range(a + 1, K)]
-        length = np.stack([np.abs(self.corners[:, a] - self.corners[:, b]).sum(axis=1) for a, b in ends])
-        first, last = np.array(ends)[np.argmax(length, axis=0)].T
-        rows = np.arange(n)
-        middle = (self.corners[rows, first] + self.corners[rows, last]) / 2
-        centre = (self.place[rows, first] + self.place[rows, last]) / 2
-        one, two = self.corners.copy(), self.corners.copy()
-        one[rows, last], two[rows, first] = middle, middle
-        place_one, place_two = self.place.copy(), self.place.copy()
-        place_one[rows, last], place_two[rows, first] = centre, centre
-        return Cells(np.tile(self.motion, 2), np.concatenate([one, two]), np.concatenate([place_one, place_two]))
 
 
 @dataclass(frozen=True)
@@ -101,21 +57,17 @@ class Prover:
         workspace, pairs: the bounds.
         distances: the engine.
         clearance: smallest distance wanted [m].
-        trust: part of a found distance that is counted on (an engine may overestimate).
     """
 
     workspace: WorkspaceBounds
     pairs: PairBounds
     distances: Distances
     clearance: float
-    trust: float = 1.0
 
     def prove(self, corners: Array) -> Proof:
         """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles."""
-        m, K, _ = corners.shape
-        record = _Record(m)
-        cells = Cells(np.arange(m), corners, np.tile(np.linspace(0.0, 1.0, K), (m, 1)))
-        asked = np.ones((m, len(self.pairs.scene.pairs)), dtype=bool)
+        record, cells = _Record(len(corners)), Cells.of(corners)
+        asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
         for level in range(LEVELS):
             if len(cells.motion) == 0:
                 break
@@ -123,7 +75,7 @@ class Prover:
         return record.proof()
 
     def _level(self, cells: Cells, asked: np.ndarray, record: "_Record", last: bool) -> tuple[Cells, np.ndarray]:
-        """Look at every cell's centre; return the halves of those that are neither proven nor of a motion that failed."""
+        """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
         pose, far = self.workspace.travel(q, spokes)
         record.see_length(cells.motion, pose.length)
@@ -135,7 +87,7 @@ class Prover:
         record.evaluations += len(alive)
         record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
-        spare[alive] = self.trust * found - self.clearance
+        spare[alive] = found - self.clearance
         both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
         alive = record.drop(cells, both, both <= 0.0)
         open_ = alive[~(room[alive] > 0.0).all(axis=1)]

@@ -35,7 +35,9 @@ def pull(constraints: Constraints, ways: Sequence[Array], rng: np.random.Generat
     return ways
 
 
-def _pull_once(constraints: Constraints, ways: list[Array], places: list[tuple[int, int]], rng: np.random.Generator) -> None:
+def _pull_once(
+    constraints: Constraints, ways: list[Array], places: list[tuple[int, int]], rng: np.random.Generator
+) -> None:
     before, here, after = (np.array([ways[k][i + step] for k, i in places]) for step in (-1, 0, 1))
     tries = _tries(before, here, after, rng)  # (places, tries, N)
     n, t, N = tries.shape

@@ -51,6 +51,11 @@ def axis_limits(cell: Cell, bar: bool) -> Limits:
     return Limits(robot.speed * slow, robot.acceleration, robot.jerk)
 
 
+def tool_speed(cell: Cell, bar: bool) -> float:
+    """Limit of the tool point's speed [m/s]: the measuring speed where the gauge is read while moving, else none."""
+    return cell.motion.tool_speed if bar and is_continuous(cell) else np.inf
+
+
 def is_continuous(cell: Cell) -> bool:
     """Whether the gauge is read while moving."""
     return cell.motion.measure == "continuous"
@@ -63,24 +68,23 @@ def course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) ->
         measuring = measuring.there_and_back()
     rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
     dwell = np.where(measuring.visit > 0, rest, 0.0) * (measuring.blend == 0)
-    speed = cell.motion.tool_speed if moving else np.inf
     return Course(
         fixture,
         travel,
-        _timed(cell, travel, np.inf, np.zeros(len(travel.q)), axis_limits(cell, bar=False)),
+        _timed(cell, travel, np.zeros(len(travel.q)), bar=False),
         measuring,
-        _timed(cell, measuring, speed, dwell, axis_limits(cell, bar=True)),
+        _timed(cell, measuring, dwell, bar=True),
     )
 
 
-def _timed(cell: Cell, path: Waypoints, tool_speed: float, dwell: Array, limits: Limits) -> Trajectory:
+def _timed(cell: Cell, path: Waypoints, dwell: Array, bar: bool) -> Trajectory:
     return plan_trajectory(
         path.q,
         stop=path.blend == 0,
         blend_m=path.blend,
         tool_position=cell.map_position,
         tool_jacobian=cell.map_jacobian,
-        limits=limits,
-        tool_speed=tool_speed,
+        limits=axis_limits(cell, bar),
+        tool_speed=tool_speed(cell, bar),
         dwell=dwell,
     )

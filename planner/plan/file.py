@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from planner.choice import Choice
 from planner.observability import RULES
-from planner.plan.choice import Choice
 from planner.plan.course import DIGITS, Waypoints
 from planner.plan.types import Drive, Plan, Visit
 
@@ -120,7 +120,7 @@ def _path(drives: tuple[Drive, ...]) -> dict[str, object]:
         "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
         "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
         "verdicts": [
-            {"engine": v.engine, "proven": v.proven, "clearance_mm": v.clearance * 1e3}
+            {"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3}
             for d in drives
             for v in d.verdicts
         ],

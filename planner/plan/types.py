@@ -7,8 +7,8 @@ import numpy as np
 
 from planner.candidates import PoseSet
 from planner.cell import Cell
-from planner.path import Path
-from planner.plan.choice import Choice
+from planner.choice import Choice
+from planner.path import Path, Verdict
 from planner.plan.course import Course
 from planner.program import ProgramFile
 from planner.tour import Tour
@@ -42,15 +42,6 @@ class Visit:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What one engine says of a path: the smallest distance of any pair [m] and whether it is proven."""
-
-    engine: str
-    proven: bool
-    clearance: float
-
-
-@dataclass(frozen=True)
 class Drive:
     """What is driven with the bar on one fixture.
 
@@ -62,7 +53,7 @@ class Drive:
         travel: path from home to the mount pose without the bar.
         course: both, blended and timed as they are driven.
         limits: the trajectory held against the limits.
-        verdicts: of both collision engines.
+        verdicts: of both collision engines, on the measuring path and on the travel.
     """
 
     fixture: int

@@ -1,6 +1,7 @@
 """Pictures of the choice: index against number of poses, what the filters leave, what the poses teach."""
 
 from dataclasses import asdict
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,8 +54,8 @@ def funnel(plan: Plan) -> Picture:
     """What each filter leaves of the sampled states."""
     counts = [float(v) for v in asdict(plan.pool.funnel).values()]
     texts = [count(counts[0])]
-    texts += [f"{count(v)}   {sized(100 * v / u if u else 0.0)} % pass" for u, v in zip(counts, counts[1:], strict=False)]
-    bars = Series("", np.array(counts), np.arange(len(counts)), BLUE, "bars", texts=tuple(texts))
+    texts += [f"{count(v)}   {sized(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
+    bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
     panel = Panel(
         "",
         "states that are left (each division is ten times the one before)",

@@ -122,4 +122,5 @@ def _what(cell: Cell, p: Parameter) -> str:
         return f"tool point along {'xyz'[t.axis]} of the flange"
     if t.joint is not None:
         return f"zero of joint {t.joint + 1}"
-    return f"shift along {'xyz'[t.axis]}" if t.kind == "translation" else f"turn about {'xyz'[t.axis]}"
+    link = int(np.searchsorted(cell.robot.link_end, p.index, side="right"))
+    return f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"

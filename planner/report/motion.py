@@ -18,7 +18,14 @@ def tour(drive: Drive, both: Rounds, suffix: str) -> Picture:
     scale = (0.0, float(both.unsorted_t[-1]))
     height = _span(angles)
     panels = [
-        Panel(f"{name}: {seconds(float(t[-1]))}", "time of the slowest axis (s)", "joint angle (deg)", _joints(t, q), x_range=scale, y_range=height)
+        Panel(
+            f"{name}: {seconds(float(t[-1]))}",
+            "time of the slowest axis (s)",
+            "joint angle (deg)",
+            _joints(t, q),
+            x_range=scale,
+            y_range=height,
+        )
         for name, t, q in (
             ("In the order of selection", both.unsorted_t, both.unsorted_q),
             ("In the order of the tour", both.sorted_t, both.sorted_q),
@@ -35,7 +42,15 @@ def tour(drive: Drive, both: Rounds, suffix: str) -> Picture:
 def joints(way: Driven, drive: Drive, suffix: str) -> Picture:
     """Joint angles as driven."""
     angles = to_deg(way.motion.q)
-    panel = Panel("", SECONDS, "joint angle (deg)", _joints(way.motion.t, way.motion.q), y_range=_span(angles), height=330)
+    panel = Panel(
+        "",
+        SECONDS,
+        "joint angle (deg)",
+        _joints(way.motion.t, way.motion.q),
+        x_range=_time(way),
+        y_range=_span(angles),
+        height=330,
+    )
     return Picture(f"joints{suffix}", "Joint angles as driven", _there(way), (panel,))
 
 
@@ -50,6 +65,7 @@ def bar(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
         "bar length (mm)",
         (Series("", t, to_mm(way.length), "#555555"), *_visits(way, drive)),
         limits=(Limit(low, f"shortest, {low:g} mm", below=True), Limit(high, f"longest, {high:g} mm")),
+        x_range=_time(way),
         y_range=(low - pad, high + pad),
     )
     cones = sorted({float(to_deg(c)) for c in (g.cone_fixture, g.cone_map)})
@@ -62,9 +78,12 @@ def bar(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
             for place, angle, colour in zip(("fixture", "tool"), way.tilt.T, (BLUE, ORANGE), strict=True)
         ),
         limits=tuple(Limit(c, f"largest tilt, {c:g} deg") for c in cones),
+        x_range=_time(way),
         y_range=(0.0, cones[-1] * 1.15),
     )
-    return Picture(f"bar{suffix}", "The bar along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
+    return Picture(
+        f"bar{suffix}", "The bar along the way", f"Points are measuring poses. {_there(way)}", (length, tilt)
+    )
 
 
 def speeds(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
@@ -78,6 +97,7 @@ def speeds(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
         "speed (mm/s)",
         (Series("", t, speed, BLUE),),
         limits=(Limit(limit, f"measuring speed, {limit:.3g} mm/s = {limit * 60:g} mm/min"),) if limited else (),
+        x_range=_time(way),
         y_range=(0.0, 1.25 * max(limit if limited else 0.0, float(speed.max()))),
     )
     share = 100 * way.share
@@ -86,6 +106,7 @@ def speeds(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
         SECONDS,
         "part of its limit (%)",
         tuple(Series(f"joint {j + 1}", t, s, JOINTS[j % len(JOINTS)], width=1.1) for j, s in enumerate(share.T)),
+        x_range=_time(way),
         y_range=(0.0, max(1.0, 1.15 * float(share.max()))),
     )
     return Picture(f"speeds{suffix}", "Speeds against their limits", _there(way), (tool, axes, _use(drive)))
@@ -103,7 +124,12 @@ def _use(drive: Drive) -> Panel:
         "",
         tuple(
             Series(
-                f"{kind}", 100 * use, place, JOINTS[k], "points", hover=tuple(f"{n} {kind}: {100 * u:.1f} %" for n, u in zip(names, use, strict=True))
+                f"{kind}",
+                100 * use,
+                place,
+                JOINTS[k],
+                "points",
+                hover=tuple(f"{n} {kind}: {100 * u:.1f} %" for n, u in zip(names, use, strict=True)),
             )
             for k, (kind, use) in enumerate(kinds)
         ),
@@ -124,9 +150,17 @@ def _visits(way: Driven, drive: Drive) -> list[Series]:
     out = []
     for role in [r for r in ROLES if (roles == r).any()]:
         at = np.flatnonzero(roles == role)
-        hover = tuple(f"pose {drive.visits[k].id}, {role}: {to_mm(way.passed_length[k]):.1f} mm at {way.passed[k]:.1f} s" for k in at)
+        hover = tuple(
+            f"pose {drive.visits[k].id}, {role}: {to_mm(way.passed_length[k]):.1f} mm at {way.passed[k]:.1f} s"
+            for k in at
+        )
         out.append(Series(role, way.passed[at], to_mm(way.passed_length[at]), ROLES[role], "points", hover=hover))
     return out
+
+
+def _time(way: Driven) -> tuple[float, float]:
+    """Room for a point at either end."""
+    return -0.008 * way.ends, 1.008 * way.ends
 
 
 def _span(angles: Array) -> tuple[float, float]:

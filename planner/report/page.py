@@ -7,7 +7,7 @@ from planner.observability import RULES
 from planner.plan import Drive, Plan
 from planner.report.data import Learnt
 from planner.report.picture import Picture
-from planner.report.words import certificate, count, percent, proven, seconds, sized
+from planner.report.words import certificate, percent, proven, seconds, sized
 from planner.units import to_deg, to_mm
 
 Row = tuple[str, ...]
@@ -57,7 +57,7 @@ def build_page(plan: Plan, rows: tuple[Learnt, ...], sections: tuple[Section, ..
     seen = plan.choice.seen
     return Page(
         title=f"Measuring plan for {plan.cell.robot.title}",
-        cell=plan.cell.name,
+        cell=_cell(plan.cell),
         plan_id=plan.plan_id,
         seed=plan.seed,
         facts=_facts(plan),
@@ -74,28 +74,37 @@ def build_page(plan: Plan, rows: tuple[Learnt, ...], sections: tuple[Section, ..
     )
 
 
+def _cell(cell: Cell) -> str:
+    g, names = cell.gauge, ", ".join(f.name for f in cell.fixtures)
+    reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
+    return f"cell {cell.name} · bar {reach} on fixture{'s' if len(cell.fixtures) > 1 else ''} {names}"
+
+
 def _facts(plan: Plan) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     choice, cell, drives = plan.choice, plan.cell, plan.drives
-    rule, bound, g = RULES[choice.index], choice.certificate, cell.gauge
+    rule, bound = RULES[choice.index], choice.certificate
     roles = [v.role for d in drives for v in d.visits]
     extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
     free = len(choice.seen.names)
     gap = rule.gap(choice.value, bound.value)
-    beyond = "better than any set of the candidates" if gap < 0 else f"within {percent(gap)} of the bound"
+    beyond = "better than the bound" if gap < 0 else f"at most {percent(gap)} from the bound"
+    sets = f"for any {bound.poses}" if bound.poses else "for any number"
     verdicts = [v for d in drives for v in d.verdicts]
     engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
     driving = sum(d.trajectory.duration_s for d in drives)
     both = cell.motion.both_ways and cell.motion.measure == "continuous"
-    names = ", ".join(f.name for f in cell.fixtures)
     return (
         ("poses", str(len(choice.q)), f"to calibrate{f', {extra}' if extra else ''}"),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
-        (choice.index, sized(choice.value, 4), rule.what),
-        ("bound", proven(bound.value, rule.maximise), f"{'proven; ' if bound.verified else 'not proven; '}{beyond}"),
+        (choice.index, sized(choice.value, 4), f"{rule.what}, {beyond}"),
+        (
+            "bound",
+            proven(bound.value, rule.maximise),
+            f"{'proven' if bound.verified else 'not proven'} {sets} candidates",
+        ),
         ("driving", seconds(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
         ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}"),
-        ("bar", f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm", f"on fixture {names}"),
     )
 
 
@@ -117,16 +126,20 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
     length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
     asked = f"{float(to_mm(cell.motion.clearance)):g} mm asked for"
+    ways = ("measuring path", "measuring path", "way without the bar", "way without the bar")
     verdicts = [
         (
-            f"judged by {v.engine}",
-            f"{'free, proven between the checked states too' if v.proven else 'not proven free'}; "
+            f"{way}, judged by {v.engine}",
+            f"{'free, proven between the checked states too' if v.clear else 'not proven free'}; "
             f"nearest pair {float(to_mm(v.clearance)):.1f} mm apart ({asked})",
         )
-        for v in drive.verdicts
+        for way, v in zip(ways, drive.verdicts, strict=True)
     ]
     return (
-        ("legs", f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"),
+        (
+            "legs",
+            f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something",
+        ),
         ("support poses", str(supports)),
         ("bar length", f"{length} of {float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"),
         *verdicts,

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from planner.report.picture import Limit, Panel, Picture, Series
 
 WIDTH, DPI, PX = 8.0, 160, 1 / 80  # [inch], dots an inch, inch a pixel of the page
+RULE = "#666666"
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
@@ -91,12 +92,13 @@ def _series(ax: Axes, series: Series, name: str) -> None:
 
 
 def _limit(ax: Axes, limit: Limit) -> None:
-    look = {"color": "#666666", "linewidth": 0.8, "linestyle": ":"}
     if limit.upright:
-        ax.axvline(limit.at, **look)
-        ax.annotate(limit.text, (limit.at, 1), (3, -3), xycoords=ax.get_xaxis_transform(), textcoords="offset points", va="top")
+        ax.axvline(limit.at, color=RULE, linewidth=0.8, linestyle=":")
+        ax.annotate(
+            limit.text, (limit.at, 1), (3, -3), xycoords=ax.get_xaxis_transform(), textcoords="offset points", va="top"
+        )
         return
-    ax.axhline(limit.at, **look)
+    ax.axhline(limit.at, color=RULE, linewidth=0.8, linestyle=":")
     down = -3 if limit.below else 3
     ax.annotate(
         limit.text,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.bodies import turn_z_to
 from planner.cell import Cell
 from planner.chain import Chain
 from planner.collision import Piece, build_scene
-from planner.bodies import turn_z_to
 from planner.gauge import bar_state
 from planner.plan import Drive, Plan
 from planner.report.data import driven
@@ -27,7 +27,7 @@ TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"
 
 @dataclass(frozen=True)
 class Moving:
-    """Bodies of one look that move: vertices [mm] in the frames of their carriers, ``carrier`` (v,) of each, colours (t,)."""
+    """Bodies that move: vertices [mm] in the frames of their carriers, ``carrier`` (v,) of each, colours (t,)."""
 
     name: str
     mesh: Mesh
@@ -98,15 +98,17 @@ def build_stage(plan: Plan) -> Stage:
     shells = _shells(cell)
     thin = np.linspace(0, len(plan.pool) - 1, min(CLOUD, len(plan.pool))).astype(int)
     seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
-    corners = np.vstack([*seen, *(s.vertices for s in shells)])
+    paths = tuple(to_mm(cell.map_position(driven(cell, d).motion.q)) for d in drives)
+    ways = tuple(to_mm(cell.map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives)
+    corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
     near = np.vstack([s.vertices for s in shells])
     return Stage(
         moving=moving,
         standing=_mm(joined(standing)) if standing else None,
         shells=shells,
         cloud=to_mm(cell.map_position(plan.pool.q[thin])),
-        paths=tuple(to_mm(cell.map_position(driven(cell, d).motion.q)) for d in drives),
-        ways=tuple(to_mm(cell.map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
+        paths=paths,
+        ways=ways,
         spots=tuple(s for d in drives for s in _spots(cell, d)),
         frames=frames,
         floor=None if cell.base.floor is None else float(to_mm(cell.base.floor)),
@@ -119,7 +121,6 @@ def build_stage(plan: Plan) -> Stage:
 
 def _moving(cell: Cell, pieces: tuple[Piece, ...]) -> tuple[Moving, ...]:
     """Group the moving pieces by look; carriers are links 0 … N, then the housing, then the rod."""
-    n = cell.robot.n_joints
     robot = [p for p in pieces if p.of_robot]
     tool = [p for p in pieces if p.carrier == "link" and not p.of_robot]
     bar = [p for p in pieces if p.of_bar]
@@ -128,7 +129,7 @@ def _moving(cell: Cell, pieces: tuple[Piece, ...]) -> tuple[Moving, ...]:
         ("tool", tool, [TOOL] * len(tool)),
         ("bar", bar, [HOUSING if p.carrier == "housing" else ROD for p in bar]),
     )
-    carrier = {"housing": n + 1, "rod": n + 2}
+    carrier = {"housing": cell.robot.n_joints + 1, "rod": cell.robot.n_joints + 2}
     return tuple(_group(name, parts, colours, carrier) for name, parts, colours in groups if parts)
 
 
@@ -145,8 +146,8 @@ def _frames(cell: Cell, drive: Drive, count: int) -> Frames:
     name = f"fixture {cell.fixtures[drive.fixture].name}   " if len(cell.fixtures) > 1 else ""
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
-        f"{name}{seconds(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   bar {to_mm(length):.1f} mm   "
-        f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
+        f"{name}{seconds(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
+        f"bar {to_mm(length):.1f} mm   axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )
     return Frames(carrier_poses(cell, drive.fixture, way.motion.q), labels)
@@ -174,7 +175,10 @@ def _shells(cell: Cell) -> tuple[Mesh, ...]:
 
 def _spots(cell: Cell, drive: Drive) -> list[Spot]:
     x = to_mm(cell.map_position(np.array([v.q for v in drive.visits])))
-    return [Spot(p, v.role, f"pose {v.id}, {v.role}: {to_mm(v.length):.1f} mm") for p, v in zip(x, drive.visits, strict=True)]
+    return [
+        Spot(p, v.role, f"pose {v.id}, {v.role}: {to_mm(v.length):.1f} mm")
+        for p, v in zip(x, drive.visits, strict=True)
+    ]
 
 
 def _mm(mesh: Mesh) -> Mesh:

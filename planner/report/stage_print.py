@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from planner.report.picture import ROLES
 from planner.report.printed import png, style
@@ -21,7 +21,7 @@ def view_png(stage: Stage) -> bytes:
     with style():
         figure = Figure(figsize=(10.0, 5.2))
         for k, (low, high) in enumerate(((stage.low, stage.high), (stage.near_low, stage.near_high))):
-            ax = figure.add_axes((0.5 * k, 0.06, 0.5, 0.92), projection="3d", computed_zorder=False)
+            ax = figure.add_axes((0.02 + 0.49 * k, 0.06, 0.47, 0.94), projection="3d", computed_zorder=False)
             _draw(ax, stage, low, high, near=bool(k))
         handles, labels = figure.axes[1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=9)
@@ -29,12 +29,16 @@ def view_png(stage: Stage) -> bytes:
 
 
 def _draw(ax: Axes3D, stage: Stage, low: Array, high: Array, near: bool) -> None:
-    # whatever lies outside the box would be drawn over the rest: only what is near is shown near
-    for shell in stage.shells[1::2] if near else stage.shells[1::2]:
-        ax.add_collection3d(Poly3DCollection(shell.vertices[shell.triangles], facecolor="#56B4E918", edgecolor="none", zorder=1))
+    for shell in stage.shells[1::2]:
+        ax.add_collection3d(
+            Poly3DCollection(shell.vertices[shell.triangles], facecolor="#56B4E918", edgecolor="none", zorder=1)
+        )
     if near:
         ax.plot(*stage.cloud.T, ".", color="#9A9A9A", markersize=0.8, alpha=0.6, zorder=2, label="candidates")
-    bodies = [(m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours) for m in stage.moving if not near or m.name == "bar"]
+    # what lies outside the box would be drawn over the rest, so the view from near shows the bar alone
+    bodies = [
+        (m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours) for m in stage.moving if not near or m.name == "bar"
+    ]
     if stage.standing is not None and not near:
         bodies.append((stage.standing.vertices, stage.standing.triangles, (STAND,) * len(stage.standing.triangles)))
     corners = np.vstack([v[t] for v, t, _ in bodies])

@@ -12,7 +12,8 @@ from planner.report.stage import STAND, Stage
 from planner.report.web import FONT, INK
 from planner.units import Array
 
-LIGHT = {"ambient": 0.55, "diffuse": 0.65, "specular": 0.06, "roughness": 0.9, "fresnel": 0.05}
+LIGHT = {"ambient": 0.72, "diffuse": 0.55, "specular": 0.04, "roughness": 0.9, "fresnel": 0.02}
+LAMP = {"x": 3000, "y": 4000, "z": 9000}
 BASE_AXIS, GRID = "rgba(0,0,0,0)", "#EEEEEE"
 SYMBOLS = {"calibrate": "circle", "repeat": "diamond", "validate": "square", "mount": "cross"}
 
@@ -20,17 +21,23 @@ SYMBOLS = {"calibrate": "circle", "repeat": "diamond", "validate": "square", "mo
 def view_json(stage: Stage) -> str:
     """Return the plotly figure of the view as JSON; the moving bodies are its first traces."""
     fig = go.Figure([*_moving(stage), *_standing(stage), *_marks(stage)])
-    axis = {"backgroundcolor": BASE_AXIS, "gridcolor": GRID, "zeroline": False, "showspikes": False, "tickfont": {"size": 11}}
+    axis = {
+        "backgroundcolor": BASE_AXIS,
+        "gridcolor": GRID,
+        "zeroline": False,
+        "showspikes": False,
+        "tickfont": {"size": 11},
+    }
     fig.update_layout(
         template=None,
         height=640,
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
         font={"family": FONT, "size": 13, "color": INK},
         paper_bgcolor="white",
-        legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top", "itemsizing": "constant"},
+        legend={"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
         scene={
             "aspectmode": "data",
-            "camera": {"eye": {"x": 1.15, "y": 1.0, "z": 0.45}, "center": {"x": 0, "y": 0, "z": -0.12}},
+            "camera": {"eye": {"x": 1.3, "y": 1.15, "z": 0.55}, "center": {"x": 0, "y": 0, "z": -0.17}},
             **{
                 f"{name}axis": {"title": {"text": f"{name} (mm)"}, "range": [stage.low[k], stage.high[k]], **axis}
                 for k, name in enumerate("xyz")
@@ -47,11 +54,11 @@ def player_json(stage: Stage) -> str:
         {
             "carriers": stage.frames.poses.shape[1],
             "poses": _packed(stage.frames.poses),
-            "groups": [
-                {"vertices": _packed(m.mesh.vertices), "carrier": _packed(m.carrier)} for m in stage.moving
-            ],
+            "groups": [{"vertices": _packed(m.mesh.vertices), "carrier": _packed(m.carrier)} for m in stage.moving],
             "labels": list(stage.frames.labels),
-            "ranges": {k: [[float(round(a)), float(round(b))] for a, b in zip(*v, strict=True)] for k, v in span.items()},
+            "ranges": {
+                k: [[float(round(a)), float(round(b))] for a, b in zip(*v, strict=True)] for k, v in span.items()
+            },
         },
         ensure_ascii=False,
     )
@@ -65,7 +72,9 @@ def _packed(values: Array) -> str:
 def _mesh(mesh: Mesh, name: str, **look: object) -> go.Mesh3d:
     x, y, z = mesh.vertices.T.astype(np.float32)
     i, j, k = mesh.triangles.T.astype(np.int32)
-    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, name=name, hoverinfo="skip", lighting=LIGHT, **look)
+    return go.Mesh3d(
+        x=x, y=y, z=z, i=i, j=j, k=k, name=name, hoverinfo="skip", lighting=LIGHT, lightposition=LAMP, **look
+    )
 
 
 def _moving(stage: Stage) -> list[go.Mesh3d]:
@@ -90,7 +99,14 @@ def _standing(stage: Stage) -> list[go.Mesh3d]:
 
 def _marks(stage: Stage) -> list[go.Scatter3d]:
     """Candidates, path, way without the bar, and the poses by role."""
-    out = [_scatter(stage.cloud, f"candidates ({len(stage.cloud)} shown)", "markers", marker={"size": 1.4, "color": "#9A9A9A", "opacity": 0.45})]
+    out = [
+        _scatter(
+            stage.cloud,
+            f"candidates ({len(stage.cloud)} shown)",
+            "markers",
+            marker={"size": 1.4, "color": "#9A9A9A", "opacity": 0.45},
+        )
+    ]
     for k, path in enumerate(stage.paths):
         out.append(_scatter(path, "measuring path", "lines", k == 0, line={"width": 3, "color": "#444444"}))
     for k, way in enumerate(stage.ways):
@@ -101,8 +117,10 @@ def _marks(stage: Stage) -> list[go.Scatter3d]:
         if spots:
             marker = {"size": 4.5, "color": colour, "symbol": SYMBOLS[role], "line": {"width": 0}}
             points = np.array([s.position for s in spots])
-            hover = {"hovertext": [s.label for s in spots], "hoverinfo": "text"}
-            out.append(_scatter(points, f"{role} ({len(spots)})", "markers", marker=marker, **hover))
+            text = [s.label for s in spots]
+            out.append(
+                _scatter(points, f"{role} ({len(spots)})", "markers", marker=marker, hovertext=text, hoverinfo="text")
+            )
     return out
 
 

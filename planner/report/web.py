@@ -10,7 +10,7 @@ from planner.report.picture import Limit, Panel, Picture, Series
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, RULE = "#222222", "#E4E4E4"
 GAP = 78  # [px] between two panels, room for a label and the next title
-TOP, BOTTOM, LEFT, RIGHT = 46, 52, 74, 30
+TOP, BOTTOM, LEFT, RIGHT = 36, 52, 74, 30
 
 
 def figure_json(picture: Picture) -> str:
@@ -39,7 +39,6 @@ def figure(picture: Picture) -> go.Figure:
         plot_bgcolor="white",
         hovermode="closest",
         hoverlabel={"bgcolor": "white", "font": {"family": FONT, "size": 13}},
-        legend={"orientation": "h", "x": 1, "xanchor": "right", "y": 1, "yanchor": "bottom", "itemsizing": "constant"},
         bargap=0.35,
     )
     fig.update_annotations(x=0, xanchor="left", font_size=15)
@@ -51,10 +50,14 @@ def figure(picture: Picture) -> go.Figure:
 
 def _draw(fig: go.Figure, panel: Panel, row: int, named: set[str]) -> None:
     several = len(panel.series) > 1
+    legend = "legend" if row == 1 else f"legend{row}"
     for series in panel.series:
         show = several and bool(series.name) and series.name not in named
         named.add(series.name)
-        fig.add_trace(_trace(series, show), row=row, col=1)
+        fig.add_trace(_trace(series, show).update(legend=legend), row=row, col=1)
+    top = next(fig.select_yaxes(row=row, col=1)).domain[1]
+    place = {"orientation": "h", "x": 1, "xanchor": "right", "y": top, "yanchor": "bottom", "itemsizing": "constant"}
+    fig.update_layout({legend: place})
     for limit in panel.limits:
         _limit(fig, panel, limit, row)
     axis = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
@@ -91,7 +94,11 @@ def _limit(fig: go.Figure, panel: Panel, limit: Limit, row: int) -> None:
     line = {"line_color": "#666666", "line_width": 1, "line_dash": "dot", "row": row, "col": 1}
     note = {"annotation_text": limit.text, "annotation_font_size": 13, "annotation_font_color": "#444444"}
     if limit.upright:
-        fig.add_vline(x=limit.at, annotation_position="top right", **line, **note)
+        fig.add_vline(x=limit.at, **line)
+        # on a logarithmic axis plotly places notes by the exponent
+        where = {"x": log10(limit.at) if panel.log_x else limit.at, "y": 1, "yref": "y domain", "xanchor": "left"}
+        text = {"text": limit.text, "font": {"size": 13, "color": "#444444"}, "showarrow": False, "yanchor": "top"}
+        fig.add_annotation(**where, **text, row=row, col=1)
         return
     place = "bottom right" if limit.below else "top right"
     fig.add_hline(y=limit.at, annotation_position=place, **line, **note)

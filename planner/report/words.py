@@ -5,7 +5,14 @@ from math import ceil, floor, isfinite, log10
 from planner.observability import RULES
 from planner.plan import Plan
 
-FILTERS = ("sampled", "within joint limits", "bar length in range", "within both cones", "within cable budget", "collision-free")
+FILTERS = (
+    "sampled",
+    "within joint limits",
+    "bar length in range",
+    "within both cones",
+    "within cable budget",
+    "collision-free",
+)
 
 
 def count(n: float) -> str:

@@ -10,7 +10,7 @@ from planner.errors import InputError
 from planner.units import Array
 
 from .swaps import information
-from .threads import canonical, single_threaded
+from .threads import first_best, single_threaded
 
 _REFRESH = 50
 
@@ -47,6 +47,19 @@ class _Design:
         if self.moves % _REFRESH == 0:
             self._refresh()
 
+    def at(self, chosen: Array) -> "_Design":
+        """The design back at an earlier set."""
+        if np.array_equal(np.flatnonzero(self.within), chosen):
+            return self
+        now = self.within.copy()
+        wanted = np.zeros_like(now)
+        wanted[chosen] = True
+        for candidate in np.flatnonzero(wanted & ~now):
+            self.change(int(candidate), 1)
+        for candidate in np.flatnonzero(now & ~wanted):
+            self.change(int(candidate), -1)
+        return self
+
     def best(self, sign: int) -> int:
         """The candidate whose addition gains, or whose removal loses, the most or the least determinant."""
         if self.rows.shape[1] == 1:
@@ -54,11 +67,7 @@ class _Design:
         else:
             gain = np.linalg.det(np.eye(self.rows.shape[1]) + sign * self.blocks)
         allowed = ~self.within if sign > 0 else self.within
-        return int(np.argmax(np.where(allowed, canonical(gain), -np.inf)))
-
-    def key(self) -> bytes:
-        """What tells two sets apart."""
-        return np.packbits(self.within).tobytes()
+        return first_best(np.where(allowed, gain, -np.inf))
 
 
 @single_threaded
@@ -80,8 +89,8 @@ def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int =
     for turn in range(starts):
         design = _greedy(white, n) if turn == 0 else _sample(white, n, seed + turn)
         chosen, value = _search(design, n, excursion)
-        if canonical(np.array(value)) > best_value or not len(best):
-            best, best_value = chosen, float(canonical(np.array(value)))
+        if value > best_value + 1e-9:
+            best, best_value = chosen, value
     return best
 
 
@@ -103,26 +112,17 @@ def _faint(rows: Array) -> float:
 
 
 def _search(design: _Design, n: int, excursion: int) -> tuple[Array, float]:
-    """Excursions from the best set so far, until one wanders too far: longer ones open as shorter ones fail."""
-    best, value, failed = design.within.copy(), design.logdet, set[bytes]()
-    trail: list[bytes] = []
-    size = n
-    while True:
-        key = design.key()
-        grow = size < n or (size == n and key not in failed)
-        if size != n and key in failed:
-            grow = size > n
-        trail.append(key)
-        if abs(size + (1 if grow else -1) - n) > excursion or (not grow and size <= 1) or size >= len(design.rows):
-            break
-        design.change(design.best(1 if grow else -1), 1 if grow else -1)
-        size += 1 if grow else -1
-        if size != n:
-            continue
-        if design.logdet > value + 1e-9:
-            best, value, failed, trail = design.within.copy(), design.logdet, set[bytes](), []
-        else:
-            failed.update(trail)
-            trail = []
-            design = _Design(design.rows, np.flatnonzero(best), design.ridge)
-    return np.flatnonzero(best), value
+    """Excursions up and back, then down and back, longer ones only when the shorter fail; a success begins anew."""
+    best, value, length = np.flatnonzero(design.within), design.logdet, 1
+    while length <= excursion:
+        for sign in (1, -1):
+            if not len(design.rows) > n + sign * length > 0:
+                continue
+            for move in [sign] * length + [-sign] * length:
+                design.change(design.best(move), move)
+            if design.logdet > value + 1e-9:
+                best, value, length = np.flatnonzero(design.within), design.logdet, 0
+                break
+            design = design.at(best)
+        length += 1
+    return best, value

@@ -1,9 +1,9 @@
 """The paper's backward pruning: take poses away one at a time, each time the one whose loss hurts the index least.
 
-Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the Rayleigh quotient
-v'(M - J_i'J_i) v at its old eigenvector, nor the largest below that at its own; so two numbers a candidate
-bound its cost from below, and exact eigenvalues are computed in the order of these bounds only until no bound is left that
-could win. The result is the one that an SVD per candidate and step would give.
+Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the smallest of M - J_i'J_i within the
+plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing); so a few
+numbers a candidate bound its cost from below, and exact eigenvalues are computed in the order of these bounds only until
+no bound is left that could win. The result is the one that an SVD per candidate and step would give.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from .relaxation import quadratic
 from .swaps import information
 from .threads import canonical, single_threaded
 
-EXACT_FROM = 3_000
+EXACT_FROM = 2_000
 """Larger pools are first thinned: a twelfth goes at a time, those with the least bounds, all judged at once."""
 _SHARE = 12
-_BATCH = 16
+_BATCH = 12
 _REFRESH = 64
 
 
@@ -99,7 +99,16 @@ def _optimistic(rows: Array, mass: Array, index: str) -> Array:
         return np.asarray(loss - np.sum(np.log(mu)))
     if index == "O5":  # convex: above its tangent
         return np.asarray(np.sum(mu**-0.5) + 0.5 * quadratic(rows, (axes * mu**-1.5) @ axes.T))
-    low = np.maximum(mu[0] - np.sum((rows @ axes[:, 0]) ** 2, axis=1), 0.0)
-    high = np.maximum(mu[-1] - np.sum((rows @ axes[:, -1]) ** 2, axis=1), mu[-2])
+    low = np.maximum(_compressed(rows, mu[:2], axes[:, :2], -1.0), 0.0)
+    high = np.maximum(_compressed(rows, mu[:-3:-1], axes[:, :-3:-1], 1.0), mu[-2])
     with np.errstate(divide="ignore"):
         return np.asarray({"O2": high / low, "O3": -low, "O4": -(low**2) / high}[index])
+
+
+def _compressed(rows: Array, mu: Array, axes: Array, side: float) -> Array:
+    """Least (side -1) or largest (1) eigenvalue, after taking each pose away, within the plane of two eigenvectors."""
+    seen = rows @ axes
+    a = mu[0] - np.sum(seen[:, :, 0] ** 2, axis=1)
+    b = mu[1] - np.sum(seen[:, :, 1] ** 2, axis=1)
+    c = np.sum(seen[:, :, 0] * seen[:, :, 1], axis=1)
+    return np.asarray((a + b) / 2 + side * np.hypot((a - b) / 2, c))

@@ -37,3 +37,9 @@ def canonical(values: Array) -> Array:
     known = np.isfinite(scale) & np.isfinite(values) & (values != 0)
     safe = np.where(known, scale, 1.0)
     return np.where(known, np.round(np.where(known, values, 0.0) * safe) / safe, values)
+
+
+def first_best(values: Array) -> int:
+    """Position of the largest value; of values equal to within rounding (1e-11) the first."""
+    top = float(np.max(values))
+    return int(np.argmax(values >= top - 1e-11 * abs(top))) if np.isfinite(top) else int(np.argmax(values))

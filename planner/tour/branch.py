@@ -9,7 +9,8 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from planner.tour.cuts import separate
+from planner.tour.clusters import find_clusters, torn
+from planner.tour.cuts import family, separate
 from planner.tour.instance import Instance, IntArray
 from planner.tour.local_search import LocalSearch, nearest_neighbours
 from planner.tour.relaxation import GRID, Relaxation
@@ -20,10 +21,9 @@ _STALLED_ROUNDS = 8  # rounds of cuts that gain less than _GAIN of the gap befor
 _GAIN = 0.02
 _CANDIDATES = 8  # legs tried by strong branching
 _TRIAL_ITERATIONS = 60
-_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # where the candidates for a free end are split in two
 _WHOLE = 1e-6  # a value closer than this to 0 or 1 is not fractional
 
-Choice = tuple[tuple[int, ...], float]  # legs, and the value that all of them take
+Choice = tuple[int | bytes, int]  # a leg and its value, or a cut's key and how often its set is left: 2, or 4 and more
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class BranchAndCut:
         ]
         self._relaxation = Relaxation(instance, self.length, legs + self._legs())
         self._nodes = 0
+        self._clusters = find_clusters(instance)
 
     def run(self, kicks: int, nodes: int) -> Outcome:
         """Bound at the root, improve the tour by what the root has taught, and branch over at most ``nodes`` nodes."""
@@ -120,7 +121,7 @@ class BranchAndCut:
             before = max(before, value)
             if stalled >= _STALLED_ROUNDS and len(self._fractional()):
                 return True
-            if not relaxation.add_cuts(separate(relaxation.x, self.tour)):
+            if not relaxation.add_cuts(separate(relaxation.x, self.tour, self._clusters)):
                 return True
             relaxation.drop_idle_cuts()
 
@@ -131,15 +132,14 @@ class BranchAndCut:
     def _branch(self, bound: int, limit: int) -> int:
         """Search the tree; return the proven lower bound on a tour [units]."""
         relaxation = self._relaxation
-        base = relaxation.lower.copy(), relaxation.upper.copy()
+        self._base = relaxation.lower.copy(), relaxation.upper.copy()
         heap: list[tuple[int, int, tuple[Choice, ...]]] = [(bound, 0, ())]
         unresolved = self.length
         serial = 0
         while heap and heap[0][0] < self.length and self._nodes < limit:
             bound, _, choices = heappop(heap)
             self._nodes += 1
-            lower, upper = _with_choices(base, choices)
-            relaxation.bound_legs(lower, upper)
+            self._enter(choices)
             if not self._cut_loop():
                 if not relaxation.proves_empty():
                     unresolved = min(unresolved, bound)
@@ -152,54 +152,49 @@ class BranchAndCut:
                 self._accept(_cycle(relaxation.x))
                 unresolved = min(unresolved, bound)
                 continue
-            for choice in self._choose(fractional, (lower, upper)):
+            for choice in self._choose(fractional, choices):
                 serial += 1
                 heappush(heap, (bound, -serial, (*choices, choice)))
         return min([unresolved, self.length] + [entry[0] for entry in heap[:1]])
 
-    def _choose(self, fractional: IntArray, limits: tuple[Array, Array]) -> tuple[Choice, Choice]:
-        """Return the two alternatives that raise the bound most in a few simplex iterations."""
+    def _enter(self, choices: tuple[Choice, ...]) -> None:
+        """Bind the relaxation to a branch."""
+        lower, upper = self._base[0].copy(), self._base[1].copy()
+        crossings: dict[bytes, int] = {}
+        for what, value in choices:
+            if isinstance(what, bytes):
+                crossings[what] = value
+            else:
+                lower[what] = upper[what] = float(value)
+        self._relaxation.bound_legs(lower, upper)
+        self._relaxation.bound_cuts(crossings)
+
+    def _choose(self, fractional: IntArray, choices: tuple[Choice, ...]) -> tuple[Choice, Choice]:
+        """Return the two alternatives that raise the bound most in a few simplex iterations.
+
+        One leg at a time says little where poses come in clusters: the next pose of a cluster is nearly as good.
+        There the question is whether the tour visits a cluster once or more often.
+        """
         relaxation = self._relaxation
         values, start = relaxation.values[fractional], relaxation.objective()
         nearest = fractional[np.argsort(np.abs(values - 0.5), kind="stable")[:_CANDIDATES]]
-        options: list[tuple[Choice, Choice]] = [(((int(leg),), 1.0), ((int(leg),), 0.0)) for leg in nearest]
-        options += self._ends_apart()
+        options: list[tuple[Choice, Choice]] = [((int(leg), 1), (int(leg), 0)) for leg in nearest]
+        cuts = [family([self._clusters.sets[k]], 2) for k in torn(relaxation.x, self._clusters.sets, _CANDIDATES)]
+        relaxation.add_cuts(cuts)
+        options += [((cut.key, 2), (cut.key, 4)) for cut in cuts]
         scores = []
         for option in options:
             gains = []
             for choice in option:
-                relaxation.bound_legs(*_with_choices(limits, (choice,)))
+                self._enter((*choices, choice))
                 solved = relaxation.solve(_TRIAL_ITERATIONS)
                 gains.append(max(relaxation.objective() - start, 1e-6) if solved else float(self.length))
             scores.append(min(gains) * 10.0 + max(gains))
-        return options[int(np.argmax(scores))]
-
-    def _ends_apart(self) -> list[tuple[Choice, Choice]]:
-        """Alternatives for a free end: it lies in one stretch of the best tour, or in the rest.
-
-        One leg at a time would say little: the next pose of the same cluster is nearly as good an end.
-        """
-        instance, relaxation = self._instance, self._relaxation
-        if instance.required is None or self._size == instance.n:
-            return []
-        place = np.argsort(self.tour)
-        legs = np.flatnonzero((relaxation.head == instance.n) & (relaxation.lower < 1.0) & (relaxation.upper > 0.0))
-        legs = legs[np.argsort(place[relaxation.tail[legs]], kind="stable")]
-        share = np.cumsum(relaxation.values[legs])
-        options: list[tuple[Choice, Choice]] = []
-        for fraction in _SHARES:
-            cut = int(np.searchsorted(share, fraction)) + 1
-            first, second = tuple(legs[:cut].tolist()), tuple(legs[cut:].tolist())
-            if first and second and share[cut - 1] < 1.0 - _WHOLE:
-                options.append(((first, 0.0), (second, 0.0)))
-        return options
-
-
-def _with_choices(base: tuple[Array, Array], choices: tuple[Choice, ...]) -> tuple[Array, Array]:
-    lower, upper = base[0].copy(), base[1].copy()
-    for legs, value in choices:
-        lower[list(legs)] = upper[list(legs)] = value
-    return lower, upper
+        best = options[int(np.argmax(scores))]
+        if isinstance(best[0][0], bytes):
+            relaxation.held.add(best[0][0])
+        self._enter(choices)
+        return best
 
 
 def _cycle(x: Array) -> list[int]:

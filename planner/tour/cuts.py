@@ -8,20 +8,20 @@ minimum cut (J. ACM 44, 1997).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from planner.tour.clusters import BoolArray, Clusters, torn
 from planner.tour.instance import IntArray
 from planner.units import Array
-
-BoolArray = NDArray[np.bool_]
 
 _VIOLATION = 1e-3  # a cut must be missed by this much to be worth a row
 _STRETCHES = 40  # stretches of the tour turned into cuts in one round
 _COMBS = 30
+_CLUSTER_HANDLES = 20
 _THRESHOLDS = (1e-6, 0.1, 0.2, 0.3, 0.4)  # fractions that bind the nodes of a handle
 
 
@@ -32,27 +32,32 @@ class Cut:
     sets: BoolArray
     rhs: int
 
+    @cached_property
     def key(self) -> bytes:
-        """Return what tells two cuts apart."""
+        """What tells two cuts apart."""
         return np.packbits(self.sets).tobytes()
 
 
-def _family(sets: list[BoolArray], rhs: int) -> Cut:
+def family(sets: list[BoolArray], rhs: int) -> Cut:
+    """Return the cut of these sets (m,), each replaced by its complement if it contains node 0."""
     return Cut(np.array([~s if s[0] else s for s in sets]), rhs)
 
 
-def separate(x: Array, tour: list[int]) -> list[Cut]:
-    """Return violated cuts at the point ``x`` (m, m, degrees 2), cheapest kind first; none if none is found."""
+def separate(x: Array, tour: list[int], clusters: Clusters) -> list[Cut]:
+    """Return violated cuts at the point ``x`` (m, m, degrees 2), cheapest kind first; none if none is found.
+
+    ``tour`` is a good one; ``clusters`` of near nodes are tried as handles.
+    """
     label = _components(x > 1e-9)
     parts = int(label.max()) + 1
     if parts > 1:
-        sets = [_family([label == part], 2) for part in range(parts)]
+        sets = [family([label == part], 2) for part in range(parts)]
         return sets[:1] if parts == 2 else sets
     leaving = _stretches(x, tour)
     cuts = _stretch_cuts(leaving, tour)
     if not cuts:
         cuts = _minimum_cuts(x)
-    return cuts if len(cuts) > 3 else cuts + _combs(x, tour, leaving)
+    return cuts if len(cuts) > 3 else cuts + _combs(x, tour, leaving, clusters)
 
 
 def _components(linked: BoolArray) -> IntArray:
@@ -82,8 +87,8 @@ def _stretch_cuts(leaving: Array, tour: list[int]) -> list[Cut]:
     for first in firsts:
         chosen = np.zeros(m, dtype=np.bool_)
         chosen[tour[first : last[first] + 1]] = True
-        cut = _family([chosen], 2)
-        cuts[cut.key()] = cut
+        cut = family([chosen], 2)
+        cuts[cut.key] = cut
     return list(cuts.values())
 
 
@@ -91,19 +96,20 @@ def _minimum_cuts(x: Array) -> list[Cut]:
     """Cuts of phase below 2, after contracting legs at 1 (no minimum cut below 2 separates their ends)."""
     label = _components(x > 1.0 - 1e-9)
     k = int(label.max()) + 1
-    member = np.zeros((k, len(x)))
-    member[label, np.arange(len(x))] = 1.0
-    weight = member @ x @ member.T
+    member = np.arange(k)[:, None] == label[None, :]
+    tail, head = np.nonzero(x)
+    weight = np.zeros((k, k))
+    np.add.at(weight, (label[tail], label[head]), x[tail, head])  # not a matrix product: the same on every machine
     np.fill_diagonal(weight, 0.0)
     cuts = []
     while len(weight) > 1:
         last, before, value = _phase(weight)
         if value < 2.0 - _VIOLATION:
-            cuts.append(_family([member[last] > 0.5], 2))
+            cuts.append(family([member[last]], 2))
         weight[before] += weight[last]
         weight[:, before] += weight[:, last]
         weight[before, before] = 0.0
-        member[before] += member[last]
+        member[before] |= member[last]
         keep = np.arange(len(weight)) != last
         weight, member = weight[np.ix_(keep, keep)], member[keep]
     return cuts
@@ -122,21 +128,28 @@ def _phase(weight: Array) -> tuple[int, int, float]:
     return last, before, value
 
 
-def _handles(x: Array) -> list[BoolArray]:
+def _handles(x: Array, clusters: Clusters) -> list[BoolArray]:
+    """Parts held together by fractional legs, between nodes and between the clusters of each partition."""
+    m = len(x)
     found: dict[bytes, BoolArray] = {}
-    for threshold in _THRESHOLDS:
-        for upper in (1.0 - threshold, 1.0 - 1e-6):
-            label = _components((x > threshold) & (x < upper))
-            for part in np.flatnonzero(np.bincount(label) >= 3):
+    tail, head = np.nonzero(x)
+    for partition in [np.arange(m), *clusters.partitions]:
+        between = np.zeros((m, m))
+        np.add.at(between, (partition[tail], partition[head]), x[tail, head])
+        for threshold in _THRESHOLDS:
+            label = _components((between > threshold) & (between < 1.0 - threshold))[partition]
+            for part in np.unique(label):
                 handle = label == part
-                found[handle.tobytes()] = handle
-    return list(found.values())
+                if 3 <= handle.sum() <= m - 3:
+                    found[handle.tobytes()] = handle
+    torn_sets = clusters.sets[torn(x, clusters.sets, _CLUSTER_HANDLES)]
+    return [*found.values(), *torn_sets]
 
 
-def _combs(x: Array, tour: list[int], leaving: Array) -> list[Cut]:
+def _combs(x: Array, tour: list[int], leaving: Array, clusters: Clusters) -> list[Cut]:
     places = np.array(tour)
     scored = []
-    for handle in _handles(x):
+    for handle in _handles(x, clusters):
         boundary = float(x[handle][:, ~handle].sum())
         teeth, saved = _best_teeth(handle[places], leaving)
         if boundary + saved < 1.0 - _VIOLATION:
@@ -149,7 +162,7 @@ def _combs(x: Array, tour: list[int], leaving: Array) -> list[Cut]:
             tooth = np.zeros(len(tour), dtype=np.bool_)
             tooth[places[first : last + 1]] = True
             sets.append(tooth)
-        cuts.append(_family(sets, 3 * len(teeth) + 1))
+        cuts.append(family(sets, 3 * len(teeth) + 1))
     return cuts
 
 

@@ -5,7 +5,8 @@ from planner.tour.instance import Instance
 from planner.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours
 
 _NEIGHBOURS = 8
-_WORK = 200_000  # nodes of the search tree times nodes of the tour; what 200 poses need is 1 % of it
+_WORK = 200_000  # nodes of the search tree times nodes of the tour: 1000 at 200 poses, where a dozen is usual
+_LEAST_NODES = 50
 
 
 def first_search(instance: Instance, seed: int) -> LocalSearch:
@@ -19,4 +20,4 @@ def first_search(instance: Instance, seed: int) -> LocalSearch:
 def solve_embedded(instance: Instance, search: LocalSearch) -> Outcome:
     """Return the best tour found from ``search`` on, and the lower bound proven for it."""
     size = len(instance.cost)
-    return BranchAndCut(instance, search).run(kicks=2 * size, nodes=max(50, _WORK // size))
+    return BranchAndCut(instance, search).run(kicks=2 * size, nodes=max(_LEAST_NODES, _WORK // size))

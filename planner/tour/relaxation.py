@@ -27,6 +27,8 @@ class Relaxation:
         self.size = len(self.cost)
         self._scale = max(1.0, upper / self.size / 100.0)  # [units] legs cost about 100 in the LP
         self.cuts: list[Cut] = []
+        self._sides: dict[bytes, int] = {}  # cuts bound tighter in the present branch: the crossings there
+        self.held: set[bytes] = set()  # cuts that branches refer to: they stay
         self._idle: list[int] = []
         self._known: set[bytes] = set()
         solver: Any = highspy.Highs  # its Python side carries no types
@@ -84,9 +86,9 @@ class Relaxation:
 
     def add_cuts(self, cuts: list[Cut]) -> int:
         """Append the cuts that are not there yet; return how many."""
-        fresh = [cut for cut in cuts if cut.key() not in self._known]
+        fresh = [cut for cut in cuts if cut.key not in self._known]
         for cut in fresh:
-            self._known.add(cut.key())
+            self._known.add(cut.key)
             crossed = (cut.sets[:, self.tail] != cut.sets[:, self.head]).sum(axis=0)
             where = np.flatnonzero(crossed)
             self._solver.addRow(
@@ -98,13 +100,13 @@ class Relaxation:
 
     def drop_idle_cuts(self) -> None:
         """Take out cuts that have not mattered for a while."""
-        stale = [k for k, idle in enumerate(self._idle) if idle > _IDLE_ROUNDS]
+        stale = [k for k, idle in enumerate(self._idle) if idle > _IDLE_ROUNDS and self.cuts[k].key not in self.held]
         if not stale:
             return
         self._solver.deleteRows(len(stale), np.array(stale, dtype=np.int32) + self.size)
         gone = set(stale)
         for k in stale:
-            self._known.discard(self.cuts[k].key())
+            self._known.discard(self.cuts[k].key)
         self.cuts = [cut for k, cut in enumerate(self.cuts) if k not in gone]
         self._idle = [idle for k, idle in enumerate(self._idle) if k not in gone]
         self._dual = np.delete(self._dual, self.size + np.array(stale))
@@ -121,6 +123,15 @@ class Relaxation:
         changed = np.flatnonzero((lower != self.lower) | (upper != self.upper))
         self._solver.changeColsBounds(len(changed), changed.astype(np.int32), lower[changed], upper[changed])
         self.lower, self.upper = lower.copy(), upper.copy()
+
+    def bound_cuts(self, crossings: dict[bytes, int]) -> None:
+        """Demand of these sets: 2, left and entered just once; 4, more than once; all others as they are."""
+        rows = {cut.key: self.size + k for k, cut in enumerate(self.cuts)}
+        for key in self._sides.keys() - crossings.keys():
+            self._solver.changeRowBounds(rows[key], 2.0, highspy.kHighsInf)
+        for key, count in crossings.items():
+            self._solver.changeRowBounds(rows[key], float(count), 2.0 if count == 2 else highspy.kHighsInf)
+        self._sides = dict(crossings)
 
     def solve(self, iterations: int | None = None) -> bool:
         """Solve; return whether there is a point at all (False: the bounds contradict each other)."""
@@ -142,7 +153,7 @@ class Relaxation:
 
     def objective(self) -> float:
         """Return the cost of the last point [units], in floating point: a guide, not a proof."""
-        return float(self.values @ self.cost[self.tail, self.head])
+        return float((self.values * self.cost[self.tail, self.head]).sum())
 
     def reduced(self) -> IntArray:
         """Return (m, m): the exact reduced cost of every leg, let in or not [1/GRID unit]."""
@@ -159,9 +170,15 @@ class Relaxation:
             matrix -= once[:, None] + once[None, :] - 2.0 * (sets.T * price) @ sets  # whole, below 2^53: exact
         return np.asarray(matrix, dtype=np.int64)
 
+    def _clip(self, dual: IntArray) -> None:
+        """Allow no dual value below 0 but where a cut is bound from above too."""
+        for k, cut in enumerate(self.cuts):
+            if dual[self.size + k] < 0 and self._sides.get(cut.key) != 2:
+                dual[self.size + k] = 0
+
     def _constant(self, dual: IntArray) -> int:
-        cuts = sum(cut.rhs * int(dual[self.size + k]) for k, cut in enumerate(self.cuts))
-        return 2 * int(dual[: self.size].sum()) + cuts
+        rhs = (self._sides.get(cut.key, cut.rhs) for cut in self.cuts)
+        return 2 * int(dual[: self.size].sum()) + sum(count * int(dual[self.size + k]) for k, count in enumerate(rhs))
 
     def bound_all(self, reduced: IntArray) -> int:
         """Return the lower bound over all tours, any leg allowed [1/GRID unit]."""
@@ -184,7 +201,7 @@ class Relaxation:
             return False
         for sign in (1.0, -1.0):
             dual = np.rint(sign * np.array(ray) / np.abs(ray).max() * 2.0**24).astype(np.int64)
-            dual[self.size :] = np.maximum(dual[self.size :], 0)
+            self._clip(dual)
             if self._bound_within(dual, self._reduced(dual, 0)) > 0:
                 return True
         return False

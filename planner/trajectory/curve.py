@@ -56,6 +56,10 @@ class Curve:
         """Return the piece (n,) that each s lies in; a joint between two belongs to the later."""
         return np.clip(np.searchsorted(self.start, s, side="right") - 1, 0, len(self.start) - 1)
 
+    def last_piece(self, s: Array) -> Index:
+        """Return the piece (n,) on which each s is come to; a joint between two belongs to the earlier."""
+        return np.clip(np.searchsorted(self.start, s, side="left") - 1, 0, None)
+
     def derivatives(self, s: Array, piece: Index | None = None) -> tuple[Array, Array, Array, Array]:
         """Return q [rad], dq/ds, d²q/ds² and d³q/ds³, (n, N) each, at s (n,), on these pieces (n,) or those of s."""
         k = self.piece(s) if piece is None else piece

@@ -1,6 +1,6 @@
 """Which speeds to hold where: a shortest path through (end of stretch, speed), each step one jerk-limited move.
 
-A step joins 1, 2, 3, 4, 6, 8, … neighbouring stretches under their common bounds and begins and ends without acceleration, so
+A step joins 1, 2, 3, 4, 6, … neighbouring stretches under their common bounds and has no acceleration at its ends, so
 a change of speed need not fit into one short stretch. Forward and backward passes give the highest speed that can be
 reached and left at every end; the shortest path picks among a few speeds up to it. Speeds found by passes over single
 stretches are always among them, so there is always an answer. Bounds follow from the triangle inequality on
@@ -16,7 +16,7 @@ from planner.trajectory.ramp import reachable, travel_time
 from planner.trajectory.stretches import SHARE, Stretches, speed_bound
 from planner.units import Array
 
-WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)  # stretches that one step may join
+WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128)  # stretches that one step may join
 SHARES = (SHARE, 0.3)  # of acceleration and jerk for curvature: fast and even, or slower with room to change
 LEVELS = 4  # speeds tried at each end, from the single-stretch passes up to the highest reachable
 SAFE = (1e-6, 1e-12)  # held back from a change of speed, relative to it and to the speed: room for rounding

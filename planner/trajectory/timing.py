@@ -17,7 +17,7 @@ class Phases:
     """s(t) as K polynomials of degree three.
 
     t (K,) [s] when each begins; s [m], speed [m/s], acceleration [m/s²] at that time and jerk [m/s³] throughout, each
-    (K,); duration [s] of all together.
+    (K,); begin, end (K,) the s between which the step that a phase belongs to moves; duration [s] of all together.
     """
 
     t: Array
@@ -25,15 +25,18 @@ class Phases:
     speed: Array
     acceleration: Array
     jerk: Array
+    begin: Array
+    end: Array
     duration: float
 
-    def at(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Return s, ds/dt, d²s/dt² and d³s/dt³, each (n,), at times t (n,) within [0, duration]."""
+    def at(self, t: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return s, ds/dt, d²s/dt², d³s/dt³ and the step's last s, each (n,), at times t (n,) in [0, duration]."""
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, None)
         x = t - self.t[k]
         v, a, j = self.speed[k], self.acceleration[k], self.jerk[k]
         s = self.s[k] + x * (v + x * (a / 2.0 + x * j / 6.0))
-        return s, v + x * (a + x * j / 2.0), a + x * j, j
+        s = np.clip(s, self.begin[k], self.end[k])
+        return s, v + x * (a + x * j / 2.0), a + x * j, j, self.end[k]
 
     def time_at(self, s: Array) -> Array:
         """Return the first time (n,) at which each s (n,) is reached."""
@@ -66,13 +69,18 @@ def time_steps(steps: Steps, edge: Array, wait: Array) -> tuple[Phases, Array]:
     kept = table[:, 0] > 0.0
     kept[-1] = True  # the rest at the end, though it lasts no time
     s, speed, acceleration, jerk = (frozen(column) for column in table[kept, 1:].T)
-    return Phases(frozen(start[:-1][kept]), s, speed, acceleration, jerk, float(start[-1])), frozen(arrival)
+    rows = np.repeat(np.arange(len(at)), 8)[:-7]
+    is_rest = np.arange(len(rows)) % 8 == 0
+    begin, end = edge[at[rows]], edge[at[np.minimum(rows + ~is_rest, len(at) - 1)]]
+    t = frozen(start[:-1][kept])
+    phases = Phases(t, s, speed, acceleration, jerk, frozen(begin[kept]), frozen(end[kept]), float(start[-1]))
+    return phases, frozen(arrival)
 
 
 def stand_still(wait: float) -> Phases:
     """Return the phases of a tour that rests at its only point for ``wait`` [s]."""
     zero = frozen(np.zeros(1))
-    return Phases(zero, zero, zero, zero, zero, wait)
+    return Phases(zero, zero, zero, zero, zero, zero, zero, wait)
 
 
 def _ruckig_phases(steps: Steps) -> Array:

@@ -63,8 +63,9 @@ class Trajectory:
 
 def evaluate(curve: Curve, phases: Phases, jacobian: ToolJacobian, t: Array) -> Motion:
     """Return the state at times t (n,): the chain rule through q(s) and s(t)."""
-    s, v, a, j = phases.at(np.clip(t, 0.0, phases.duration))
-    q, d1, d2, d3 = curve.derivatives(s)
+    s, v, a, j, end = phases.at(np.clip(t, 0.0, phases.duration))
+    # what ends at a stop stays on its own piece, though rounding may put s past it
+    q, d1, d2, d3 = curve.derivatives(s, np.minimum(curve.piece(s), curve.last_piece(end)))
     v, a, j = v[:, None], a[:, None], j[:, None]
     dq = d1 * v
     ddq = d2 * v**2 + d1 * a

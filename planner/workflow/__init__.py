@@ -1,6 +1,7 @@
 """The verbs: plan a cell, write the plan, export a program, study what can be seen."""
 
+from planner.workflow.export import export_plan
 from planner.workflow.planning import Options, Stages, plan, programs
 from planner.workflow.writing import write_plan
 
-__all__ = ["Options", "Stages", "plan", "programs", "write_plan"]
+__all__ = ["Options", "Stages", "export_plan", "plan", "programs", "write_plan"]

@@ -9,12 +9,11 @@ from planner.candidates import PoseSet
 from planner.cell import Cell
 from planner.errors import NoSolutionError
 from planner.gauge import bar_state
-from planner.path import Constraints, Failure, Path, join, judge
-from planner.plan import Drive, Role, Verdict, Visit, Waypoints, axis_limits, course, is_continuous, signs
-from planner.tour import Tour, solve_tour
-from planner.trajectory import blend_corners, check_limits
+from planner.path import Constraints, Gaps, Path, Verdict, join, judge
+from planner.plan import Drive, Role, Visit, Waypoints, axis_limits, course, is_continuous, signs, tool_speed
+from planner.tour import Method, Tour, slowest_axis_cost, solve_tour
+from planner.trajectory import Trajectory, blend_corners, check_limits
 from planner.units import Array
-from planner.workflow.mount import check_home, costs, mount_pose
 
 TRIES = 12  # tours re-solved with a leg forbidden
 HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
@@ -35,40 +34,56 @@ class Unreachable(Exception):
     which: int
 
 
-def drive(cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: PoseSet, tsp: str, seed: int) -> Drive:
+def drive(
+    cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: PoseSet, tsp: Method, seed: int
+) -> Drive:
     """Join the stops of one fixture into a driven, timed and twice-judged tour from mount to mount.
 
     Raises:
-        InputError: home or mount pose is invalid.
         Unreachable: a stop cannot be reached; replace it and call again.
         NoSolutionError: no tour joins the poses, or a judge rejects the path.
     """
     with_bar, without_bar = Constraints(cell, fixture), Constraints(cell, fixture, bar=False)
-    check_home(cell, without_bar)
-    mount = mount_pose(cell, fixture, with_bar, pool)
+    mount = np.asarray(cell.fixtures[fixture].mount)
     nodes = np.vstack([mount, *[s.q for s in stops]])
     near = pool.q[pool.fixture == fixture]
     tour, path, order = _join_tour(cell, nodes, repeats, with_bar, near, tsp, seed)
-    travel = join(without_bar, np.vstack([cell.home, mount]), [0, 1], seed=seed, pool=cell.home[None])
-    if isinstance(travel, Failure):
-        raise NoSolutionError(f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}")
+    travel = join(without_bar, np.vstack([cell.home, mount]), [0, 1], seed=seed)
+    if isinstance(travel, Gaps):
+        why = "; ".join(travel.reasons)
+        raise NoSolutionError(
+            f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}: {why}"
+        )
     visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]])
     measuring = _measuring(cell, with_bar, path, visits)
     ends = np.zeros(len(travel.q), dtype=bool)
     way = _blended(cell, without_bar, travel, ends, np.full(len(travel.q), -1))
     driven = course(cell, fixture, way, measuring)
     limits = check_limits(driven.trajectory, axis_limits(cell, bar=True))
-    second = judge(with_bar, path)
-    verdicts = (Verdict("coal", True, path.clearance), Verdict("fcl", second.proven, second.clearance))
-    if not second.proven:
-        raise NoSolutionError(f"the second collision engine rejects the path: {second.why}")
+    verdicts = _judged(with_bar, driven.measuring, len(path.q), driven.trajectory)
+    verdicts += _judged(without_bar, way, len(way.q), driven.travel_trajectory)
     return Drive(fixture, visits, tour, path, travel, driven, limits, verdicts)
 
 
+def _judged(constraints: Constraints, path: Waypoints, count: int, trajectory: Trajectory) -> tuple[Verdict, ...]:
+    """Both engines' verdicts on the legs and on the triangle under every blend (the way back has the same).
+
+    Raises:
+        NoSolutionError: an engine does not prove the path; nothing is written for it.
+    """
+    corner = np.flatnonzero(~trajectory.stop[:count])
+    triangles = np.stack([trajectory.entry[corner], path.q[corner], trajectory.exit[corner]], axis=1)
+    verdicts = judge(constraints, path.q[:count], triangles)
+    for v in verdicts:
+        if not v.clear:
+            raise NoSolutionError(f"{v.engine} does not prove the path: {'; '.join(v.failures[:3])}")
+    return verdicts
+
+
 def _join_tour(
-    cell: Cell, nodes: Array, repeats: int, constraints: Constraints, pool: Array, tsp: str, seed: int
+    cell: Cell, nodes: Array, repeats: int, constraints: Constraints, pool: Array, tsp: Method, seed: int
 ) -> tuple[Tour, Path, list[int]]:
-    cost = costs(cell, nodes)
+    cost = slowest_axis_cost(nodes, cell.robot.speed)
     forbidden: set[tuple[int, int]] = set()
     for _ in range(TRIES):
         tour = solve_tour(cost, start=0, end=0, forbidden=forbidden, method=tsp, seed=seed)
@@ -77,9 +92,11 @@ def _join_tour(
         path = join(constraints, nodes, order, seed=seed, pool=pool)
         if isinstance(path, Path):
             return tour, path, order
+        if 0 in path.unreachable:
+            raise NoSolutionError(f"no path leads from the mount pose to any other pose: {path.reasons[0]}")
         if path.unreachable:
             raise Unreachable(path.unreachable[0] - 1)
-        forbidden |= {(min(p), max(p)) for p in path.legs}
+        forbidden |= set(path.failed)
     raise NoSolutionError(
         f"no collision-free tour joins the poses after {TRIES} tries ({len(forbidden)} legs are impossible): "
         "lower motion.clearance_mm, widen the cones, or move the fixture away from what is in the way"
@@ -87,7 +104,7 @@ def _join_tour(
 
 
 def _second_round(
-    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: str, seed: int
+    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: Method, seed: int
 ) -> list[int]:
     """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
     inner = order[1:-1]
@@ -149,7 +166,12 @@ def fitting_blends(cell: Cell, constraints: Constraints, q: Array, stop: np.ndar
     blend = np.where(stop, 0.0, cell.motion.blend)
     for attempt in range(HALVINGS + 1):
         entry, leave, at_rest = blend_corners(
-            q, stop=stop | (blend == 0), blend_m=blend, tool_position=cell.map_position
+            q,
+            stop=stop | (blend == 0),
+            blend_m=blend,
+            tool_position=cell.map_position,
+            limits=axis_limits(cell, constraints.bar),
+            tool_speed=tool_speed(cell, constraints.bar),
         )
         corner = np.flatnonzero(~at_rest)
         if not len(corner):

@@ -1,13 +1,19 @@
-"""Where the bar is attached, and whether the robot can stand at home at all."""
+"""Where the bar is attached: the cell's own mount poses, or good ones found before anything else is drawn."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from planner.candidates import PoseSet
+from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
 from planner.errors import InputError
-from planner.path import Constraints
-from planner.tour import slowest_axis_cost
-from planner.units import Array
+from planner.path import Constraints, parts
+from planner.plan import settled
+from planner.units import Array, frozen
+from planner.workspace import Workspace
+
+TRIED = 2000  # poses among which a mount pose is looked for
+ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
 
 
 def check_home(cell: Cell, without_bar: Constraints) -> None:
@@ -21,24 +27,55 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
         raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}")
 
 
-def mount_pose(cell: Cell, fixture: int, constraints: Constraints, pool: PoseSet) -> Array:
-    """Return where the bar is attached, (N,) [rad]: the cell's own, else the candidate quickest to reach from home.
+def with_mounts(cell: Cell, seed: int) -> Cell:
+    """Return the cell with a mount pose for every fixture: its own, checked, or one that is found.
+
+    The twist of a cable along the bar is counted from there, so it is settled before the candidates are drawn.
 
     Raises:
-        InputError: the cell's mount pose breaks a constraint.
+        InputError: home or a mount pose of the cell breaks a constraint.
+        NoSolutionError: no pose at all holds the bar.
     """
-    mount = cell.gauge.mount
-    if mount is not None:
-        reason = constraints.reason(mount)
-        if reason is not None and len(cell.fixtures) == 1:
-            raise InputError(f"{cell.path}: gauge.mount_deg cannot hold the bar: {reason}")
-        if reason is None:
-            return mount
-    here = pool.q[pool.fixture == fixture]
-    seconds = np.abs(here - cell.home) / cell.robot.speed
-    return np.asarray(here[int(np.argmin(seconds.max(axis=1)))])
+    check_home(cell, Constraints(cell, bar=False))
+    fixtures = []
+    for k, fixture in enumerate(cell.fixtures):
+        mount = settled(_found(cell, k, seed)) if fixture.mount is None else fixture.mount
+        fixtures.append(replace(fixture, mount=mount))
+    cell = replace(cell, fixtures=tuple(fixtures))
+    for k, fixture in enumerate(cell.fixtures):
+        reason = Constraints(cell, k).reason(np.asarray(fixture.mount))
+        if reason is not None:
+            raise InputError(f"{cell.path}: mount_deg of fixture {fixture.name} cannot hold the bar: {reason}")
+    return cell
 
 
-def costs(cell: Cell, nodes: Array) -> Array:
-    """Slowest-axis times between nodes (n, N) [rad], (n, n) [s]."""
-    return slowest_axis_cost(nodes, cell.robot.speed)
+def reachable(cell: Cell, pool: PoseSet, seed: int) -> tuple[PoseSet, tuple[str, ...]]:
+    """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
+
+    Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them.
+    """
+    kept = np.ones(len(pool), dtype=bool)
+    for k, fixture in enumerate(cell.fixtures):
+        mine = np.flatnonzero(pool.fixture == k)
+        part = parts(Constraints(cell, k), np.vstack([fixture.mount, pool.q[mine]]), seed)
+        kept[mine] = part[1:] == part[0]
+    lost = int((~kept).sum())
+    if lost == 0:
+        return pool, ()
+    note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
+    which = pool.fixture[kept]
+    which.setflags(write=False)
+    return PoseSet(frozen(pool.q[kept]), which, pool.funnel), (note,)
+
+
+def _found(cell: Cell, fixture: int, seed: int) -> Array:
+    """Of the poses with the most room to every limit, the quickest to reach from home, (N,) [rad]."""
+    one = replace(cell, fixtures=(cell.fixtures[fixture],), cable=replace(cell.cable, tool_about_bar=None))
+    one = replace(one, plan=replace(cell.plan, grid_step=None))
+    q = draw_candidates(one, TRIED, seed).q
+    workspace = Workspace(one)
+    margins = workspace.margins(q)
+    room = (margins / np.median(margins, axis=0)).min(axis=1)
+    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY * len(q)))]]
+    seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
+    return np.asarray(roomy[int(np.argmin(seconds))])

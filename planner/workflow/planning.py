@@ -9,12 +9,15 @@ import numpy as np
 
 from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
+from planner.choice import Choice, choose
 from planner.errors import NoSolutionError
 from planner.observability import index_value
-from planner.plan import Choice, Drive, Plan, choose, identity, is_continuous
+from planner.plan import Drive, Plan, identity, is_continuous
 from planner.program import ProgramFile, info, write_program
+from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
+from planner.workflow.mount import reachable, with_mounts
 from planner.workflow.session import session
 
 REPLACEMENTS = 20
@@ -46,7 +49,7 @@ class Options:
     index: str | None = None
     seed: int = 0
     dialects: tuple[str, ...] = ()
-    tsp: str = "auto"
+    tsp: Method = "auto"
 
 
 def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
@@ -60,14 +63,16 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     for name in dialects:
         _ = info(name)  # an unknown dialect is told before a minute's work
     with stages.stage("candidates") as progress:
+        cell = with_mounts(cell, options.seed)
         pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
+        pool, apart = reachable(cell, pool, options.seed)
     with stages.stage("selection"):
         choice = choose(cell, pool, options.poses or cell.plan.poses, options.index or cell.plan.index, options.seed)
     with stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
     with stages.stage("programs"):
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), notes)
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), apart + notes)
         named = replace(bare, plan_id=identity(bare))
         return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
 

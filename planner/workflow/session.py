@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell import Cell
-from planner.plan import Course, Waypoints, axis_limits, is_continuous
+from planner.plan import Course, Waypoints, is_continuous
 from planner.program import (
     Comment,
     Dwell,
@@ -19,10 +19,11 @@ from planner.program import (
     Sync,
     WaitInput,
 )
-from planner.trajectory import Trajectory, axis_percent
+from planner.trajectory import Limits, Trajectory, axis_percent
 from planner.units import Array
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
+LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 
 
@@ -75,24 +76,36 @@ def _first_move(cell: Cell) -> JointMove:
 
 def _moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> list[JointMove]:
     """One joint move a leg of the path, with the blends that the trajectory has."""
+    robot = cell.robot
     percent = axis_percent(
         path.q,
         tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
         tool_jacobian=cell.map_jacobian,
-        limits=axis_limits(cell, bar),
+        limits=Limits(robot.speed, robot.acceleration, robot.jerk),
     )
+    highest = 100.0 if bar and is_continuous(cell) else 100.0 * cell.motion.travel
+    run = _largest_travel(cell, path.q)
     radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(path.q), axis=1)
     return [
         JointMove(
             _deg(path.q[k + 1]),
             duration_s=max(float(trajectory.leg_duration[k]), 1e-3),
             tool_speed_mm_s=float(trajectory.leg_peak_tool_speed[k]) * 1e3,
-            axis_percent=float(np.clip(percent[k], 0.01, 100.0)),
+            axis_percent=float(np.clip(percent[k], 0.01, highest)),
             blend_mm=0.0 if trajectory.stop[k + 1] else float(radius[k + 1]) * 1e3,
             pose=int(path.visit[k + 1]) if path.visit[k + 1] > 0 else None,
+            tool_travel_mm=float(run[k]) * 1e3,
         )
         for k in range(len(path.q) - 1)
     ]
+
+
+def _largest_travel(cell: Cell, q: Array) -> Array:
+    """Largest |dx/ds| of the tool point on each joint leg, s from 0 to 1 along it, (m − 1,) [m]."""
+    leg, share = np.diff(q, axis=0), np.linspace(0.0, 1.0, LEG_SAMPLES)
+    states = q[:-1, None] + share[:, None] * leg[:, None]
+    J = cell.map_jacobian(states.reshape(-1, q.shape[1])).reshape(len(leg), LEG_SAMPLES, 3, -1)
+    return np.asarray(np.linalg.norm(np.einsum("lsij,lj->lsi", J, leg), axis=2).max(axis=1) * LEG_MARGIN)
 
 
 def _measuring(cell: Cell, one: Course) -> list[Instruction]:
@@ -125,7 +138,9 @@ def _dense(cell: Cell, one: Course) -> list[Instruction]:
     for k in range(len(step)):
         speed = float(motion.tool_speed[k : k + 2].max()) * 1e3
         percent = float(np.clip(full[k].max(), 0.01, 100.0))
-        out.append(JointMove(_deg(motion.q[k + 1]), float(step[k]), speed, percent, 0.0, marks.get(k)))
+        rest = k + 1 == len(step) or motion.tool_speed[k + 1] == 0.0
+        blend = 0.0 if rest else 1e3 * DENSE_TRAVEL / 2
+        out.append(JointMove(_deg(motion.q[k + 1]), float(step[k]), speed, percent, blend, marks.get(k)))
         if k in marks:
             out.append(Sync(marks[k]))
     return out

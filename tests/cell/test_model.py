@@ -6,7 +6,7 @@ import pytest
 from planner.candidates import draw_candidates
 from planner.cell import load_cell, shipped_cells
 from planner.model import Model
-from planner.plan import what_is_seen
+from planner.choice import what_is_seen
 
 
 @pytest.mark.parametrize("name", shipped_cells())

@@ -7,7 +7,7 @@ from planner.trajectory.curve import Curve, build_curve, closest_passages
 from planner.trajectory.limits import checked
 from tests.trajectory.arm import random_arm, random_tour
 
-SEEDS = range(60)
+SEEDS = range(40)
 
 
 def made(seed, kind=None):

@@ -12,7 +12,7 @@ from planner.model import Model
 from planner.observability import Identifiability, Indices, identifiable, index_value, indices
 from planner.selection import Certificate, IndexCurve, bound, exchange, index_curve, knee, refine
 from planner.units import Array
-from planner.workspace import Workspace
+from planner.workspace import ROOM, Workspace
 
 CURVE_SIZES = (22, 24, 26, 28, 30, 33, 36, 40, 45, 50, 60, 70, 80, 100, 120, 150, 200)
 
@@ -103,11 +103,11 @@ def _refined(cell: Cell, model: Model, q: Array, index: str, seed: int) -> Array
     workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
 
     def valid(states: Array) -> np.ndarray:
-        ok = (workspace.margins(states) > 0).all(axis=1)
-        ok[ok] = ~world.collides(states[ok])
+        ok = np.asarray((workspace.margins(states) > ROOM).all(axis=1))
+        ok[ok] = ~world.collides(states[ok], cell.motion.clearance + ROOM)
         return ok
 
-    return refine(q, model.jacobian, valid, index, seed=seed).q
+    return np.asarray(refine(q, model.jacobian, valid, index, seed=seed).q)
 
 
 def _check_count(poses: int | None, parameters: int, candidates: int) -> None:

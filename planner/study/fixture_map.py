@@ -1,0 +1,163 @@
+"""The index over a grid of fixture places: level with the fixture, and in the upright plane through it and axis 1."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.model import Model
+from planner.observability import STRUCTURAL, identifiable, index_value, r_factor, rule
+from planner.selection import prune
+from planner.study.places import Reach, Status, moved, reach
+from planner.units import Array, frozen
+
+CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
+ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up
+ENOUGH = 3  # candidates a parameter below which a place is not judged
+THINNED = 200  # candidates from which pruning takes one away at a time; before, a twelfth at once
+Plane = Literal["level", "upright", "present"]
+Say = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place of the fixture.
+
+    Attributes:
+        plane: which of the two grids; ``present`` for where the fixture stands now.
+        p_BX: the place in the base frame, (3,) [m].
+        along, up: coordinates in its plane's picture [m].
+        status: whether it can be used, and if not, why.
+        candidates: how many poses it was judged by.
+        rank: how many parameters are seen from there.
+        value: index of the poses selected there, on the parameters seen from the present place; nan if unusable.
+        information: triangular factor of all its rows, each divided by the root of their number, (P, P).
+    """
+
+    plane: Plane
+    p_BX: Array
+    along: float
+    up: float
+    status: Status
+    candidates: int = 0
+    rank: int = 0
+    value: float = float("nan")
+    information: Array | None = None
+
+
+@dataclass(frozen=True)
+class FixtureMap:
+    """All places, the present one first.
+
+    Attributes:
+        index, poses: what was compared, and for how many poses.
+        reach: how far out the tool point gets from axis 1 [m]; ``half`` (2,) half sizes of a grid cell [m].
+        kept: columns of the model that are compared, those seen from the present place.
+        names, prior: of all parameters of the model with one fixture.
+    """
+
+    index: str
+    poses: int
+    reach: float
+    half: tuple[float, float]
+    kept: tuple[int, ...]
+    names: tuple[str, ...]
+    prior: Array
+    places: tuple[Place, ...]
+
+    @property
+    def present(self) -> Place:
+        """Where the fixture stands now."""
+        return self.places[0]
+
+    @property
+    def usable(self) -> tuple[Place, ...]:
+        """Places with a value."""
+        return tuple(p for p in self.places if p.status == "usable")
+
+    @property
+    def best(self) -> Place:
+        """The usable place with the best index."""
+        sign = -1.0 if rule(self.index).maximise else 1.0
+        return min(self.usable, key=lambda p: sign * p.value)
+
+
+def fixture_map(
+    cell: Cell, index: str, poses: int, seed: int, say: Say, across: int = ACROSS, up: int = UP
+) -> FixtureMap:
+    """Judge a grid of places for the cell's first fixture, with ``poses`` poses selected for ``index`` at each.
+
+    The arm is the same all round axis 1, so height and distance matter most: they are the upright grid. Places
+    differ in what they see at all; they are compared on the parameters that the present place sees.
+    """
+    start = cell.fixtures[0].p_BX
+    far = _reach(cell)
+    model = Model.from_cell(moved(cell, start))
+    here = reach(moved(cell, start), CANDIDATES, seed)
+    rows = model.jacobian(here.q)
+    noise = float(np.median(model.noise(here.q)))
+    kept = identifiable(rows, model.names, model.prior, range(len(model.names)), noise).kept
+    poses = max(poses, len(kept))
+    half, places = _grid(cell, far, across, up)
+    out = []
+    for place in places:
+        say("fixture places", len(out), len(places))
+        there = moved(cell, place.p_BX)
+        found = here if place.plane == "present" else reach(there, CANDIDATES, seed)
+        out.append(_judged(place, there, found, kept, index, poses))
+    return FixtureMap(index, poses, far, half, kept, model.names, frozen(model.prior), tuple(out))
+
+
+def _reach(cell: Cell) -> float:
+    """Largest distance of the tool point from axis 1 near the fixture's height, of many states, rounded to 5 cm [m]."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (20_000, cell.robot.n_joints))
+    return float(np.ceil(np.linalg.norm(cell.map_position(q)[:, :2], axis=1).max() / 0.05) * 0.05)
+
+
+def _grid(cell: Cell, far: float, across: int, up: int) -> tuple[tuple[float, float], list[Place]]:
+    start = cell.fixtures[0].p_BX
+    outward = start[:2] / max(float(np.linalg.norm(start[:2])), 1e-9)
+    places = [Place("present", start, float(np.linalg.norm(start[:2])), float(start[2]), "usable")]
+    for x in np.linspace(-far, far, across):
+        for y in np.linspace(-far, far, across):
+            if np.hypot(x, y) <= far:
+                places.append(Place("level", frozen([x, y, start[2]]), float(x), float(y), "usable"))
+    low, high = _heights(cell, far)
+    for r in np.linspace(0.0, far, across)[1:]:
+        for z in np.linspace(low, high, up):
+            places.append(Place("upright", frozen([*(outward * r), z]), float(r), float(z), "usable"))
+    return (far / (across - 1), (high - low) / (up - 1) / 2), places
+
+
+def _heights(cell: Cell, far: float) -> tuple[float, float]:
+    """From the floor, or as low as the present place if there is none, to the tool point's greatest height less the bar."""
+    low = cell.base.floor if cell.base.floor is not None else min(0.0, float(cell.fixtures[0].p_BX[2]))
+    return low + 0.05, max(low + 0.5, 0.9 * far)
+
+
+def _judged(
+    place: Place, cell: Cell, found: Reach, kept: tuple[int, ...], index: str, poses: int
+) -> Place:
+    changes = {"plane": place.plane, "p_BX": place.p_BX, "along": place.along, "up": place.up}
+    if found.status != "usable" or len(found.q) < max(poses, ENOUGH * len(kept)):
+        status: Status = "few" if found.status == "usable" else found.status
+        return Place(**changes, status=status, candidates=len(found.q))  # type: ignore[arg-type]
+    model = Model.from_cell(cell)
+    rows = model.jacobian(found.q)
+    noise = float(np.median(model.noise(found.q)))
+    rank = identifiable(rows, model.names, model.prior, range(len(model.names)), noise).rank
+    own = np.ascontiguousarray(rows[:, :, list(kept)])
+    mu = np.linalg.svd(r_factor(own * model.prior[list(kept)]), compute_uv=False)
+    blind = mu[-1] <= STRUCTURAL * mu[0]
+    value = float("nan") if blind else selected(own, index, poses)
+    factor = frozen(r_factor(rows) / np.sqrt(rows[..., 0].size))
+    status = "blind" if blind else "usable"
+    return Place(**changes, status=status, candidates=len(found.q), rank=rank, value=value, information=factor)  # type: ignore[arg-type]
+
+
+def selected(rows: Array, index: str, poses: int) -> float:
+    """Return the index of the poses that backward pruning leaves of the candidates ``rows`` (n, r, p)."""
+    return index_value(index, rows[prune(rows, poses, index, THINNED)])

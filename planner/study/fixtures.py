@@ -1,0 +1,205 @@
+"""How many fixtures it takes, and what else would show what stays unseen with any number of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.model import Model
+from planner.observability import Dropped, Identifiability, identifiable, r_factor, rule
+from planner.study.fixture_map import CANDIDATES, FixtureMap, Place
+from planner.study.places import moved, reach
+from planner.units import Array, frozen
+
+MOST = 3  # fixtures that are tried
+ASIDE = 0.1  # [m] from the tool point to the second one that is imagined beside it
+GAUGE = ("fixture_", "map_", "zero")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a number of fixtures sees.
+
+    Attributes:
+        fixtures: how many; ``place`` (3,) [m] of the last one.
+        parameters, seen: of all, each fixture's own place included; ``robot_seen`` of the robot's own.
+        becomes: names that one fixture fewer could not tell apart; ``dropped`` what is still unseen, and why.
+        value: index of the robot's own parameters that one fixture sees, all others unknown, for as many poses as
+            the plan takes, spread evenly over the fixtures and over their candidates.
+    """
+
+    fixtures: int
+    place: Array
+    parameters: int
+    seen: int
+    robot_seen: int
+    becomes: tuple[str, ...]
+    dropped: tuple[Dropped, ...]
+    value: float
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """Something other than a further fixture: what it makes visible of the unseen, and what stays unseen, and why."""
+
+    name: str
+    shows: tuple[str, ...]
+    dropped: tuple[Dropped, ...]
+
+
+@dataclass(frozen=True)
+class Fixtures:
+    """Fixtures one by one, and the remedies in the order of their effort; ``never`` is what none of them shows."""
+
+    steps: tuple[Step, ...]
+    remedies: tuple[Remedy, ...]
+
+    @property
+    def needed(self) -> int:
+        """The fewest fixtures that see as many of the robot's parameters as any number that was tried."""
+        return next(s.fixtures for s in self.steps if s.robot_seen == self.steps[-1].robot_seen)
+
+    @property
+    def never(self) -> tuple[Dropped, ...]:
+        """What no number of fixtures and no remedy shows."""
+        left = [{d.name for d in r.dropped} for r in self.remedies] + [{d.name for d in self.steps[-1].dropped}]
+        last = self.remedies[-1].dropped if self.remedies else self.steps[-1].dropped
+        return tuple(d for d in last if all(d.name in names for names in left))
+
+    def remedy(self, name: str) -> Remedy | None:
+        """Return the least effort that shows a parameter."""
+        return next((r for r in self.remedies if name in r.shows), None)
+
+
+def fixtures_needed(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fixtures:
+    """Add fixtures one by one, each where it shows most, then where it betters the index most.
+
+    Args:
+        cell: the cell; its first fixture stays where it is.
+        map_: the places that further fixtures may take.
+        noise: of a reading [m].
+        seed: of the candidates of the imagined second tool point.
+    """
+    sets: list[list[Place]] = [[map_.present]]
+    for _ in range(MOST - 1):
+        tried = [[*sets[-1], p] for p in map_.usable if all(p is not q for q in sets[-1])]
+        if not tried:
+            break
+        sets.append(max(tried, key=lambda places: _merit(map_, places, noise)))
+    steps: list[Step] = []
+    for places in sets:
+        steps.append(_step(map_, places, noise, steps[-1] if steps else None))
+    return Fixtures(tuple(steps), _remedies(cell, map_, steps[0], noise, seed))
+
+
+def combined(map_: FixtureMap, places: Sequence[Place]) -> tuple[Array, tuple[str, ...], Array]:
+    """Return rows (k P, 1, P'), names and priors (P',) of a measurement with one fixture at each of ``places``.
+
+    Robot, tool and zero are common to all; each fixture has its own place as parameters where that is free.
+    """
+    own = [k for k, name in enumerate(map_.names) if name.startswith("fixture_")]
+    common = [k for k in range(len(map_.names)) if k not in own]
+    count, size = len(places), len(map_.names)
+    rows = np.zeros((count, size, count * len(own) + len(common)))
+    for k, place in enumerate(places):
+        assert place.information is not None
+        factor = place.information * np.sqrt(size)  # so that the rows' mean square stays that of a reading
+        rows[k][:, k * len(own) : (k + 1) * len(own)] = factor[:, own]
+        rows[k][:, count * len(own) :] = factor[:, common]
+    names = [f"fixture_{k + 1}_{map_.names[j][-1]}" for k in range(count) for j in own]
+    prior = np.concatenate([*[map_.prior[own]] * count, map_.prior[common]])
+    return rows.reshape(count * size, 1, -1), (*names, *[map_.names[k] for k in common]), prior
+
+
+def _seen(rows: Array, names: Sequence[str], prior: Array, noise: float, sources: int) -> Identifiability:
+    return identifiable(rows, names, prior, range(len(names)), noise, sources * CANDIDATES)
+
+
+def _robots(names: Sequence[str]) -> list[str]:
+    return [n for n in names if not n.startswith(GAUGE)]
+
+
+def _merit(map_: FixtureMap, places: Sequence[Place], noise: float) -> tuple[int, float]:
+    step = _step(map_, places, noise, None)
+    return step.robot_seen, step.value if rule(map_.index).maximise else -step.value
+
+
+def _step(map_: FixtureMap, places: Sequence[Place], noise: float, before: Step | None) -> Step:
+    rows, names, prior = combined(map_, places)
+    seen = _seen(rows, names, prior, noise, len(places))
+    lost = {d.name for d in seen.dropped}
+    return Step(
+        fixtures=len(places),
+        place=places[-1].p_BX,
+        parameters=len(names),
+        seen=seen.rank,
+        robot_seen=len(_robots(seen.names)),
+        becomes=tuple(d.name for d in before.dropped if d.name not in lost) if before else (),
+        dropped=seen.dropped,
+        value=_robot_value(map_, rows, names, seen),
+    )
+
+
+def _robot_value(map_: FixtureMap, rows: Array, names: tuple[str, ...], seen: Identifiability) -> float:
+    """Index of the robot's parameters that the present fixture alone sees, the gauge's eliminated by QR."""
+    wanted = set(_robots([map_.names[k] for k in map_.kept]))
+    robot = [k for k in seen.kept if names[k] in wanted]
+    if len(robot) < len(wanted):
+        return float("inf") if not rule(map_.index).maximise else 0.0
+    gauge = [k for k in seen.kept if names[k] not in wanted]
+    factor = np.linalg.qr(rows[:, 0, [*gauge, *robot]] / np.sqrt(len(rows)), mode="r")
+    mu = np.linalg.svd(factor[len(gauge) :, len(gauge) :], compute_uv=False) * np.sqrt(map_.poses)
+    return float(rule(map_.index).of(mu, map_.poses))
+
+
+def _remedies(cell: Cell, map_: FixtureMap, alone: Step, noise: float, seed: int) -> tuple[Remedy, ...]:
+    """Measure the fixture's place, the tool point, both; then add a second tool point whose place is measured."""
+    rows, names, prior = combined(map_, [map_.present])
+    unseen = [d.name for d in alone.dropped]
+    out = []
+    free = [(p, s) for p, s in (("fixture_", "fixture's place measured"), ("map_", "tool point measured")) if _any(names, p)]
+    choices = [((p,), s) for p, s in free]
+    if len(free) > 1:
+        choices.append((("fixture_", "map_"), "both measured"))
+    for prefixes, says in choices:
+        left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
+        out.append(_remedy(says, unseen, rows[:, :, left], [names[k] for k in left], prior[left], noise, 1))
+    left = [k for k, n in enumerate(names) if not n.startswith(("fixture_", "map_"))]
+    second = _second_tool(cell, map_, seed)
+    if second is not None and left:
+        both = np.concatenate([rows[:, :, left], second])
+        says = "both measured, and a second tool point" if free else "a second tool point"
+        out.append(_remedy(says, unseen, both, [names[k] for k in left], prior[left], noise, 2))
+    return tuple(out)
+
+
+def _any(names: Sequence[str], prefix: str) -> bool:
+    return any(n.startswith(prefix) for n in names)
+
+
+def _remedy(
+    says: str, unseen: list[str], rows: Array, names: list[str], prior: Array, noise: float, sources: int
+) -> Remedy:
+    seen = _seen(rows, names, prior, noise, sources)
+    lost = {d.name for d in seen.dropped}
+    return Remedy(says, tuple(n for n in unseen if n in names and n not in lost), seen.dropped)
+
+
+def _second_tool(cell: Cell, map_: FixtureMap, seed: int) -> Array | None:
+    """Rows (P, 1, p) of robot and zero for a tool point beside the present one; ``None`` if no pose brings it there."""
+    tool = cell.tool
+    across = np.cross(tool.axis_F, tool.p_FM)
+    if np.linalg.norm(across) < 1e-6:
+        across = np.linalg.svd(tool.axis_F[None])[2][1]
+    point = frozen(tool.p_FM + ASIDE * across / np.linalg.norm(across))
+    there = replace(moved(cell, map_.present.p_BX), tool=replace(tool, p_FM=point))
+    found = reach(there, CANDIDATES, seed)
+    if len(found.q) == 0:
+        return None
+    model = Model.from_cell(there, cell.plan.free - {"fixture", "tool"})
+    rows = model.jacobian(found.q)
+    size = len(map_.names)
+    factor = np.zeros((size, 1, len(model.names)))
+    factor[: len(model.names), 0] = r_factor(rows) * np.sqrt(size / rows[..., 0].size)
+    return factor

@@ -1,0 +1,171 @@
+"""Joined paths keep every constraint at every densely sampled state, judged by modules that the search does not use."""
+
+import hashlib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from planner.collision import FclJudge
+from planner.path import Constraints, Gaps, Path, join, judge, parts
+from planner.units import Array
+from planner.workspace import Workspace
+from tests.path.poses import cell_and_world, dense, valid_poses
+
+COUNT = 20
+
+
+def constraints() -> Constraints:
+    cell, world = cell_and_world()
+    return Constraints(cell, scene=world.scene)
+
+
+@pytest.fixture(scope="module")
+def labelled() -> tuple[Array, np.ndarray]:
+    q = valid_poses(900)
+    return q, parts(constraints(), q)
+
+
+@pytest.fixture(scope="module")
+def tour(labelled: tuple[Array, np.ndarray]) -> tuple[Array, list[int], Array]:
+    """Poses of the largest part in no good order, so that many legs need a detour; and the rest as a pool."""
+    q, part = labelled
+    q = q[part == 0]
+    return q[:COUNT], [*range(COUNT), 0], q[COUNT:]
+
+
+@pytest.fixture(scope="module")
+def path(tour: tuple[Array, list[int], Array]) -> Path:
+    q, order, pool = tour
+    found = join(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(found, Path)
+    return found
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.q.tobytes() + path.node.tobytes()).hexdigest()
+
+
+def test_path_visits_the_poses_in_order_over_its_legs(path: Path, tour: tuple[Array, list[int], Array]) -> None:
+    q, order, _ = tour
+    assert path.node[path.node >= 0].tolist() == order
+    np.testing.assert_array_equal(path.q[path.node >= 0], q[order])
+    assert [(leg.start, leg.end) for leg in path.legs] == list(pairwise(order))
+    np.testing.assert_array_equal(np.concatenate([leg.supports for leg in path.legs]), path.q[path.node < 0])
+    assert path.direct_legs + path.planned_legs == len(order) - 1
+    assert path.planned_legs >= 5
+    assert not path.q.flags.writeable
+
+
+def test_path_holds_when_sampled_densely(path: Path) -> None:
+    cell, world = cell_and_world()
+    sampled = dense(path.q[:-1], path.q[1:], 150)
+    assert (Workspace(cell).margins(sampled) > 0.0).all()
+    assert not world.collides(sampled).any()
+    distance = FclJudge(world.scene).distances(sampled[::20])
+    assert distance.min() > cell.motion.clearance
+    assert path.clearance <= distance.min() + 1e-6
+    length = np.linalg.norm(cell.map_position(sampled) - cell.fixtures[0].p_BX, axis=1)
+    assert abs(path.length_min - length.min()) < 6e-4
+    assert abs(path.length_max - length.max()) < 6e-4
+    assert path.clear
+    assert path.checked == "continuous"
+
+
+def test_direct_legs_are_those_whose_straight_motion_is_proven(path: Path) -> None:
+    q = path.q[path.node >= 0]
+    np.testing.assert_array_equal(constraints().prove(q[:-1], q[1:]).proven, [leg.direct for leg in path.legs])
+
+
+def test_detours_are_short_and_have_few_supports(path: Path) -> None:
+    cell, _ = cell_and_world()
+    seconds = (np.abs(np.diff(path.q, axis=0)) / cell.robot.speed).max(axis=1).sum()
+    straight = (np.abs(np.diff(path.q[path.node >= 0], axis=0)) / cell.robot.speed).max(axis=1).sum()
+    assert seconds < 1.8 * straight
+    assert np.mean([len(leg.supports) for leg in path.legs if not leg.direct]) < 4.0
+
+
+def test_same_seed_same_path(path: Path, tour: tuple[Array, list[int], Array]) -> None:
+    q, order, pool = tour
+    again = join(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(again, Path)
+    assert digest(again) == digest(path)
+
+
+def test_poses_of_another_part_are_reported(labelled: tuple[Array, np.ndarray]) -> None:
+    q, part = labelled
+    main, other = q[part == 0], q[part == 1]
+    nodes = np.vstack([main[:3], other[:1]])
+    found = join(constraints(), nodes, [0, 1, 3, 2, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(found, Gaps)
+    assert set(found.failed) == {(1, 3), (2, 3)}
+    assert found.unreachable == (3,)
+    assert len(found.reasons) == 2
+    cut_off = join(constraints(), nodes[::-1], [0, 1, 2, 3, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(cut_off, Gaps)
+    assert cut_off.unreachable == (0,)
+
+
+def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list[int], Array]) -> None:
+    q, _, pool = tour
+    broken = q[:4].copy()
+    broken[2, 0] += 1.5
+    found = join(constraints(), broken, [0, 1, 2, 3], seed=1, pool=pool)
+    assert isinstance(found, Gaps)
+    assert found.unreachable == (2,)
+
+
+def test_leg_through_the_fixture_stand_goes_round_it() -> None:
+    cell, _ = cell_and_world()
+    free, q = constraints(), valid_poses(900)
+    a, b = q[:450], q[450:900]
+    proof = free.prove(a, b)
+    names = [free.failure(proof, k) or "" for k in range(len(a))]
+    through = [k for k, name in enumerate(names) if "fixture stand" in name]
+    assert through
+    pool = np.delete(q, [*through, *(450 + k for k in through)], axis=0)
+    joined = [join(free, np.stack([a[k], b[k]]), [0, 1], seed=2, pool=pool) for k in through[:6]]
+    found = [p for p in joined if isinstance(p, Path)]
+    assert found
+    for p in found:
+        assert p.clear
+        assert p.planned_legs == 1
+        assert FclJudge(free.scene).distances(dense(p.q[:-1], p.q[1:], 20)).min() > cell.motion.clearance
+
+
+def test_both_judges_refuse_a_path_that_collides(path: Path) -> None:
+    free = constraints()
+    straight = path.q[path.node >= 0]
+    first, second = judge(free, straight)
+    assert not first.clear
+    assert not second.clear
+    assert len(first.failures) == path.planned_legs
+    assert first.failures[0].startswith("motion ")
+
+
+def test_blends_are_judged_with_the_path(path: Path) -> None:
+    free = constraints()
+    corner = path.q[1:2]
+    wild = np.stack([corner, corner + 1.0, corner - 1.0], axis=1)
+    verdict, _ = judge(free, path.q, wild)
+    assert [f[:7] for f in verdict.failures] == ["blend 1"]
+
+
+def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
+    cell, world = cell_and_world()
+    q, _ = labelled
+    free = Constraints(cell, bar=False, scene=world.scene)
+    found = join(free, np.vstack([cell.home, q[:3]]), [0, 1, 2, 3, 0], seed=0)
+    assert isinstance(found, Path)
+    assert found.clear
+    sampled = dense(found.q[:-1], found.q[1:], 200)
+    assert (Workspace(cell, bar=False).margins(sampled) > 0.0).all()
+    assert not world.without_bar().collides(sampled).any()
+
+
+def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> None:
+    q, _, pool = tour
+    nodes = np.vstack([q[:3], q[1:2]])
+    found = join(constraints(), nodes, [0, 1, 3, 1, 2, 0], seed=0, pool=np.vstack([pool, nodes]))
+    assert isinstance(found, Path)
+    assert found.node[found.node >= 0].tolist() == [0, 1, 3, 1, 2, 0]

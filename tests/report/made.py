@@ -1,0 +1,74 @@
+"""A small plan made of real parts: only the path is not planned, it goes straight from pose to pose."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from planner import path as way
+from planner.candidates import draw_candidates
+from planner.cell import Cell, load_cell
+from planner.choice import Choice, what_is_seen
+from planner.gauge import bar_state
+from planner.observability import indices
+from planner.plan import Drive, Plan, Visit, Waypoints, axis_limits, course, signs
+from planner.selection import exchange, index_curve
+from planner.tour import slowest_axis_cost, solve_tour
+from planner.trajectory import check_limits
+
+PLAN_ID = "0123456789ab"
+FIXTURE = "A</script>"  # a name that would end a script, were it not escaped
+NOTE = "a pose that no path could join was replaced <fixture A>"
+
+
+def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
+    cell = load_cell("comau-nj130/edbb")
+    cell = replace(cell, fixtures=(replace(cell.fixtures[0], name=FIXTURE),))
+    pool = draw_candidates(cell, candidates)
+    model, seen, rows = what_is_seen(cell, pool)
+    curve = index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
+    found = exchange(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
+    q, fixture = pool.q[found.chosen], pool.fixture[found.chosen]
+    final = model.jacobian(q, fixture)
+    choice = Choice(
+        model=model,
+        seen=seen,
+        q=q,
+        fixture=fixture,
+        chosen=found.chosen,
+        index="O2",
+        value=found.value * 0.98,
+        on_grid_value=found.value,
+        certificate=found.certificate,
+        raw=indices(final),
+        scaled=indices(final, model.prior),
+        curve=curve,
+    )
+    drive = made_drive(cell, 0, np.vstack([pool.q[:1], q, pool.q[1:4]]), poses)
+    return Plan(PLAN_ID, cell, 0, pool, choice, (drive,), 1.03 * found.value, (), (NOTE,))
+
+
+def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive:
+    """Drive the nodes, the mount pose first, straight in the order of the tour; the last node comes twice."""
+    tour = solve_tour(slowest_axis_cost(nodes, cell.robot.speed), start=0, end=0)
+    order = np.array([*tour.order, tour.order[1], 0])
+    q = nodes[order]
+    length = bar_state(cell.map_position(q), cell.fixtures[fixture].p_BX).length
+    roles = np.array(["mount", *["calibrate"] * poses, *["validate"] * (len(nodes) - poses - 1)])[order]
+    roles[-2] = "repeat"
+    approach = signs(q)
+    visits = tuple(
+        Visit(
+            k, q[k], float(length[k]), fixture, str(roles[k]), tuple(approach[k]), 1 if roles[k] == "repeat" else None
+        )
+        for k in range(len(order))
+    )
+    legs = tuple(way.Leg(a, b, np.empty((0, 6))) for a, b in pairwise(order))
+    verdict = way.Verdict("coal", True, 0.0123, float(length.min()), float(length.max()), 1, ())
+    path = way.Path(q, order, legs, verdict, replace(verdict, engine="python-fcl"))
+    blend = np.where((np.arange(len(q)) == 0) | (np.arange(len(q)) == len(q) - 1), 0.0, cell.motion.blend)
+    travel = Waypoints(np.vstack([cell.home, nodes[0]]), np.array([-1, 0]), np.zeros(2))
+    timed = course(cell, fixture, travel, Waypoints(q, np.arange(len(q)), blend))
+    limits = check_limits(timed.trajectory, axis_limits(cell, bar=True), dt_s=0.5)
+    verdicts = (path.verdict, path.second, path.verdict, path.second)
+    return Drive(fixture, visits, tour, path, path, timed, limits, verdicts)

@@ -1,0 +1,153 @@
+import base64
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.observability import RULES
+from planner.plan import Plan
+from planner.report import write_report
+from tests.report.made import FIXTURE, NOTE, PLAN_ID
+from tests.report.reading import ReadPage
+
+
+def figures(page: ReadPage) -> dict[str, dict]:
+    return {str(a["data-for"]): json.loads(text) for a, text in page.scripts if a.get("class") == "figure"}
+
+
+def numbers(values: object) -> np.ndarray:
+    """An array of a plotly figure, plain or packed."""
+    if isinstance(values, dict):
+        found = np.frombuffer(base64.b64decode(values["bdata"]), dtype=np.dtype(values["dtype"]))
+        return found.astype(float)
+    return np.array(values, dtype=float)
+
+
+def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
+    assert page.loads == ["data:,"]
+    assert "@import" not in page.styles
+    assert "url(" not in page.styles
+    ours = [text for _, text in page.scripts if "Plotly.newPlot" in text and len(text) < 100_000]
+    assert len(ours) == 1
+    assert not re.search(r"fetch\(|XMLHttpRequest|https?:|import\(", ours[0])
+
+
+def test_plotly_is_embedded_once(page: ReadPage) -> None:
+    assert sum("Copyright 2012-" in text and "Plotly, Inc." in text for _, text in page.scripts) == 1
+
+
+def test_page_stays_small_enough_to_send(folder: Path) -> None:
+    assert (folder / "report.html").stat().st_size < 12_000_000
+
+
+def test_same_plan_gives_same_bytes(plan: Plan, folder: Path, tmp_path: Path) -> None:
+    again = write_report(plan, tmp_path)
+    assert again[0] == tmp_path / "report.html"
+    assert {p.relative_to(tmp_path) for p in again} == {p.relative_to(folder) for p in folder.rglob("*") if p.is_file()}
+    for path in again:
+        assert path.read_bytes() == (folder / path.relative_to(tmp_path)).read_bytes(), path.name
+
+
+def test_page_names_no_place_of_this_machine(plan: Plan, page: ReadPage) -> None:
+    own = "".join(text for _, text in page.scripts if "Plotly, Inc." not in text) + page.text
+    for place in (plan.cell.path, plan.cell.robot.path, Path.home()):
+        assert str(place.resolve()) not in own
+
+
+def test_every_place_has_its_figure(page: ReadPage) -> None:
+    assert {"view", "index_curve", "funnel", "parameters", "tour", "joints", "bar", "speeds"} == set(figures(page))
+    assert set(figures(page)) <= page.ids
+
+
+def test_figures_hold_finite_numbers(page: ReadPage) -> None:
+    for name, figure in figures(page).items():
+        assert figure["data"], name
+        for trace in figure["data"]:
+            for axis in ("x", "y"):
+                values = numbers(trace[axis])
+                assert values.size > 0, (name, trace.get("name"))
+                assert np.isfinite(values).all(), (name, trace.get("name"))
+
+
+def test_head_says_plan_cell_and_notes(plan: Plan, page: ReadPage) -> None:
+    assert PLAN_ID in page.text
+    assert NOTE in page.text
+    assert plan.cell.robot.title in page.text
+    assert plan.cell.name in page.text
+
+
+def test_certificate_in_words_holds(plan: Plan, page: ReadPage) -> None:
+    choice = plan.choice
+    found = re.search(
+        r"No (\d+) of the ([\d\u202f]+) candidate poses have a condition number below ([\d.]+)\.", page.text
+    )
+    assert found
+    assert int(found[1]) == len(choice.q)
+    assert int(found[2].replace("\u202f", "")) == len(plan.pool)
+    assert choice.certificate.value * 0.999 < float(found[3]) <= choice.certificate.value
+    worst = re.search(r"have ([\d.]+): at most ([\d.]+) % above what is possible", page.text)
+    assert worst
+    assert float(worst[1]) == pytest.approx(choice.on_grid_value, rel=1e-3)
+    assert float(worst[2]) / 100 == pytest.approx(choice.on_grid_value / choice.certificate.value - 1, abs=1.1e-3)
+    assert float(worst[2]) / 100 >= choice.on_grid_value / choice.certificate.value - 1
+
+
+def test_poses_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
+    rows, visits = page.table("pose"), plan.drives[0].visits
+    assert [int(r[0]) for r in rows] == [v.id for v in visits]
+    assert {r[1] for r in rows} == {FIXTURE}
+    assert [r[2].split()[0] for r in rows] == [v.role for v in visits]
+    for row, visit in zip(rows, visits, strict=True):
+        assert float(row[3]) == pytest.approx(visit.length * 1000, abs=0.0051)
+        assert np.allclose([float(v) for v in row[4:]], np.degrees(visit.q), atol=5.1e-4)
+
+
+def test_sigmas_are_those_of_the_normal_equations(plan: Plan, page: ReadPage) -> None:
+    choice = plan.choice
+    J = choice.model.jacobian(choice.q, choice.fixture)[:, 0]
+    weighted = J / choice.model.noise(choice.q, choice.fixture)[:, None] * choice.model.prior
+    share = np.sqrt(np.diag(np.linalg.inv(weighted.T @ weighted)))  # in prior sizes: the inverse is well conditioned
+    rows = page.table("parameter")
+    assert [r[0] for r in rows] == list(choice.model.names)
+    assert np.allclose([float(r[5]) for r in rows], share, rtol=6e-3)
+    factor = np.array([1e3 if r[2] == "mm" else 180 / np.pi for r in rows])
+    assert np.allclose([float(r[4]) for r in rows], share * choice.model.prior * factor, rtol=6e-3)
+
+
+def test_unseen_parameters_stand_with_their_reason(plan: Plan, page: ReadPage) -> None:
+    assert plan.choice.seen.dropped
+    cells = {tuple(row) for table in page.tables for row in table}
+    assert {(d.name, d.because) for d in plan.choice.seen.dropped} <= cells
+
+
+def test_indices_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
+    rows = {r[0]: r for r in page.table("index")}
+    assert list(rows) == list(RULES)
+    for name, row in rows.items():
+        assert float(row[3]) == pytest.approx(getattr(plan.choice.raw, name), rel=1e-3)
+        assert float(row[4]) == pytest.approx(getattr(plan.choice.scaled, name), rel=1e-3)
+
+
+def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
+    funnel = plan.pool.funnel
+    bars = numbers(figures(page)["funnel"]["data"][0]["x"])
+    assert bars.tolist() == [
+        funnel.sampled,
+        funnel.joint_limits,
+        funnel.workspace,
+        funnel.cones,
+        funnel.cable,
+        funnel.collision,
+    ]
+    values, bounds, point = figures(page)["index_curve"]["data"]
+    assert np.allclose(numbers(values["y"]), plan.choice.curve.values)
+    assert np.allclose(numbers(bounds["y"]), plan.choice.curve.bounds)
+    assert (numbers(point["x"])[0], numbers(point["y"])[0]) == (len(plan.choice.q), plan.choice.value)
+
+
+def test_folder_must_exist(plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nowhere"):
+        write_report(plan, tmp_path / "nowhere")
