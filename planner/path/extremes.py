@@ -39,9 +39,8 @@ def extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
         asked &= found - prover.pairs.changes(far) < nearest - tolerance
-        stretched = (pose.length - far.stretch < shortest - tolerance) | (
-            pose.length + far.stretch > longest + tolerance
-        )
-        rows = np.flatnonzero(asked.any(axis=1) | stretched)
+        shorter = pose.length - far.stretch < shortest - tolerance
+        longer = pose.length + far.stretch > longest + tolerance
+        rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
         cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))
     return Extremes(nearest, shortest, longest)

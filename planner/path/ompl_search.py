@@ -50,9 +50,7 @@ def roadmap_edges(points: Array, neighbours: int, seed: int) -> np.ndarray:
 def rrt_connect(
     constraints: Constraints, q_from: Array, q_to: Array, low: Array, high: Array, iterations: int, seed: int
 ) -> Array | None:
-    """Return a way (k, N) [rad] found by RRT-Connect between two states (N,), both included, or ``None``.
-
-    Its motions were looked at in steps; their continuous proof is the caller's.
+    """Return a proven way (k, N) [rad] found by RRT-Connect between two states (N,), both included, or ``None``.
 
     Args:
         constraints: what states and motions must keep.
@@ -64,7 +62,7 @@ def rrt_connect(
     speed = constraints.cell.robot.speed
     low, high = np.minimum(low, np.minimum(q_from, q_to)), np.maximum(high, np.maximum(q_from, q_to))
     info = _space(low / speed, high / speed, seed)
-    validator = _Validator(info, lambda a, b: _looks_clear(constraints, a * speed, b * speed), len(speed))
+    validator = _Validator(info, lambda a, b: _proven(constraints, a * speed, b * speed), len(speed))
     info.setMotionValidator(validator)
     info.setup()
     problem = ob.ProblemDefinition(info)
@@ -77,14 +75,14 @@ def rrt_connect(
     if not problem.hasExactSolution():
         return None
     states = problem.getSolutionPath().getStates()
-    way = np.array([[s[i] for i in range(len(speed))] for s in states]) * speed
-    way[0], way[-1] = q_from, q_to
-    return way
+    return np.array([[s[i] for i in range(len(speed))] for s in states]) * speed
 
 
-def _looks_clear(constraints: Constraints, a: Array, b: Array) -> bool:
+def _proven(constraints: Constraints, a: Array, b: Array) -> bool:
+    """Look at states in steps, which refuses most bad motions at once; prove what is left."""
     count = max(2, int(np.ceil(np.abs(b - a).max() / SPACING)))
-    return bool(constraints.valid(a + np.outer(np.arange(1, count + 1) / count, b - a)).all())
+    looks_clear = constraints.valid(a + np.outer(np.arange(1, count + 1) / count, b - a)).all()
+    return bool(looks_clear and constraints.prove(a[None], b[None]).proven[0])
 
 
 def _countdown(count: int) -> Callable[[], bool]:

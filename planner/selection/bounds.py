@@ -19,6 +19,7 @@ from .threads import canonical, single_threaded
 
 _BATCH = 150  # poses priced in a round
 _ROUNDS = 40
+_CORE = 4_000
 
 
 @dataclass(frozen=True)
@@ -173,6 +174,24 @@ def prices(rows: Array, dual: Dual, active: Array) -> Array:
     y = quadratic(rows, dual.Y)
     ratio, _ = smallest_ratio(x[active], y[active], dual.poses or 1)
     return np.asarray(y - ratio * x)
+
+
+def core(rows: Array, certificate: Certificate, n: int, margin: float = 0.06) -> tuple[Array, Array]:
+    """Return all candidates by price, best first, and those whose use could cost less than ``margin`` of the bound.
+
+    By complementary slackness a set within a share e of the bound can hold only candidates whose reduced costs sum up
+    to e; one alone that takes up ``margin`` / n more than the n-th cheapest is no bargain.
+    """
+    everything = np.arange(len(rows))
+    if not certificate.duals:
+        return everything, everything
+    dual = certificate.duals[-1]
+    price = prices(rows, dual, everything)
+    order = np.lexsort((everything, canonical(price)))
+    scale = np.mean(quadratic(rows[order[:n]], dual.Y if dual.index == "O2" else dual.X))
+    near = int(np.sum(price <= price[order[n - 1]] + margin * scale))
+    count = min(max(near, 150, 3 * n), _CORE)
+    return order, np.union1d(order[:count], certificate.support)
 
 
 def _certificate(

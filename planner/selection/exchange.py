@@ -9,13 +9,12 @@ from planner.observability import rule
 from planner.units import Array
 
 from .annealing import anneal
-from .bounds import bound, prices
+from .bounds import bound, core
 from .certificate import Certificate
 from .potential import Potential
 from .swaps import best_by_index, best_by_potential, exact, index_of, information
 from .threads import canonical, single_threaded
 
-_CORE = 300  # candidates with the best prices that are annealed over
 _WIDE = 2_000  # candidates that the descent looks at before it looks at all
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _SWAPS = 2_000  # no descent was seen to take a tenth of it
@@ -47,7 +46,7 @@ def exchange(
     starts: int = 4,
     seed: int = 0,
     certificate: Certificate | None = None,
-    steps: int = 1_500,
+    steps: int = 3_000,
 ) -> Selection:
     """Return the best set of ``n`` distinct candidates for ``index`` among ``starts`` searches. Deterministic.
 
@@ -80,11 +79,10 @@ def _searched(
     """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
     if n == len(rows):
         return np.arange(n)
-    order = ranking(rows, certificate)
+    order, near = core(rows, certificate, n)
     chosen = _drawn(certificate, order, n, seed, turn)
-    core = np.union1d(order[: max(_CORE, 3 * n)], certificate.support)
     if index != "O1" and exact(rows, Potential(index, 1.0)):
-        chosen = anneal(rows, chosen, core, index, steps, seed + 7919 * turn)
+        chosen = anneal(rows, chosen, near, index, steps, seed + 7919 * turn)
     wide = np.sort(order[: max(_WIDE, 10 * n)])
     for strength in _STRENGTHS:
         chosen = descend(rows, chosen, wide, Potential(index, strength))
@@ -109,14 +107,6 @@ def polish(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Arr
             break
         chosen = np.where(np.arange(len(chosen)) == swap.out, swap.into, chosen)
     return chosen
-
-
-def ranking(rows: Array, certificate: Certificate) -> Array:
-    """Candidates (N,) from the most to the least wanted by the certificate's dual."""
-    if not certificate.duals:
-        return np.arange(len(rows))
-    price = prices(rows, certificate.duals[-1], np.arange(len(rows)))
-    return np.lexsort((np.arange(len(rows)), canonical(price)))
 
 
 def _drawn(certificate: Certificate, order: Array, n: int, seed: int, turn: int) -> Array:

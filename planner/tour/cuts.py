@@ -68,19 +68,21 @@ def _components(linked: BoolArray) -> IntArray:
 
 
 def _stretches(x: Array, tour: list[int]) -> Array:
-    """Return (m, m): x(delta(S)) of the stretch from place i to place j >= i of the tour, inf below."""
+    """Return (m, m): x(delta(S)) of the stretch of the tour from place i on to place j, past the end if j < i."""
     m = len(tour)
     total = np.zeros((m + 1, m + 1))
     total[1:, 1:] = x[np.ix_(tour, tour)].cumsum(axis=0).cumsum(axis=1)
     square = total.diagonal()
     inside = square[None, 1:] - total[:-1, 1:] - total[1:, :-1].T + square[:-1, None]  # each leg counted twice
     count = np.arange(m)[None, :] - np.arange(m)[:, None] + 1
-    return np.where((count >= 1) & (count < m), 2.0 * count - inside, np.inf)
+    leaving = np.where((count >= 1) & (count < m), 2.0 * count - inside, np.inf)
+    leaving[2:, :-2] = np.where(count[2:, :-2] < 0, leaving[1:-1, 1:-1].T, leaving[2:, :-2])  # complements
+    return leaving
 
 
 def _stretch_cuts(leaving: Array, tour: list[int]) -> list[Cut]:
     m = len(tour)
-    last = np.argmin(leaving, axis=1)
+    last = np.argmin(np.triu(leaving) + np.tri(m, k=-1) * 4.0, axis=1)
     value = leaving[np.arange(m), last]
     firsts = [i for i in np.argsort(value, kind="stable")[:_STRETCHES] if value[i] < 2.0 - _VIOLATION]
     cuts = {}
@@ -147,23 +149,32 @@ def _handles(x: Array, clusters: Clusters) -> list[BoolArray]:
 
 
 def _combs(x: Array, tour: list[int], leaving: Array, clusters: Clusters) -> list[Cut]:
-    places = np.array(tour)
     scored = []
     for handle in _handles(x, clusters):
+        turn = _quiet_place(handle[tour])
+        places, turned = np.roll(tour, -turn), np.roll(leaving, (-turn, -turn), axis=(0, 1))
         boundary = float(x[handle][:, ~handle].sum())
-        teeth, saved = _best_teeth(handle[places], leaving)
+        teeth, saved = _best_teeth(handle[places], turned)
         if boundary + saved < 1.0 - _VIOLATION:
-            scored.append((boundary + saved, handle, teeth))
+            scored.append((boundary + saved, handle, [places[first : last + 1] for first, last in teeth]))
     scored.sort(key=lambda item: item[0])
     cuts = []
     for _, handle, teeth in scored[:_COMBS]:
         sets = [handle]
-        for first, last in teeth:
+        for nodes in teeth:
             tooth = np.zeros(len(tour), dtype=np.bool_)
-            tooth[places[first : last + 1]] = True
+            tooth[nodes] = True
             sets.append(tooth)
         cuts.append(family(sets, 3 * len(teeth) + 1))
     return cuts
+
+
+def _quiet_place(inside: BoolArray) -> int:
+    """Return the middle of the longest run in or out of the handle: a stretch across it would make a poor tooth."""
+    changes = np.flatnonzero(inside != np.roll(inside, 1))
+    runs = np.diff(changes, append=changes[0] + len(inside))
+    longest = int(runs.argmax())
+    return int((changes[longest] + runs[longest] // 2) % len(inside))
 
 
 def _best_teeth(inside: BoolArray, leaving: Array) -> tuple[list[tuple[int, int]], float]:
@@ -172,7 +183,7 @@ def _best_teeth(inside: BoolArray, leaving: Array) -> tuple[list[tuple[int, int]
     before = np.concatenate(([0], np.cumsum(inside)))
     held = before[None, 1:] - before[:-1, None]
     length = np.arange(m)[None, :] - np.arange(m)[:, None] + 1
-    price = np.where((held > 0) & (held < length) & (leaving < 3.0), leaving - 3.0, np.inf)
+    price = np.where((length > 0) & (held > 0) & (held < length) & (leaving < 3.0), leaving - 3.0, np.inf)
     best = np.full((2, m + 1), np.inf)
     best[0, 0] = 0.0
     choice: IntArray = np.full((2, m + 1), -1, dtype=np.int64)

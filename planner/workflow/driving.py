@@ -16,6 +16,7 @@ from planner.trajectory import Trajectory, blend_corners, check_limits
 from planner.units import Array
 
 TRIES = 12  # tours re-solved with a leg forbidden
+LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
 HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
 
 
@@ -59,7 +60,8 @@ def drive(
     ends = np.zeros(len(travel.q), dtype=bool)
     way = _blended(cell, without_bar, travel, ends, np.full(len(travel.q), -1))
     driven = course(cell, fixture, way, measuring)
-    limits = check_limits(driven.trajectory, axis_limits(cell, bar=True))
+    step = max(driven.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
+    limits = check_limits(driven.trajectory, axis_limits(cell, bar=True), step)
     verdicts = _judged(with_bar, driven.measuring, len(path.q), driven.trajectory)
     verdicts += _judged(without_bar, way, len(way.q), driven.travel_trajectory)
     return Drive(fixture, visits, tour, path, travel, driven, limits, verdicts)

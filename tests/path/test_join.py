@@ -64,7 +64,7 @@ def test_path_holds_when_sampled_densely(path: Path) -> None:
     assert not world.collides(sampled).any()
     distance = FclJudge(world.scene).distances(sampled[::20])
     assert distance.min() > cell.motion.clearance
-    assert path.clearance <= distance.min() + 1e-6
+    assert path.clearance <= distance.min() + 5e-4
     length = np.linalg.norm(cell.map_position(sampled) - cell.fixtures[0].p_BX, axis=1)
     assert abs(path.length_min - length.min()) < 6e-4
     assert abs(path.length_max - length.max()) < 6e-4
@@ -116,21 +116,19 @@ def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list
 
 
 def test_leg_through_the_fixture_stand_goes_round_it() -> None:
-    cell, _ = cell_and_world()
-    free, q = constraints(), valid_poses(900)
-    a, b = q[:450], q[450:900]
-    proof = free.prove(a, b)
-    names = [free.failure(proof, k) or "" for k in range(len(a))]
-    through = [k for k, name in enumerate(names) if "fixture stand" in name]
-    assert through
-    pool = np.delete(q, [*through, *(450 + k for k in through)], axis=0)
-    joined = [join(free, np.stack([a[k], b[k]]), [0, 1], seed=2, pool=pool) for k in through[:6]]
-    found = [p for p in joined if isinstance(p, Path)]
-    assert found
-    for p in found:
-        assert p.clear
-        assert p.planned_legs == 1
-        assert FclJudge(free.scene).distances(dense(p.q[:-1], p.q[1:], 20)).min() > cell.motion.clearance
+    cell, world = cell_and_world()
+    free, q = Constraints(cell, bar=False, scene=world.scene), valid_poses(900)
+    proof = free.prove(q[:450], q[450:])
+    names = [free.failure(proof, k) or "" for k in range(450)]
+    through = [k for k, name in enumerate(names) if "fixture stand" in name][:4]
+    assert len(through) == 4
+    nodes = np.concatenate([q[[k, 450 + k]] for k in through])
+    found = join(free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(450 + k for k in through)], axis=0))
+    assert isinstance(found, Path)
+    assert found.clear
+    assert not any(leg.direct for leg in found.legs[::2])
+    distance = FclJudge(free.scene).distances(dense(found.q[:-1], found.q[1:], 30))
+    assert distance.min() > cell.motion.clearance
 
 
 def test_both_judges_refuse_a_path_that_collides(path: Path) -> None:

@@ -1,0 +1,164 @@
+"""The study's pictures of one cell as it is: what is seen, index curves, sensitivity and correlation."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from planner.observability import RULES
+from planner.report.picture import BLUE, GREY, ORANGE, RED
+from planner.report.printed import png, style
+from planner.study.basis import Basis
+from planner.study.curves import Curve, pick
+from planner.study.summary import number
+from planner.study.tables import absorbers, effects
+from planner.units import UM
+
+LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
+ROW = 0.2  # [inch] a parameter's line
+
+
+def identifiability_png(basis: Basis) -> bytes:
+    """Singular values with their gap, and each parameter's predicted standard deviation against its prior."""
+    with style():
+        figure = Figure(figsize=(11.0, 1.6 + ROW * len(basis.whole.names)), layout="constrained")
+        left, right = figure.subplots(1, 2, width_ratios=[1, 1.45])
+        _spectrum(left, basis)
+        _shares(right, basis)
+        return png(figure)
+
+
+def _spectrum(ax: Axes, basis: Basis) -> None:
+    mu, rank = basis.seen.spectrum / UM, basis.seen.rank
+    mu = np.maximum(mu, mu[0] * 1e-17)
+    at = np.arange(1, len(mu) + 1)
+    ax.semilogy(at[:rank], mu[:rank], "o", color=BLUE, markersize=4.5, label="seen")
+    if rank < len(mu):
+        ax.semilogy(at[rank:], mu[rank:], "x", color=RED, markersize=6, label="not seen")
+        middle = float(np.sqrt(mu[rank - 1] * mu[rank]))
+        ax.annotate(f"gap of {basis.seen.gap:.0e}", (rank + 0.3, middle), ha="right")
+        ax.vlines(rank + 0.5, mu[rank], mu[rank - 1], color=GREY, linewidth=0.8)
+    noise = basis.noise / np.sqrt(basis.poses) / UM
+    ax.axhline(noise, color="#666666", linewidth=0.8, linestyle=":")
+    says = f"noise of a reading, mean of {basis.poses}: {number(noise)} µm"
+    ax.annotate(says, (1, noise), (0, -3), textcoords="offset points", va="top", fontsize=8.5, color="#555555")
+    ax.set_title(f"{rank} of {len(mu)} directions are seen")
+    ax.set_xlabel("direction, strongest first")
+    ax.set_ylabel("rms change of a reading by one prior size (µm)")
+    ax.grid(visible=True, axis="y")
+    ax.legend(loc="center left")
+
+
+def _shares(ax: Axes, basis: Basis) -> None:
+    names, prior = basis.whole.names, basis.whole.prior
+    std = dict(zip(basis.seen.names, basis.predicted.std, strict=True))
+    why = {d.name: d.because for d in basis.seen.dropped}
+    carried = absorbers(basis)
+    share = {n: 100 * std[n] / p for n, p in zip(names, prior, strict=True) if n in std}
+    least, worst = min(share.values()), max(share.values())
+    for k, name in enumerate(names):
+        if name in share:
+            ax.plot([least / 3, share[name]], [k, k], color="#DDDDDD", linewidth=0.8)
+            ax.plot(share[name], k, "o", color=BLUE, markersize=4.5)
+            if carried[name]:
+                says = "carries " + ", ".join(carried[name])
+                ax.annotate(says, (share[name], k), (6, 0), textcoords="offset points", va="center", fontsize=8, color="#555555")
+        else:
+            ax.plot(least / 2.6, k, "x", color=RED, markersize=5)
+            reason = why[name].split(":")[0].removeprefix(name + " ")
+            ax.annotate(reason, (least / 2.6, k), (7, 0), textcoords="offset points", va="center", fontsize=8.5, color=RED)
+    ax.set_xscale("log")
+    ax.set_xlim(least / 3, max(200.0, 2 * worst))
+    ax.axvline(100, color="#666666", linewidth=0.8, linestyle=":")
+    ax.annotate("prior", (100, -0.9), (-3, 0), textcoords="offset points", ha="right", va="center", fontsize=8.5)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.4, -1.4)
+    last = max(share, key=lambda n: share[n])
+    ax.set_title(f"After {basis.poses} poses the least certain, {last}, is known to {worst:.0f} % of its prior")
+    ax.set_xlabel("predicted σ after one measurement (% of prior σ)")
+    ax.grid(visible=True, axis="x")
+
+
+def curves_png(basis: Basis) -> bytes:
+    """Small multiples: one index a column, raw above, unit-free below."""
+    with style():
+        figure = Figure(figsize=(14.0, 5.6), layout="constrained")
+        grid = figure.subplots(2, len(RULES), sharex=True)
+        for row, scaled in zip(grid, (False, True), strict=True):
+            for ax, index in zip(row, RULES, strict=True):
+                _curve(ax, pick(basis.curves, index, scaled))
+        for ax in grid[1]:
+            ax.set_xlabel("number of poses")
+        grid[0, 0].set_ylabel("raw (m, rad)")
+        grid[1, 0].set_ylabel("unit-free (by prior sizes)")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        own = pick(basis.curves, basis.index, scaled=False)
+        figure.suptitle(f"{basis.index} bends at {own.knee} poses; more poses than that buy little", x=0.01, ha="left")
+        return png(figure)
+
+
+def _curve(ax: Axes, curve: Curve) -> None:
+    limit = "no set of candidates is better (proven)"
+    power = 10.0 ** (3 * np.floor(np.log10(max(curve.values.max(), curve.bounds.max())) / 3))
+    power = 1.0 if 1e-3 <= power <= 1.0 and curve.values.max() >= 0.01 else power
+    ax.plot(curve.sizes, curve.bounds / power, color=ORANGE, linewidth=1.4, linestyle="--", label=limit)
+    ax.plot(curve.sizes, curve.values / power, "-o", color=BLUE, linewidth=1.2, markersize=3, label="selected poses")
+    at = int(np.flatnonzero(curve.sizes == curve.knee)[0])
+    ax.plot(curve.knee, curve.values[at] / power, "o", markersize=9, markerfacecolor="none", color=RED, label="bend")
+    best = "higher" if RULES[curve.index].maximise else "lower"
+    ax.set_title(f"{curve.index}, {best} is better: bend at {curve.knee}", fontsize=9.5)
+    ax.set_xscale("log")
+    ticks = [n for n in (20, 30, 50, 100, 200, 400) if curve.sizes[0] * 0.9 <= n <= curve.sizes[-1] * 1.1]
+    ax.set_xticks(ticks, [str(n) for n in ticks])
+    ax.minorticks_off()
+    if power != 1.0:
+        ax.annotate(f"× 10$^{{{round(np.log10(power))}}}$", (0, 1), (2, -2), xycoords="axes fraction",
+                    textcoords="offset points", va="top", fontsize=8.5)  # fmt: skip
+    ax.grid(visible=True, axis="y")
+
+
+def sensitivity_png(basis: Basis) -> bytes:
+    """Sorted bars of each parameter's effect on the reading, and the correlations at the chosen poses."""
+    with style():
+        figure = Figure(figsize=(13.0, 2.0 + ROW * len(basis.whole.names)), layout="constrained")
+        left, right = figure.subplots(1, 2, width_ratios=[1, 1.35])
+        _bars(left, basis)
+        _correlation(figure, right, basis)
+        return png(figure)
+
+
+def _bars(ax: Axes, basis: Basis) -> None:
+    rms, most = (v / UM for v in effects(basis))
+    order = np.lexsort((np.arange(len(rms)), -np.round(rms, 6)))
+    names, seen = [basis.whole.names[k] for k in order], set(basis.seen.names)
+    at = np.arange(len(order))
+    for says, colour, those in (
+        ("identified", BLUE, [n in seen for n in names]),
+        ("held at its nominal value", GREY, [n not in seen for n in names]),
+    ):
+        mask = np.array(those)
+        ax.barh(at[mask], rms[order][mask], height=0.65, color=colour, label=f"rms, {says}")
+    ax.plot(most[order], at, "|", color=ORANGE, markersize=8, markeredgewidth=1.8, label="largest of all candidates")
+    ax.set_yticks(at, names)
+    ax.set_ylim(len(at) - 0.4, -0.6)
+    ax.set_xlim(0, 1.05 * most.max())
+    ax.set_title(f"{names[0]} moves the reading most, {rms[order][0]:.0f} µm")
+    ax.set_xlabel("change of the reading by one prior size (µm)")
+    ax.grid(visible=True, axis="x")
+    ax.legend(loc="lower right", frameon=True, framealpha=1.0, edgecolor="none")
+
+
+def _correlation(figure: Figure, ax: Axes, basis: Basis) -> None:
+    rho, names = basis.predicted.correlation, basis.seen.names
+    image = ax.imshow(rho, cmap="PuOr", vmin=-1, vmax=1, interpolation="nearest")
+    loud = [(j, k) for j in range(len(names)) for k in range(len(names)) if j != k and abs(rho[j, k]) >= LOUD]
+    for j, k in loud:
+        ax.plot(k, j, "o", color="white", markersize=3)
+    ax.set_xticks(range(len(names)), names, rotation=90, fontsize=8)
+    ax.set_yticks(range(len(names)), names, fontsize=8)
+    ax.spines[:].set_visible(False)
+    ax.tick_params(length=0)
+    pairs = len(loud) // 2
+    says = f"{pairs} pair{'s are' if pairs != 1 else ' is'}" if pairs else "No two parameters are"
+    ax.set_title(f"{says} correlated by {LOUD:g} or more at the {basis.poses} chosen poses{' (white dots)' if pairs else ''}")
+    figure.colorbar(image, ax=ax, label="correlation of the fitted parameters", shrink=0.8, aspect=30)

@@ -1,0 +1,86 @@
+"""``study()``: every finding of the study, then its tables and pictures, written together."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.files import write_bytes
+from planner.observability import rule
+from planner.selection.threads import single_threaded
+from planner.study import maps, pictures, tables
+from planner.study.basis import basis
+from planner.study.fixture_map import fixture_map
+from planner.study.fixtures import fixtures_needed
+from planner.study.summary import StudySummary
+
+NAMES = (
+    "correlation.csv",
+    "fixture_map.csv",
+    "fixture_map.png",
+    "fixtures_needed.csv",
+    "fixtures_needed.png",
+    "identifiability.csv",
+    "identifiability.png",
+    "index_curve.csv",
+    "index_curve.png",
+    "sensitivity.csv",
+    "sensitivity.png",
+    "spectrum.csv",
+    "study.json",
+    "unseen.csv",
+)
+
+
+@single_threaded
+def study(cell: Cell, folder: Path, index: str | None, seed: int, say: Callable[[str, int, int], None]) -> StudySummary:
+    """Study what can be seen in a cell, and write tables, pictures and ``study.json`` into ``folder``.
+
+    Args:
+        cell: the cell.
+        folder: made if it does not exist; nothing is written before everything is known.
+        index: O1 … O5, or ``None`` for the cell's own.
+        seed: the same seed gives the same bytes.
+        say: told the stage, and how much of it is done, of how much.
+
+    Raises:
+        InputError: unknown index, or the folder cannot be written.
+        NoSolutionError: no candidate pose passes the filters, or too few do.
+    """
+    index = rule(index or cell.plan.index).name
+    start = basis(cell, index, seed, say)
+    places = fixture_map(cell, index, start.poses, seed, say)
+    say("fixtures", 0, 0)
+    fixtures = fixtures_needed(cell, places, start.noise, seed)
+    summary = StudySummary(start, places, fixtures, NAMES)
+    say("pictures", 0, 0)
+    texts = {
+        "correlation.csv": tables.correlation_csv(start),
+        "fixture_map.csv": tables.map_csv(places),
+        "fixtures_needed.csv": tables.fixtures_csv(fixtures, index),
+        "identifiability.csv": tables.identifiability_csv(start),
+        "index_curve.csv": tables.curves_csv(start),
+        "sensitivity.csv": tables.sensitivity_csv(start),
+        "spectrum.csv": tables.spectrum_csv(start),
+        "unseen.csv": tables.remedies_csv(fixtures),
+        "study.json": json.dumps(summary.content(), indent=1, ensure_ascii=False) + "\n",
+    }
+    files = {name: text.encode() for name, text in texts.items()} | {
+        "identifiability.png": pictures.identifiability_png(start),
+        "index_curve.png": pictures.curves_png(start),
+        "sensitivity.png": pictures.sensitivity_png(start),
+        "fixture_map.png": maps.map_png(places),
+        "fixtures_needed.png": maps.fixtures_png(fixtures, index),
+    }
+    _write(folder, {name: files[name] for name in NAMES})
+    return summary
+
+
+def _write(folder: Path, files: dict[str, bytes]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise InputError(f"{folder}: cannot be made ({err.strerror or err})") from err
+    for name, data in files.items():
+        write_bytes(folder / name, data)
