@@ -1,8 +1,8 @@
 """Which parameters the readings can tell apart, and why the others are left out.
 
 What cannot be seen is a *direction* of the parameter space, so the null space comes first (SVD of the triangular factor
-of all rows) and names second: one parameter is fixed for each unseen direction, and the sentence about it is read
-off the null vector in which it, and no other fixed one, takes part. Compare Khalil and Gautier 1991 (QR on base parameters).
+of all rows) and names second: one parameter is fixed for each unseen direction, and the sentence about it is read off
+the null vector in which it, and no other fixed one, takes part. Compare Gautier 1991 (QR on base parameters).
 """
 
 from collections.abc import Sequence
@@ -23,6 +23,12 @@ STRUCTURAL = 1e-9
 Columns are scaled by the prior sizes first. A QR in double precision leaves about P * 2e-16 of rounding there, analytic
 columns agree with finite differences to better than 1e-9, and the faintest direction that a robot's geometry really
 shows lies above 1e-5: every cut between gives the same rank.
+"""
+FAINT = 0.1
+"""A direction is left out when readings and noise alone would know it ten times worse than its prior size says.
+
+Between that and the prior size itself it is kept and named weak: well-chosen poses see several times more of it than the
+average candidate does.
 """
 _DROP = 0.5  # a parameter may stand for an unseen direction if its share is at least this part of the largest share
 _PREFER = 0.1  # with an explicit order of preference, a smaller share will do
@@ -101,9 +107,9 @@ def identifiable(
 
     ``prior`` (P,) is the 1-sigma size of each parameter before measuring [m or rad]; ``prefer`` lists column indices in
     the order in which to keep them (default: as listed). With ``noise`` [m or rad], the standard deviation of a
-    reading, and ``readings``, how many will be taken (default: all rows), a direction whose predicted
-    standard deviation exceeds its prior size is left out as well (too faint), and parameters
-    for which this is true one by one are listed in ``weak``.
+    reading, and ``readings``, how many will be taken (default: all rows), a direction far fainter than its prior
+    size is left out as well (:data:`FAINT`), and parameters whose predicted standard deviation exceeds their
+    prior size are listed in ``weak``.
 
     Raises:
         InputError: counts do not match, a prior is not positive, or no parameter is seen at all.
@@ -114,7 +120,7 @@ def identifiable(
     _check(count, names, size, order)
     factor, stock = r_factor(rows), rows[..., 0].size
     total = readings or stock
-    mu, null = _split(factor * (size / np.sqrt(stock)), 0.0 if noise is None else noise / np.sqrt(total))
+    mu, null = _split(factor * (size / np.sqrt(stock)), 0.0 if noise is None else FAINT * noise / np.sqrt(total))
     if null.shape[1] == count:
         raise InputError("no reading depends on any parameter: nothing can be identified from these poses")
     out = _stand_ins(null, order, _DROP if prefer is None else _PREFER)
@@ -140,7 +146,7 @@ def _check(count: int, names: Sequence[str], size: Array, order: list[int]) -> N
 
 def _stand_ins(null: Array, order: list[int], share: float) -> list[int]:
     """Pick one parameter for each unseen direction: the least preferred with a fair share in what is still unseen."""
-    rest, out = null, []
+    rest, out = null, list[int]()
     while rest.shape[1]:
         part = np.linalg.norm(rest, axis=1)
         part[out] = 0.0
@@ -162,9 +168,7 @@ def _verified(scaled: Array, out: list[int]) -> list[int]:
     return [int(k) for k in pivots[len(kept) :]]
 
 
-def _explain(
-    null: Array, out: list[int], names: Sequence[str], size: Array, faint: bool
-) -> tuple[Dropped, ...]:
+def _explain(null: Array, out: list[int], names: Sequence[str], size: Array, faint: bool) -> tuple[Dropped, ...]:
     """Give each dropped parameter the one unseen direction that holds no other dropped one, and its sentence."""
     if not out:
         return ()
@@ -173,17 +177,15 @@ def _explain(
     for column, pick in enumerate(out):
         vector = np.where(np.abs(echelon[:, column]) > 1e-6, echelon[:, column], 0.0) * size
         vector = vector / np.linalg.norm(vector)
-        support = sorted(np.flatnonzero(vector), key=lambda k: (k != pick, -round(abs(vector[k]), 9), k))
-        direction = tuple((names[k], float(vector[k])) for k in support)
+        shares = vector.tolist()
+        support = [k for k in range(len(names)) if shares[k] != 0.0]
+        support.sort(key=lambda k: (k != pick, -round(abs(shares[k]), 9), k))
+        direction = tuple((names[k], shares[k]) for k in support)
         found.append((pick, Dropped(names[pick], because(direction, faint=faint), direction)))
     return tuple(each for _, each in sorted(found, key=lambda item: item[0]))
 
 
-def _weak(
-    factor: Array, names: Sequence[str], size: Array, kept: tuple[int, ...], noise: float
-) -> tuple[Weak, ...]:
+def _weak(factor: Array, names: Sequence[str], size: Array, kept: tuple[int, ...], noise: float) -> tuple[Weak, ...]:
     inverse = np.linalg.inv(np.linalg.qr(factor[:, list(kept)], mode="r"))
     std = noise * np.linalg.norm(inverse, axis=1)
-    return tuple(
-        Weak(names[k], float(s), float(size[k])) for k, s in zip(kept, std, strict=True) if s > size[k]
-    )
+    return tuple(Weak(names[k], float(s), float(size[k])) for k, s in zip(kept, std, strict=True) if s > size[k])

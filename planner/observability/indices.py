@@ -55,9 +55,7 @@ RULES: dict[str, IndexRule] = {
         IndexRule("O1", True, "geometric mean of the singular values over the root of the poses", _o1),
         IndexRule("O2", False, "condition number", lambda mu, _: _o2(mu)),
         IndexRule("O3", True, "smallest singular value", lambda mu, _: np.asarray(mu[..., -1])),
-        IndexRule(
-            "O4", True, "noise amplification index", lambda mu, _: np.asarray(mu[..., -1] ** 2 / mu[..., 0])
-        ),
+        IndexRule("O4", True, "noise amplification index", lambda mu, _: np.asarray(mu[..., -1] ** 2 / mu[..., 0])),
         IndexRule("O5", True, "inverse of the sum of inverse singular values", lambda mu, _: _o5(mu)),
     )
 }
@@ -70,9 +68,7 @@ def rule(kind: str) -> IndexRule:
         InputError: the name is none of O1 ... O5.
     """
     if kind not in RULES:
-        raise InputError(
-            f"index {kind!r} is unknown; allowed are {', '.join(RULES)}{nearest(kind, list(RULES))}"
-        )
+        raise InputError(f"index {kind!r} is unknown; allowed are {', '.join(RULES)}{nearest(kind, list(RULES))}")
     return RULES[kind]
 
 

@@ -70,9 +70,7 @@ def covariance(rows: Array, noise: float | Array, prior: Array | None = None) ->
         raise InputError(f"parameter {int(np.argmin(size))} moves no reading: drop it, or give it a prior")
     _, mu, axes = np.linalg.svd(r_factor(tall / size))
     if mu[-1] <= mu[0] * len(mu) * np.finfo(float).eps:
-        raise InputError(
-            "the poses leave a direction of the parameters unseen: drop parameters, or give a prior"
-        )
+        raise InputError("the poses leave a direction of the parameters unseen: drop parameters, or give a prior")
     root = (axes.T / mu) / size[:, None]
     matrix = root @ root.T
     std = np.sqrt(np.diag(matrix))

@@ -111,9 +111,7 @@ def _with_fixture(terms: Sequence[_Term]) -> str:
         return "shifting these links together carries the tool point as moving the fixture does"
     joint = arm[0].joint
     if all(t.kind in ("theta", "alpha", "beta", "rx", "ry", "rz") for t in arm):
-        return (
-            f"turning the arm from joint {joint} on is the same as carrying the fixture round the other way"
-        )
+        return f"turning the arm from joint {joint} on is the same as carrying the fixture round the other way"
     return f"shifting the arm at joint {joint} is the same as moving the fixture the other way"
 
 
@@ -124,9 +122,7 @@ def _with_tool(terms: Sequence[_Term]) -> str:
     joints = {t.joint for t in terms if t.joint}
     if len(joints) != 1:
         return ""
-    return (
-        f"only where the tool point sits from axis {joints.pop()} counts, not how the flange frame is drawn"
-    )
+    return f"only where the tool point sits from axis {joints.pop()} counts, not how the flange frame is drawn"
 
 
 def _about_one_axis(terms: Sequence[_Term]) -> str:
@@ -143,9 +139,7 @@ def _one_joint(terms: Sequence[_Term]) -> str:
     if len(joints) == 1 and 0 not in joints:
         return f"within joint {joints.pop()} they move the tool point the same way"
     if 0 not in joints and max(joints) - min(joints) == 1:
-        return (
-            f"joints {min(joints)} and {max(joints)} share a motion that no reading can divide between them"
-        )
+        return f"joints {min(joints)} and {max(joints)} share a motion that no reading can divide between them"
     return ""
 
 

@@ -13,7 +13,7 @@ from planner.units import Array
 
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
 SLACK = 1e-5  # [m] that fcl's collision test is given
-SHRINKS = 12
+BISECTIONS = 14  # of a distance that was too large
 
 
 class CoalPairs(CollisionWorld):
@@ -46,7 +46,7 @@ class FclPairs(FclJudge):
 
     For boxes fcl's distance was seen to be far too large now and then (by 0.2 m at worst), while its collision test
     never erred. So a distance d in which a box or mesh has a part counts only if one of the two bodies, grown by d,
-    does not collide with the other; else it is shrunk until that holds.
+    does not collide with the other; else the largest that holds is searched.
     """
 
     def wanted(self, q: Array, mask: np.ndarray) -> Array:
@@ -65,17 +65,23 @@ class FclPairs(FclJudge):
         return out
 
     def _safe(self, a: int, b: int, distance: float) -> float:
-        """Largest of distance, a half, a quarter … that a body can grow by without meeting the other [m]."""
+        """Largest length, ``distance`` at most, that a body can grow by without meeting the other [m]."""
+        if distance <= 0.0:
+            return distance
         if self.scene.pieces[a].body.kind == "mesh" or self._round[b]:
             a, b = b, a
-        body, still = self.scene.pieces[a].body, self._objects[b]
-        for _ in range(SHRINKS if distance > 0.0 else 0):
-            by = distance - SLACK
-            grown = fcl.CollisionObject(grown_shape(body, max(by, 0.0)), self._objects[a].getTransform())
-            if not fcl.collide(grown, still, fcl.CollisionRequest(), fcl.CollisionResult()):
-                return by
-            distance /= 2
-        return 0.0
+        free, met = 0.0, max(distance - SLACK, 0.0)
+        if not self._meets(a, b, met):
+            return met
+        for _ in range(BISECTIONS):
+            middle = (free + met) / 2
+            free, met = (free, middle) if self._meets(a, b, middle) else (middle, met)
+        return free
+
+    def _meets(self, a: int, b: int, by: float) -> bool:
+        """Tell whether body a, grown by ``by`` [m], collides with body b."""
+        grown = fcl.CollisionObject(grown_shape(self.scene.pieces[a].body, by), self._objects[a].getTransform())
+        return bool(fcl.collide(grown, self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
 
     @cached_property
     def _round(self) -> list[bool]:

@@ -6,11 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell import Cell
+from planner.chain import Chain
 from planner.gauge import bar_state
 from planner.units import Array
 from planner.workspace import axis_reach, swing, wrap
-
-SECOND_AXIS = {0: 1, 1: 2, 2: 0}
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Kinematics:
         return axis_reach(self._chain.transforms, self.cell.robot.n_joints)
 
     @cached_property
-    def _chain(self):  # type: ignore[no-untyped-def]
+    def _chain(self) -> Chain:
         return self.cell.chain
 
     @cached_property

@@ -32,19 +32,26 @@ def index_curve(plan: Plan) -> Picture:
             hover=(f"{n} poses: {choice.value:.4g}",),
         ),
     ]
-    panel = Panel("", "number of poses", f"{choice.index}, {rule.what}", tuple(series), y_range=_room(values, bounds))
+    panel = Panel(
+        "",
+        "number of poses",
+        f"{choice.index}, {rule.what}",
+        tuple(series),
+        y_range=_room(values, bounds, choice.value),
+    )
     better = "higher" if rule.maximise else "lower"
     return Picture(
         "index_curve",
         "How many poses are worth measuring",
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
-        "No set of the candidates can cross the dashed line. The flatter the curve, the less a further pose brings.",
+        "No set of the candidates can cross the dashed line, poses moved off the grid can. "
+        "The flatter the curve, the less a further pose brings.",
         (panel,),
     )
 
 
-def _room(values: np.ndarray, bounds: np.ndarray) -> tuple[float, float]:
-    both = np.concatenate([values, bounds])
+def _room(values: np.ndarray, bounds: np.ndarray, value: float) -> tuple[float, float]:
+    both = np.concatenate([values, bounds, [value]])
     both = both[np.isfinite(both)]
     pad = 0.08 * float(np.ptp(both)) + 1e-9
     return float(both.min()) - pad, float(both.max()) + pad
@@ -58,7 +65,7 @@ def funnel(plan: Plan) -> Picture:
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
     panel = Panel(
         "",
-        "states that are left (each division is ten times the one before)",
+        "states that are left (logarithmic scale)",
         "",
         (bars,),
         log_x=True,

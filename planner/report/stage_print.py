@@ -21,7 +21,7 @@ def view_png(stage: Stage) -> bytes:
     with style():
         figure = Figure(figsize=(10.0, 5.2))
         for k, (low, high) in enumerate(((stage.low, stage.high), (stage.near_low, stage.near_high))):
-            ax = figure.add_axes((0.02 + 0.49 * k, 0.06, 0.47, 0.94), projection="3d", computed_zorder=False)
+            ax = figure.add_axes((0.04 + 0.48 * k, 0.06, 0.46, 0.94), projection="3d", computed_zorder=False)
             _draw(ax, stage, low, high, near=bool(k))
         handles, labels = figure.axes[1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=9)

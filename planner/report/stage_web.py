@@ -37,7 +37,7 @@ def view_json(stage: Stage) -> str:
         legend={"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
         scene={
             "aspectmode": "data",
-            "camera": {"eye": {"x": 1.3, "y": 1.15, "z": 0.55}, "center": {"x": 0, "y": 0, "z": -0.17}},
+            "camera": {"eye": {"x": 1.35, "y": 1.2, "z": 0.6}, "center": {"x": 0, "y": 0, "z": -0.2}},
             **{
                 f"{name}axis": {"title": {"text": f"{name} (mm)"}, "range": [stage.low[k], stage.high[k]], **axis}
                 for k, name in enumerate("xyz")

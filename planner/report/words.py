@@ -3,7 +3,7 @@
 from math import ceil, floor, isfinite, log10
 
 from planner.observability import RULES
-from planner.plan import Plan
+from planner.plan import Plan, is_continuous
 
 FILTERS = (
     "sampled",
@@ -66,7 +66,8 @@ def certificate(plan: Plan) -> tuple[str, ...]:
     ]
     if choice.value != choice.on_grid_value:
         out.append(f"After moving them off the grid of candidates: {sized(choice.value, 4)}.")
-    out.append(f"Over the trajectory as it is driven: {sized(plan.driven, 4)}.")
+    driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
+    out.append(f"{driven}: {sized(plan.driven, 4)}.")
     out.append(
         "The bound is a proof: its dual solution was checked afresh against every candidate."
         if bound.verified

@@ -7,6 +7,7 @@ from .detmax import detmax
 from .exchange import Selection, exchange
 from .pruning import prune
 from .refinement import Refined, refine
+from .repeatable import single_threaded
 
 __all__ = [
     "Certificate",
@@ -22,5 +23,6 @@ __all__ = [
     "knee",
     "prune",
     "refine",
+    "single_threaded",
     "verify",
 ]

@@ -15,7 +15,7 @@ from planner.units import Array, frozen
 from .certificate import Certificate, Dual, frozen_dual, smallest_ratio, verify
 from .interior import solve
 from .relaxation import Problem, inside, quadratic
-from .threads import canonical, single_threaded
+from .repeatable import Places, canonical, single_threaded
 
 _BATCH = 150  # poses priced in a round
 _ROUNDS = 40
@@ -26,7 +26,7 @@ _CORE = 4_000
 class _State:
     """Active candidates (K,), ascending, and their weights (K,); zero for those that have just come in."""
 
-    active: Array
+    active: Places
     weights: Array
 
 
@@ -105,18 +105,23 @@ def _product(smallest: Certificate, condition: Certificate) -> Certificate:
 
 
 def _priced(rows: Array, index: str, poses: int | None, tolerance: float, state: _State) -> Certificate:
-    """Column generation."""
-    maximise, best, accuracy = RULES[index].maximise, None, 0.05
+    """Column generation: solve on the active candidates, verify on all, take in what violates the dual."""
+    better = RULES[index].better
+    best: tuple[Dual, float] | None = None
+    accuracy = 0.05
     for turn in range(1, _ROUNDS + 1):
         state, dual = _solved(rows, index, poses, state, accuracy)
         value = verify(dual, rows)
-        if best is None or (value < best[1] if maximise else value > best[1]):
+        if best is None or better(best[1], value):  # the tightest bound is the one that promises least
             best = dual, value
         relaxed = _relaxed_value(rows, index, poses, state)
         if abs(relaxed / best[1] - 1.0) < tolerance or turn == _ROUNDS:
             break
-        state = _grown(rows, dual, state)
-        accuracy = max(tolerance / 3, accuracy / 4)
+        grown = _grown(rows, dual, state)
+        settled = np.array_equal(grown.active, state.active)
+        accuracy = accuracy / 4 if settled else max(tolerance / 3, accuracy / 4)
+        state = grown
+    assert best is not None
     return _certificate(rows, best[0], best[1], state, relaxed, turn)
 
 
@@ -166,7 +171,7 @@ def _grown(rows: Array, dual: Dual, state: _State) -> _State:
     return _State(active[arranged], weights[arranged])
 
 
-def prices(rows: Array, dual: Dual, active: Array) -> Array:
+def prices(rows: Array, dual: Dual, active: Places) -> Array:
     """Reduced cost of every candidate (lower: more wanted), with the scale of X that fits the active ones."""
     x = quadratic(rows, dual.X)
     if dual.index != "O2":
@@ -176,7 +181,7 @@ def prices(rows: Array, dual: Dual, active: Array) -> Array:
     return np.asarray(y - ratio * x)
 
 
-def core(rows: Array, certificate: Certificate, n: int, margin: float = 0.06) -> tuple[Array, Array]:
+def core(rows: Array, certificate: Certificate, n: int, margin: float = 0.06) -> tuple[Places, Places]:
     """Return all candidates by price, best first, and those whose use could cost less than ``margin`` of the bound.
 
     By complementary slackness a set within a share e of the bound can hold only candidates whose reduced costs sum up
@@ -190,13 +195,11 @@ def core(rows: Array, certificate: Certificate, n: int, margin: float = 0.06) ->
     order = np.lexsort((everything, canonical(price)))
     scale = np.mean(quadratic(rows[order[:n]], dual.Y if dual.index == "O2" else dual.X))
     near = int(np.sum(price <= price[order[n - 1]] + margin * scale))
-    count = min(max(near, 150, 3 * n), _CORE)
+    count = min(max(near, 150, 2 * n), _CORE)
     return order, np.union1d(order[:count], certificate.support)
 
 
-def _certificate(
-    rows: Array, dual: Dual, value: float, state: _State, relaxed: float, rounds: int
-) -> Certificate:
+def _certificate(rows: Array, dual: Dual, value: float, state: _State, relaxed: float, rounds: int) -> Certificate:
     held = state.weights > 1e-4 * np.max(state.weights)
     weights = state.weights[held] * ((dual.poses or 1) / np.sum(state.weights[held]))
     certificate = Certificate(

@@ -20,6 +20,7 @@ import numpy as np
 from planner.units import Array, frozen
 
 from .relaxation import quadratic
+from .repeatable import Places
 
 _SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
 
@@ -49,7 +50,7 @@ class Certificate:
     kind: str
     value: float
     poses: int | None
-    support: Array
+    support: Places
     weights: Array
     relaxed: float
     duals: tuple[Dual, ...]
@@ -64,7 +65,7 @@ class Certificate:
 
 
 def verify(dual: Dual, rows: Array) -> float:
-    """Return the bound that a dual pair proves over all candidates ``rows`` (n, r, P): the trivial one if it proves none.
+    """Return the bound that a dual pair proves over all candidates ``rows`` (n, r, P); the trivial one if none.
 
     O2: at least 1. Others: at most infinity. Matrices that are not positive semidefinite are first made so.
     """

@@ -12,7 +12,7 @@ from planner.units import Array, frozen
 from .bounds import bound
 from .certificate import Certificate
 from .exchange import Selection, exchange
-from .threads import single_threaded
+from .repeatable import Places, single_threaded
 
 _TOLERANCE = 5e-3
 
@@ -22,7 +22,7 @@ class IndexCurve:
     """``sizes`` (k,), ``values`` (k,) reached and ``bounds`` (k,) proven for sets of each size; the sets themselves."""
 
     index: str
-    sizes: Array
+    sizes: Places
     values: Array
     bounds: Array
     selections: tuple[Selection, ...]
@@ -34,9 +34,7 @@ class IndexCurve:
 
 
 @single_threaded
-def index_curve(
-    rows: Array, sizes: Sequence[int], index: str = "O2", seed: int = 0, steps: int = 400
-) -> IndexCurve:
+def index_curve(rows: Array, sizes: Sequence[int], index: str = "O2", seed: int = 0, steps: int = 400) -> IndexCurve:
     """Return the index reached and its bound for each number of poses in ``sizes``.
 
     ``rows`` (N, r, P) reduced to identifiable columns. Each bound starts from the support of the one before and is
@@ -60,12 +58,12 @@ def index_curve(
     )
 
 
-def knee(sizes: Sequence[int] | Array, values: Sequence[float] | Array, index: str = "O2") -> int:
+def knee(sizes: Sequence[int] | Places, values: Sequence[float] | Array, index: str = "O2") -> int:
     """Return the number of poses where the curve bends.
 
-    The rule: take the curve on logarithmic axes (twice the poses, how many per cent better?), made monotone from the left
-    so that search noise cannot bend it, scale both ranges to one and take the size furthest from the chord between the ends
-    (Satopaa et al. 2011, "kneedle"; ties to fewer poses).
+    The rule: take the curve on logarithmic axes (twice the poses, how many per cent better?), made monotone from the
+    left so that search noise cannot bend it, scale both ranges to one and take the size furthest from the chord between
+    the ends (Satopaa et al. 2011, "kneedle"; ties to fewer poses).
 
     Raises:
         InputError: fewer than three sizes, or not as many values.

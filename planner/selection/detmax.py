@@ -1,7 +1,7 @@
 """DETMAX: the D-optimal set (O1) by adding the best and dropping the worst pose, with excursions in size.
 
 Source: Mitchell 1974. One addition or removal costs one pass over the candidates (rank-r update of the inverse and of
-every candidate's prediction variance), refreshed from scratch now and then.
+every candidate's prediction variance), refreshed from scratch now and then. Fedorov's exchange has the last word.
 """
 
 import numpy as np
@@ -9,8 +9,10 @@ import numpy as np
 from planner.errors import InputError
 from planner.units import Array
 
+from .exchange import descend
+from .potential import Potential
+from .repeatable import Places, first_best, single_threaded
 from .swaps import information
-from .threads import first_best, single_threaded
 
 _REFRESH = 50
 
@@ -18,7 +20,7 @@ _REFRESH = 50
 class _Design:
     """A set of candidates with its inverse information and the variance blocks of all candidates, kept in step."""
 
-    def __init__(self, rows: Array, chosen: Array, ridge: float) -> None:
+    def __init__(self, rows: Array, chosen: Places, ridge: float) -> None:
         self.rows, self.ridge = rows, ridge
         self.within = np.zeros(len(rows), dtype=bool)
         self.within[chosen] = True
@@ -47,7 +49,7 @@ class _Design:
         if self.moves % _REFRESH == 0:
             self._refresh()
 
-    def at(self, chosen: Array) -> "_Design":
+    def at(self, chosen: Places) -> "_Design":
         """The design back at an earlier set."""
         if np.array_equal(np.flatnonzero(self.within), chosen):
             return self
@@ -71,11 +73,11 @@ class _Design:
 
 
 @single_threaded
-def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6) -> Array:
+def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6) -> Places:
     """Return ``n`` distinct candidates (n,) of ``rows`` (N, r, P), ascending, with a large determinant.
 
-    The first start is greedy, the others ``starts - 1`` seeded samples. ``excursion``: how far the size of the set may wander
-    from n before the search gives up (Mitchell's six).
+    The first start is greedy, the others ``starts - 1`` seeded samples. ``excursion``: how far the size of the
+    set may wander from n before the search gives up (Mitchell's six).
 
     Raises:
         InputError: n outside what the candidates and parameters allow.
@@ -85,13 +87,14 @@ def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int =
         raise InputError(f"{n} poses cannot be chosen: ask for {least} (the parameters) to {len(rows)} (the pool)")
     scale = np.sqrt(np.mean(rows**2, axis=(0, 1)))
     white = rows / np.where(scale > 0, scale, 1.0)
-    best, best_value = np.zeros(0, dtype=np.intp), -np.inf
+    best: Places = np.zeros(0, dtype=np.intp)
+    best_value = -np.inf
     for turn in range(starts):
         design = _greedy(white, n) if turn == 0 else _sample(white, n, seed + turn)
         chosen, value = _search(design, n, excursion)
         if value > best_value + 1e-9:
             best, best_value = chosen, value
-    return best
+    return np.sort(descend(white, best, np.arange(len(rows)), Potential("O1", 1.0)))
 
 
 def _greedy(rows: Array, n: int) -> _Design:
@@ -108,10 +111,10 @@ def _sample(rows: Array, n: int, seed: int) -> _Design:
 
 def _faint(rows: Array) -> float:
     """A ridge too small to matter in a set that sees everything, large enough to invert one that does not."""
-    return 1e-10 * rows.shape[1]
+    return 1e-10 * float(rows.shape[1])
 
 
-def _search(design: _Design, n: int, excursion: int) -> tuple[Array, float]:
+def _search(design: _Design, n: int, excursion: int) -> tuple[Places, float]:
     """Excursions up and back, then down and back, longer ones only when the shorter fail; a success begins anew."""
     best, value, length = np.flatnonzero(design.within), design.logdet, 1
     while length <= excursion:

@@ -12,11 +12,12 @@ from .annealing import anneal
 from .bounds import bound, core
 from .certificate import Certificate
 from .potential import Potential
+from .repeatable import Places, canonical, single_threaded
 from .swaps import best_by_index, best_by_potential, exact, index_of, information
-from .threads import canonical, single_threaded
 
 _WIDE = 2_000  # candidates that the descent looks at before it looks at all
-_STRENGTHS = (0.1, 0.03, 0.01, 0.003)
+_STRENGTHS = (0.1, 0.02, 0.003)
+_KICKS = 8
 _SWAPS = 2_000  # no descent was seen to take a tenth of it
 
 
@@ -27,7 +28,7 @@ class Selection:
     ``gap``: how far, at most, the value is from the best possible choice among the candidates (a share; nan without).
     """
 
-    chosen: Array
+    chosen: Places
     index: str
     value: float
     certificate: Certificate | None = None
@@ -73,23 +74,46 @@ def exchange(
     return best
 
 
-def _searched(
-    rows: Array, n: int, index: str, certificate: Certificate, turn: int, seed: int, steps: int
-) -> Array:
+def _searched(rows: Array, n: int, index: str, certificate: Certificate, turn: int, seed: int, steps: int) -> Places:
     """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
     if n == len(rows):
         return np.arange(n)
     order, near = core(rows, certificate, n)
     chosen = _drawn(certificate, order, n, seed, turn)
-    if index != "O1" and exact(rows, Potential(index, 1.0)):
-        chosen = anneal(rows, chosen, near, index, steps, seed + 7919 * turn)
     wide = np.sort(order[: max(_WIDE, 10 * n)])
+    if index == "O1":
+        return descend(rows, chosen, np.arange(len(rows)), Potential(index, 1.0))
+    if exact(rows, Potential(index, 1.0)):
+        chosen = anneal(rows, chosen, near, index, steps, seed + 7919 * turn)
+        chosen = descend(rows, chosen, wide, Potential(index, _STRENGTHS[-1]))
+    else:
+        chosen = _kicked(rows, chosen, near, wide, index, np.random.default_rng([seed, turn, 2]))
+    return polish(rows, chosen, np.arange(len(rows)), index)
+
+
+def _kicked(rows: Array, chosen: Places, near: Places, wide: Places, index: str, rng: np.random.Generator) -> Places:
+    """Iterated descent, for scores that are not exact: throw an eighth of the poses out, descend, keep what is better."""
+    best = _down(rows, chosen, wide, index)
+    value = float(index_of(index, information(rows[best]), len(best)))
+    for _ in range(_KICKS):
+        count = max(1, len(best) // 8)
+        fresh = rng.permutation(np.setdiff1d(near, best))[:count]
+        trial = best.copy()
+        trial[rng.permutation(len(best))[: len(fresh)]] = fresh
+        trial = _down(rows, trial, wide, index)
+        new = float(index_of(index, information(rows[trial]), len(trial)))
+        if rule(index).better(new, value):
+            best, value = trial, new
+    return best
+
+
+def _down(rows: Array, chosen: Places, wide: Places, index: str) -> Places:
     for strength in _STRENGTHS:
         chosen = descend(rows, chosen, wide, Potential(index, strength))
-    return polish(rows, chosen, np.arange(len(rows)), Potential(index, _STRENGTHS[-1]))
+    return chosen
 
 
-def descend(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Array:
+def descend(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Places:
     """Take the best swap by the potential until there is none."""
     for _ in range(_SWAPS):
         swap = best_by_potential(rows, chosen, np.setdiff1d(pool, chosen), potential)
@@ -99,17 +123,19 @@ def descend(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Ar
     return chosen
 
 
-def polish(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Array:
-    """Take the best swap by the index itself until there is none."""
+def polish(rows: Array, chosen: Places, pool: Places, index: str) -> Places:
+    """Take the best swap by the index itself, of those that tight and wide barriers single out, until there is none."""
     for _ in range(_SWAPS):
-        swap = best_by_index(rows, chosen, np.setdiff1d(pool, chosen), potential)
+        outside = np.setdiff1d(pool, chosen)
+        tries = (best_by_index(rows, chosen, outside, Potential(index, each)) for each in _STRENGTHS[::-1])
+        swap = next((each for each in tries if each), None)
         if swap is None:
             break
         chosen = np.where(np.arange(len(chosen)) == swap.out, swap.into, chosen)
     return chosen
 
 
-def _drawn(certificate: Certificate, order: Array, n: int, seed: int, turn: int) -> Array:
+def _drawn(certificate: Certificate, order: Places, n: int, seed: int, turn: int) -> Places:
     """Take n of the support: the heaviest at the first turn, later drawn by weight; filled up by rank."""
     support, weights = certificate.support, certificate.weights
     if turn == 0:

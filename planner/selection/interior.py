@@ -30,7 +30,7 @@ def solve(problem: Problem, z: Array, tolerance: float) -> tuple[Array, list[Arr
     """Return (z, X) with a relative duality gap of about ``tolerance``, from a strictly feasible z."""
     slack = problem.slacks(z)
     mu = max(abs(problem.objective(z)), 1.0) / (len(slack) + 1)
-    point = _Point(z, [mu * np.linalg.inv(S) for S in problem.matrices(z)], mu / slack)
+    point = _Point(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
     for _ in range(_STEPS):
         gap, degree = _gap(problem, point)
         scale = 1.0 if problem.index == "O1" else abs(problem.objective(point.z))
@@ -78,9 +78,7 @@ def _step(problem: Problem, point: _Point, hessian: Array, slope: Array, mu: flo
         args = problem, point, (factor, scale), slope, inverses, slack
         dz, dX, dx = _direction(*args, 0.0, none, np.zeros_like(slack))
         dS, ds = problem.changes(dz), _slack_change(problem, dz)
-        ahead = _Point(
-            point.z + _room(problem, point.z, dz) * dz, *_moved(point, dX, dx, _dual_room(point, dX, dx))
-        )
+        ahead = _Point(point.z + _room(problem, point.z, dz) * dz, *_moved(point, dX, dx, _dual_room(point, dX, dx)))
         sigma = min(1.0, max(_gap(problem, ahead)[0] / _gap(problem, point)[0], 0.0)) ** 3
         sigma = max(sigma, 1e-6)
         second = [_symmetric(a @ b @ S) for a, b, S in zip(dX, dS, inverses, strict=True)]
@@ -114,9 +112,7 @@ def _direction(
     right = right + problem.pull(aims)[: len(right)] if aims else right
     dz = scale * cho_solve(factor, scale * right)
     changes = problem.changes(dz)
-    dX = [
-        aim - X - _symmetric(X @ dS @ S) for aim, X, dS, S in zip(aims, point.X, changes, inverses, strict=True)
-    ]
+    dX = [aim - X - _symmetric(X @ dS @ S) for aim, X, dS, S in zip(aims, point.X, changes, inverses, strict=True)]
     dx = wanted - point.x - point.x / slack * _slack_change(problem, dz)
     return np.asarray(dz), dX, np.asarray(dx)
 

@@ -1,14 +1,14 @@
 """A smooth stand-in for an index, exact for swaps: barriers below the smallest and above the largest eigenvalue.
 
-With information matrix M and eigenvalues lambda, the logarithm of kappa^2 is the least log(u / l) with l I <= M <= u I. The
-potential adds barriers to it,
+With information matrix M and eigenvalues lambda, the logarithm of kappa^2 is the least log(u / l) with
+l I <= M <= u I. The potential adds barriers to it,
 
     f(M) = min over l, u of  log u - b log l - m log det(M / l - I) - k log det(I - M / u)
 
 and tends to the index as m and k fall to zero (b = 1 for O2, 2 for O4; O3 has the lower half alone; O1 is l = 0). Two
 things make it the right tool for exchanges: at fixed l and u a swap changes it by a ratio of small determinants, known
-exactly for all pairs at the price of one matrix product; and the minimum over l and u makes that change an upper bound, so
-every swap that looks better is better. Barriers of this kind: Batson, Spielman and Srivastava 2012.
+exactly for all pairs at the price of one matrix product; and the minimum over l and u makes that change an upper bound,
+so every swap that looks better is better. Barriers of this kind: Batson, Spielman and Srivastava 2012.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from planner.units import Array
 
 _LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}
 _UPPER = ("O2", "O4")
-_UPPER_SHARE = 0.1  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
+_UPPER_SHARE = 0.15  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
 _NEWTON = 25
 
 

@@ -1,9 +1,9 @@
 """The paper's backward pruning: take poses away one at a time, each time the one whose loss hurts the index least.
 
-Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the smallest of M - J_i'J_i within the
-plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing); so a few
-numbers a candidate bound its cost from below, and exact eigenvalues are computed in the order of these bounds only until
-no bound is left that could win. The result is the one that an SVD per candidate and step would give.
+Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the smallest of M - J_i'J_i within
+the plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing); so a few
+numbers a candidate bound its cost from below, and exact eigenvalues are computed in the order of these bounds only
+until no bound is left that could win. The result is the one that an SVD per candidate and step would give.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from planner.observability import rule
 from planner.units import Array
 
 from .relaxation import quadratic
+from .repeatable import Places, canonical, single_threaded
 from .swaps import information
-from .threads import canonical, single_threaded
 
 EXACT_FROM = 2_000
 """Larger pools are first thinned: a twelfth goes at a time, those with the least bounds, all judged at once."""
@@ -24,7 +24,7 @@ _REFRESH = 64
 
 
 @single_threaded
-def prune(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) -> Array:
+def prune(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) -> Places:
     """Return the ``n`` candidates (n,) that backward pruning leaves of ``rows`` (N, r, P), ascending.
 
     From ``exact_from`` candidates on it is step for step the naive pruning; ties go to the lower index. Source: the
@@ -36,7 +36,7 @@ def prune(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) 
     rule(index)
     least = -(-rows.shape[2] // rows.shape[1])
     if not least <= n <= len(rows):
-        raise InputError(f"{n} poses cannot be kept: choose between {least} (the parameters) and {len(rows)} (the pool)")
+        raise InputError(f"{n} poses cannot be kept: ask for {least} (the parameters) to {len(rows)} (the pool)")
     kept = np.arange(len(rows))
     while len(kept) > max(n, exact_from):
         count = min(-(-len(kept) // _SHARE), len(kept) - max(n, exact_from))
@@ -64,7 +64,7 @@ def _least_missed(rows: Array, mass: Array, index: str) -> int:
         if floor[batch[0]] > best + 1e-9 * abs(best):
             break
         left = mass - np.swapaxes(rows[batch], 1, 2) @ rows[batch]
-        costs = canonical(cost(np.linalg.eigvalsh(left), index))
+        costs = canonical(cost(np.asarray(np.linalg.eigvalsh(left)), index))
         low = float(np.min(costs))
         first = int(np.min(batch[costs == low]))
         if low < best or (low == best and first < at):

@@ -14,8 +14,8 @@ from planner.observability import rule
 from planner.units import Array, frozen
 
 from .potential import Potential
-from .swaps import Table, exact, index_of, information
-from .threads import single_threaded
+from .repeatable import single_threaded
+from .swaps import Table, eigenvalues, exact, index_of, information
 
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _TRIALS = 24
@@ -39,13 +39,11 @@ class Refined:
 
 
 @single_threaded
-def refine(
-    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 60
-) -> Refined:
+def refine(q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 60) -> Refined:
     """Return poses near ``q0`` (n, N) [rad] with a better index.
 
-    ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,) which
-    joint angles pass every filter. ``rounds`` of trials at each of four barrier strengths. Deterministic. The
+    ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,)
+    which joint angles pass every filter. ``rounds`` of trials at each of four barrier strengths. Deterministic. The
     result is ``q0`` itself when nothing better is found.
 
     Raises:
@@ -55,7 +53,9 @@ def refine(
     q0 = np.asarray(q0, dtype=float)
     fine = np.asarray(valid(q0), dtype=bool)
     if not fine.all():
-        raise InputError(f"pose {int(np.flatnonzero(~fine)[0])} does not pass the filters: refinement starts from valid poses")
+        raise InputError(
+            f"pose {int(np.flatnonzero(~fine)[0])} does not pass the filters: refinement starts from valid poses"
+        )
     rng = np.random.default_rng(seed)
     q, rows = q0.copy(), rows_of(q0)
     before = _value(rows, index)
@@ -112,9 +112,9 @@ def _round(
 def _gains(rows: Array, position: int, trials: Array, potential: Potential) -> Array:
     """Gain (T,) of the potential when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
     if exact(rows, potential):
-        return Table(rows, potential).of(trials, slice(position, position + 1))[0]
+        return np.asarray(Table(rows, potential).of(trials, slice(position, position + 1))[0])
     mass = information(rows)
-    mu = np.linalg.eigvalsh(mass)
+    mu = eigenvalues(mass)
     shifts = potential.shifts(mu)
     after = mass - information(rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
-    return potential.barrier(np.linalg.eigvalsh(after), *shifts) - potential.barrier(mu, *shifts)
+    return np.asarray(potential.barrier(eigenvalues(after), *shifts) - potential.barrier(mu, *shifts))

@@ -169,9 +169,9 @@ def inside(problem: Problem, weights: Array) -> Array:
     while problem.capped and np.max(w) >= 0.97 * np.sum(w) / problem.poses:
         w = np.minimum(w, 0.9 * np.sum(w) / problem.poses) + 0.02 * np.mean(w)
     if problem.index == "O1":
-        return w * (problem.poses / np.sum(w))
+        return np.asarray(w * (problem.poses / np.sum(w)))
     mu = np.linalg.eigvalsh(problem.mass(w))
     if problem.index == "O5":  # the scale at which c = tr M^(-1/2)
-        return w * float(np.sum(mu**-0.5) * problem.poses / np.sum(w)) ** (2 / 3)
+        return np.asarray(w * float(np.sum(mu**-0.5) * problem.poses / np.sum(w)) ** (2 / 3))
     w = w * (1.5 / mu[0])
     return np.append(w, 2.0 * mu[-1] / mu[0]) if problem.index == "O2" else w

@@ -9,7 +9,7 @@ from planner.units import Array
 
 from .potential import Potential
 from .relaxation import quadratic
-from .threads import canonical
+from .repeatable import Places, canonical
 
 _BLOCK = 2_000_000  # pairs scored at a time
 _EXACT = 48  # pairs whose eigenvalues are computed
@@ -29,13 +29,18 @@ def information(rows: Array) -> Array:
     return np.asarray(tall.T @ tall)
 
 
+def eigenvalues(mass: Array) -> Array:
+    """Eigenvalues (..., P), ascending, of symmetric matrices (..., P, P)."""
+    return np.asarray(np.linalg.eigvalsh(mass), dtype=float)
+
+
 def index_of(kind: str, mass: Array, poses: int) -> Array:
     """Return the index of information matrices (..., P, P)."""
-    mu = np.sqrt(np.maximum(np.linalg.eigvalsh(mass)[..., ::-1], 0.0))
+    mu = np.sqrt(np.maximum(eigenvalues(mass)[..., ::-1], 0.0))
     return rule(kind).of(mu, poses)
 
 
-def scored(rows: Array, chosen: Array, pool: Array, potential: Potential, keep: int) -> tuple[list[Swap], Array]:
+def scored(rows: Array, chosen: Places, pool: Places, potential: Potential, keep: int) -> tuple[list[Swap], Array]:
     """Return the ``keep`` most promising swaps and their scores, best first.
 
     Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise.
@@ -92,7 +97,7 @@ def _log_ratio(inner: Array, outer: Array, inverse: Array, sign: float) -> Array
     return np.asarray(np.log(np.maximum(ratio, 1e-300, out=ratio), out=ratio))
 
 
-def after(rows: Array, chosen: Array, swaps: list[Swap]) -> Array:
+def after(rows: Array, chosen: Places, swaps: list[Swap]) -> Array:
     """Information matrices (k, P, P) after each of ``swaps``."""
     out = rows[chosen[[s.out for s in swaps]]]
     into = rows[[s.into for s in swaps]]
@@ -100,20 +105,20 @@ def after(rows: Array, chosen: Array, swaps: list[Swap]) -> Array:
     return np.asarray(information(rows[chosen]) + change)
 
 
-def best_by_potential(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Swap | None:
+def best_by_potential(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Swap | None:
     """The swap that betters the potential most, or None."""
     sure = exact(rows, potential)
     swaps, scores = scored(rows, chosen, pool, potential, 1 if sure else _EXACT)
     if sure:
         return swaps[0] if swaps and scores[0] > 1e-10 else None
-    mu = np.linalg.eigvalsh(information(rows[chosen]))
+    mu = eigenvalues(information(rows[chosen]))
     shifts = potential.shifts(mu)
-    gains = canonical(potential.barrier(np.linalg.eigvalsh(after(rows, chosen, swaps)), *shifts))
+    gains = canonical(potential.barrier(eigenvalues(after(rows, chosen, swaps)), *shifts))
     best = int(np.argmax(gains))
     return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + 1e-10 else None
 
 
-def best_by_index(rows: Array, chosen: Array, pool: Array, potential: Potential) -> Swap | None:
+def best_by_index(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Swap | None:
     """The swap that betters the index itself most, among those the potential finds most promising, or None."""
     swaps, _ = scored(rows, chosen, pool, potential, _EXACT)
     if not swaps:

@@ -7,10 +7,10 @@ import numpy as np
 
 from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
+from planner.choice import what_is_seen
 from planner.errors import NoSolutionError
 from planner.model import Model
 from planner.observability import Covariance, Identifiability, covariance
-from planner.choice import what_is_seen
 from planner.selection import exchange
 from planner.study.curves import Curve, index_curves, pick
 from planner.units import Array

@@ -32,6 +32,16 @@ class Curve:
     bounds: Array
     knee: int
 
+    @property
+    def at_knee(self) -> float:
+        """The index that a selection reaches at the bend."""
+        return float(self.values[self.sizes == self.knee][0])
+
+    @property
+    def limit_at_knee(self) -> float:
+        """What no set of as many poses as at the bend can beat."""
+        return float(self.bounds[self.sizes == self.knee][0])
+
 
 def index_curves(rows: Array, prior: Array, asked: str, seed: int, say: Say) -> tuple[Curve, ...]:
     """Return the curves of O1 … O5, first raw, then unit-free.
@@ -45,7 +55,7 @@ def index_curves(rows: Array, prior: Array, asked: str, seed: int, say: Say) -> 
     """
     fewest = -(-rows.shape[2] // rows.shape[1])
     sizes = np.unique([min(len(rows), max(fewest, round(fewest * g))) for g in GROWTH])
-    out = []
+    out: list[Curve] = []
     for scaled in (False, True):
         scene = np.ascontiguousarray(rows * prior) if scaled else rows
         for index, certificates in _certificates(scene, seed).items():

@@ -1,12 +1,14 @@
 """The index over a grid of fixture places: level with the fixture, and in the upright plane through it and axis 1."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from planner.candidates import PoseSet
 from planner.cell import Cell
+from planner.errors import NoSolutionError
 from planner.model import Model
 from planner.observability import STRUCTURAL, identifiable, index_value, r_factor, rule
 from planner.selection import prune
@@ -85,29 +87,44 @@ class FixtureMap:
 
 
 def fixture_map(
-    cell: Cell, index: str, poses: int, seed: int, say: Say, across: int = ACROSS, up: int = UP
+    cell: Cell, pool: PoseSet, index: str, poses: int, seed: int, say: Say, across: int = ACROSS, up: int = UP
 ) -> FixtureMap:
     """Judge a grid of places for the cell's first fixture, with ``poses`` poses selected for ``index`` at each.
 
     The arm is the same all round axis 1, so height and distance matter most: they are the upright grid. Places
     differ in what they see at all; they are compared on the parameters that the present place sees.
+
+    Raises:
+        NoSolutionError: the present place itself leaves too few candidates to be judged.
     """
     start = cell.fixtures[0].p_BX
     far = _reach(cell)
     model = Model.from_cell(moved(cell, start))
-    here = reach(moved(cell, start), CANDIDATES, seed)
+    here = _present(cell, pool, seed)
     rows = model.jacobian(here.q)
     noise = float(np.median(model.noise(here.q)))
     kept = identifiable(rows, model.names, model.prior, range(len(model.names)), noise).kept
     poses = max(poses, len(kept))
     half, places = _grid(cell, far, across, up)
-    out = []
+    out: list[Place] = []
     for place in places:
         say("fixture places", len(out), len(places))
         there = moved(cell, place.p_BX)
         found = here if place.plane == "present" else reach(there, CANDIDATES, seed)
         out.append(_judged(place, there, found, kept, index, poses))
+    if out[0].status != "usable":
+        raise NoSolutionError(
+            f"fixture {cell.fixtures[0].name} leaves {len(here.q)} candidates for {len(kept)} parameters and {poses} "
+            "poses, too few to compare it with other places: widen the cones, the cable's budget or the clearance"
+        )
     return FixtureMap(index, poses, far, half, kept, model.names, frozen(model.prior), tuple(out))
+
+
+def _present(cell: Cell, pool: PoseSet, seed: int) -> Reach:
+    """Drawn as at all other places; where that is meagre, the cell's own candidates."""
+    here = reach(moved(cell, cell.fixtures[0].p_BX), CANDIDATES, seed)
+    own = pool.q[pool.fixture == 0][:CANDIDATES]
+    return here if len(here.q) >= len(own) else Reach(frozen(own), "usable")
 
 
 def _reach(cell: Cell) -> float:
@@ -133,18 +150,16 @@ def _grid(cell: Cell, far: float, across: int, up: int) -> tuple[tuple[float, fl
 
 
 def _heights(cell: Cell, far: float) -> tuple[float, float]:
-    """From the floor, or as low as the present place if there is none, to the tool point's greatest height less the bar."""
+    """From just above the floor, or the base if there is none, to nine tenths of the reach [m]."""
     low = cell.base.floor if cell.base.floor is not None else min(0.0, float(cell.fixtures[0].p_BX[2]))
     return low + 0.05, max(low + 0.5, 0.9 * far)
 
 
-def _judged(
-    place: Place, cell: Cell, found: Reach, kept: tuple[int, ...], index: str, poses: int
-) -> Place:
-    changes = {"plane": place.plane, "p_BX": place.p_BX, "along": place.along, "up": place.up}
-    if found.status != "usable" or len(found.q) < max(poses, ENOUGH * len(kept)):
+def _judged(place: Place, cell: Cell, found: Reach, kept: tuple[int, ...], index: str, poses: int) -> Place:
+    count = len(found.q)
+    if found.status != "usable" or count < max(poses, ENOUGH * len(kept)):
         status: Status = "few" if found.status == "usable" else found.status
-        return Place(**changes, status=status, candidates=len(found.q))  # type: ignore[arg-type]
+        return replace(place, status=status, candidates=count)
     model = Model.from_cell(cell)
     rows = model.jacobian(found.q)
     noise = float(np.median(model.noise(found.q)))
@@ -152,10 +167,9 @@ def _judged(
     own = np.ascontiguousarray(rows[:, :, list(kept)])
     mu = np.linalg.svd(r_factor(own * model.prior[list(kept)]), compute_uv=False)
     blind = mu[-1] <= STRUCTURAL * mu[0]
-    value = float("nan") if blind else selected(own, index, poses)
     factor = frozen(r_factor(rows) / np.sqrt(rows[..., 0].size))
-    status = "blind" if blind else "usable"
-    return Place(**changes, status=status, candidates=len(found.q), rank=rank, value=value, information=factor)  # type: ignore[arg-type]
+    told = replace(place, candidates=count, rank=rank, information=factor)
+    return replace(told, status="blind") if blind else replace(told, value=selected(own, index, poses))
 
 
 def selected(rows: Array, index: str, poses: int) -> float:

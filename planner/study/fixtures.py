@@ -107,7 +107,8 @@ def combined(map_: FixtureMap, places: Sequence[Place]) -> tuple[Array, tuple[st
         factor = place.information * np.sqrt(size)  # so that the rows' mean square stays that of a reading
         rows[k][:, k * len(own) : (k + 1) * len(own)] = factor[:, own]
         rows[k][:, count * len(own) :] = factor[:, common]
-    names = [f"fixture_{k + 1}_{map_.names[j][-1]}" for k in range(count) for j in own]
+    further = [f"fixture_{k + 1}_{map_.names[j][-1]}" for k in range(1, count) for j in own]
+    names = [map_.names[j] for j in own] + further
     prior = np.concatenate([*[map_.prior[own]] * count, map_.prior[common]])
     return rows.reshape(count * size, 1, -1), (*names, *[map_.names[k] for k in common]), prior
 
@@ -148,8 +149,9 @@ def _robot_value(map_: FixtureMap, rows: Array, names: tuple[str, ...], seen: Id
     if len(robot) < len(wanted):
         return float("inf") if not rule(map_.index).maximise else 0.0
     gauge = [k for k in seen.kept if names[k] not in wanted]
-    factor = np.linalg.qr(rows[:, 0, [*gauge, *robot]] / np.sqrt(len(rows)), mode="r")
-    mu = np.linalg.svd(factor[len(gauge) :, len(gauge) :], compute_uv=False) * np.sqrt(map_.poses)
+    factor = r_factor(rows[:, :, [*gauge, *robot]] / np.sqrt(len(rows)))
+    own: Array = factor[len(gauge) :, len(gauge) :]
+    mu = np.linalg.svd(own, compute_uv=False) * np.sqrt(map_.poses)
     return float(rule(map_.index).of(mu, map_.poses))
 
 
@@ -158,8 +160,9 @@ def _remedies(cell: Cell, map_: FixtureMap, alone: Step, noise: float, seed: int
     rows, names, prior = combined(map_, [map_.present])
     unseen = [d.name for d in alone.dropped]
     out = []
-    free = [(p, s) for p, s in (("fixture_", "fixture's place measured"), ("map_", "tool point measured")) if _any(names, p)]
-    choices = [((p,), s) for p, s in free]
+    known = (("fixture_", "the fixture's place measured"), ("map_", "the tool point measured"))
+    free = [(prefix, says) for prefix, says in known if any(n.startswith(prefix) for n in names)]
+    choices: list[tuple[tuple[str, ...], str]] = [((prefix,), says) for prefix, says in free]
     if len(free) > 1:
         choices.append((("fixture_", "map_"), "both measured"))
     for prefixes, says in choices:
@@ -169,13 +172,9 @@ def _remedies(cell: Cell, map_: FixtureMap, alone: Step, noise: float, seed: int
     second = _second_tool(cell, map_, seed)
     if second is not None and left:
         both = np.concatenate([rows[:, :, left], second])
-        says = "both measured, and a second tool point" if free else "a second tool point"
+        says = "all measured, and a second tool point" if free else "a second tool point, measured"
         out.append(_remedy(says, unseen, both, [names[k] for k in left], prior[left], noise, 2))
     return tuple(out)
-
-
-def _any(names: Sequence[str], prefix: str) -> bool:
-    return any(n.startswith(prefix) for n in names)
 
 
 def _remedy(
@@ -191,7 +190,7 @@ def _second_tool(cell: Cell, map_: FixtureMap, seed: int) -> Array | None:
     tool = cell.tool
     across = np.cross(tool.axis_F, tool.p_FM)
     if np.linalg.norm(across) < 1e-6:
-        across = np.linalg.svd(tool.axis_F[None])[2][1]
+        across = np.cross(tool.axis_F, np.eye(3)[int(np.argmin(np.abs(tool.axis_F)))])
     point = frozen(tool.p_FM + ASIDE * across / np.linalg.norm(across))
     there = replace(moved(cell, map_.present.p_BX), tool=replace(tool, p_FM=point))
     found = reach(there, CANDIDATES, seed)

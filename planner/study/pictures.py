@@ -10,8 +10,8 @@ from planner.report.printed import png, style
 from planner.study.basis import Basis
 from planner.study.curves import Curve, pick
 from planner.study.summary import number
-from planner.study.tables import absorbers, effects
-from planner.units import UM
+from planner.study.tables import MDEG, absorbers, effects
+from planner.units import MM, UM
 
 LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
 ROW = 0.2  # [inch] a parameter's line
@@ -35,7 +35,8 @@ def _spectrum(ax: Axes, basis: Basis) -> None:
     if rank < len(mu):
         ax.semilogy(at[rank:], mu[rank:], "x", color=RED, markersize=6, label="not seen")
         middle = float(np.sqrt(mu[rank - 1] * mu[rank]))
-        ax.annotate(f"gap of {basis.seen.gap:.0e}", (rank + 0.3, middle), ha="right")
+        says = f"gap of 10$^{{{np.log10(basis.seen.gap):.0f}}}$" if np.isfinite(basis.seen.gap) else "gap"
+        ax.annotate(says, (rank + 0.3, middle), ha="right")
         ax.vlines(rank + 0.5, mu[rank], mu[rank - 1], color=GREY, linewidth=0.8)
     noise = basis.noise / np.sqrt(basis.poses) / UM
     ax.axhline(noise, color="#666666", linewidth=0.8, linestyle=":")
@@ -59,15 +60,18 @@ def _shares(ax: Axes, basis: Basis) -> None:
         if name in share:
             ax.plot([least / 3, share[name]], [k, k], color="#DDDDDD", linewidth=0.8)
             ax.plot(share[name], k, "o", color=BLUE, markersize=4.5)
-            if carried[name]:
-                says = "carries " + ", ".join(carried[name])
-                ax.annotate(says, (share[name], k), (6, 0), textcoords="offset points", va="center", fontsize=8, color="#555555")
+            says = in_unit(std[name], basis.whole.parameters[k].unit)
+            says += ", carries " + ", ".join(carried[name]) if carried[name] else ""
+            _beside(ax, says, (share[name], k), "#555555")
         else:
             ax.plot(least / 2.6, k, "x", color=RED, markersize=5)
             reason = why[name].split(":")[0].removeprefix(name + " ")
-            ax.annotate(reason, (least / 2.6, k), (7, 0), textcoords="offset points", va="center", fontsize=8.5, color=RED)
+            _beside(ax, reason, (least / 2.6, k), RED)
     ax.set_xscale("log")
     ax.set_xlim(least / 3, max(200.0, 2 * worst))
+    ticks = [t for t in (0.1, 0.3, 1, 3, 10, 30, 100) if t > least / 3]
+    ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    ax.minorticks_off()
     ax.axvline(100, color="#666666", linewidth=0.8, linestyle=":")
     ax.annotate("prior", (100, -0.9), (-3, 0), textcoords="offset points", ha="right", va="center", fontsize=8.5)
     ax.set_yticks(range(len(names)), names)
@@ -76,6 +80,15 @@ def _shares(ax: Axes, basis: Basis) -> None:
     ax.set_title(f"After {basis.poses} poses the least certain, {last}, is known to {worst:.0f} % of its prior")
     ax.set_xlabel("predicted σ after one measurement (% of prior σ)")
     ax.grid(visible=True, axis="x")
+
+
+def _beside(ax: Axes, text: str, at: tuple[float, float], colour: str) -> None:
+    ax.annotate(text, at, (7, 0), textcoords="offset points", va="center", fontsize=8, color=colour)
+
+
+def in_unit(value: float, unit: str) -> str:
+    """Return a length in mm or an angle in thousandths of a degree, with two digits."""
+    return f"{value / MM:.2g} mm" if unit == "m" else f"{value / MDEG:.2g} mdeg"
 
 
 def curves_png(basis: Basis) -> bytes:
@@ -93,7 +106,10 @@ def curves_png(basis: Basis) -> bytes:
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
         own = pick(basis.curves, basis.index, scaled=False)
-        figure.suptitle(f"{basis.index} bends at {own.knee} poses; more poses than that buy little", x=0.01, ha="left")
+        gap = 100 * RULES[own.index].gap(own.at_knee, own.limit_at_knee)
+        any_set = "any number of poses" if own.index in ("O1", "O2") else f"any {own.knee} poses"
+        says = f"{own.index} bends at {own.knee} poses, where it is within {gap:.0f} % of what {any_set} can reach"
+        figure.suptitle(says, x=0.01, ha="left")
         return png(figure)
 
 
@@ -104,16 +120,17 @@ def _curve(ax: Axes, curve: Curve) -> None:
     ax.plot(curve.sizes, curve.bounds / power, color=ORANGE, linewidth=1.4, linestyle="--", label=limit)
     ax.plot(curve.sizes, curve.values / power, "-o", color=BLUE, linewidth=1.2, markersize=3, label="selected poses")
     at = int(np.flatnonzero(curve.sizes == curve.knee)[0])
-    ax.plot(curve.knee, curve.values[at] / power, "o", markersize=9, markerfacecolor="none", color=RED, label="bend")
+    bend = curve.values[at] / power
+    ax.plot(curve.knee, bend, "o", markersize=9, markerfacecolor="none", color=RED, label="where it bends")
     best = "higher" if RULES[curve.index].maximise else "lower"
-    ax.set_title(f"{curve.index}, {best} is better: bend at {curve.knee}", fontsize=9.5)
+    unit = "" if power == 1.0 else f" (10$^{{{round(np.log10(power))}}}$)"
+    ax.set_title(f"{curve.index}{unit}, {best} is better", fontsize=9.5)
+    below = (3, -11) if RULES[curve.index].maximise else (5, 6)
+    ax.annotate(str(curve.knee), (curve.knee, bend), below, textcoords="offset points", color=RED)
     ax.set_xscale("log")
     ticks = [n for n in (20, 30, 50, 100, 200, 400) if curve.sizes[0] * 0.9 <= n <= curve.sizes[-1] * 1.1]
     ax.set_xticks(ticks, [str(n) for n in ticks])
     ax.minorticks_off()
-    if power != 1.0:
-        ax.annotate(f"× 10$^{{{round(np.log10(power))}}}$", (0, 1), (2, -2), xycoords="axes fraction",
-                    textcoords="offset points", va="top", fontsize=8.5)  # fmt: skip
     ax.grid(visible=True, axis="y")
 
 
@@ -150,7 +167,7 @@ def _bars(ax: Axes, basis: Basis) -> None:
 
 def _correlation(figure: Figure, ax: Axes, basis: Basis) -> None:
     rho, names = basis.predicted.correlation, basis.seen.names
-    image = ax.imshow(rho, cmap="PuOr", vmin=-1, vmax=1, interpolation="nearest")
+    image = ax.imshow(rho, cmap="PuOr", vmin=-1, vmax=1, interpolation="nearest", aspect="auto")
     loud = [(j, k) for j in range(len(names)) for k in range(len(names)) if j != k and abs(rho[j, k]) >= LOUD]
     for j, k in loud:
         ax.plot(k, j, "o", color="white", markersize=3)
@@ -160,5 +177,7 @@ def _correlation(figure: Figure, ax: Axes, basis: Basis) -> None:
     ax.tick_params(length=0)
     pairs = len(loud) // 2
     says = f"{pairs} pair{'s are' if pairs != 1 else ' is'}" if pairs else "No two parameters are"
-    ax.set_title(f"{says} correlated by {LOUD:g} or more at the {basis.poses} chosen poses{' (white dots)' if pairs else ''}")
-    figure.colorbar(image, ax=ax, label="correlation of the fitted parameters", shrink=0.8, aspect=30)
+    dots = " (white dots)" if pairs else ""
+    ax.set_title(f"{says} correlated by {LOUD:g} or more at the {basis.poses} chosen poses{dots}")
+    says = "correlation of the fitted parameters"
+    figure.colorbar(image, ax=ax, label=says, aspect=40)

@@ -4,12 +4,13 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from planner.cell import Cell
 from planner.errors import InputError
 from planner.files import write_bytes
 from planner.observability import rule
-from planner.selection.threads import single_threaded
-from planner.study import maps, pictures, tables
+from planner.study import maps, pictures, remedies, tables
 from planner.study.basis import basis
 from planner.study.fixture_map import fixture_map
 from planner.study.fixtures import fixtures_needed
@@ -33,7 +34,6 @@ NAMES = (
 )
 
 
-@single_threaded
 def study(cell: Cell, folder: Path, index: str | None, seed: int, say: Callable[[str, int, int], None]) -> StudySummary:
     """Study what can be seen in a cell, and write tables, pictures and ``study.json`` into ``folder``.
 
@@ -49,16 +49,26 @@ def study(cell: Cell, folder: Path, index: str | None, seed: int, say: Callable[
         NoSolutionError: no candidate pose passes the filters, or too few do.
     """
     index = rule(index or cell.plan.index).name
-    start = basis(cell, index, seed, say)
-    places = fixture_map(cell, index, start.poses, seed, say)
-    say("fixtures", 0, 0)
-    fixtures = fixtures_needed(cell, places, start.noise, seed)
-    summary = StudySummary(start, places, fixtures, NAMES)
-    say("pictures", 0, 0)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; a study needs a folder")
+    with threadpool_limits(1, user_api="blas"):  # the same bytes whatever number of threads there are
+        start = basis(cell, index, seed, say)
+        places = fixture_map(cell, start.pool, index, start.poses, seed, say)
+        say("fixtures", 0, 0)
+        fixtures = fixtures_needed(cell, places, start.noise, seed)
+        summary = StudySummary(start, places, fixtures, NAMES)
+        say("pictures", 0, 0)
+        files = _files(summary)
+    _write(folder, {name: files[name] for name in NAMES})
+    return summary
+
+
+def _files(summary: StudySummary) -> dict[str, bytes]:
+    start, places, fixtures = summary.basis, summary.places, summary.fixtures
     texts = {
         "correlation.csv": tables.correlation_csv(start),
         "fixture_map.csv": tables.map_csv(places),
-        "fixtures_needed.csv": tables.fixtures_csv(fixtures, index),
+        "fixtures_needed.csv": tables.fixtures_csv(fixtures, start.index),
         "identifiability.csv": tables.identifiability_csv(start),
         "index_curve.csv": tables.curves_csv(start),
         "sensitivity.csv": tables.sensitivity_csv(start),
@@ -66,15 +76,13 @@ def study(cell: Cell, folder: Path, index: str | None, seed: int, say: Callable[
         "unseen.csv": tables.remedies_csv(fixtures),
         "study.json": json.dumps(summary.content(), indent=1, ensure_ascii=False) + "\n",
     }
-    files = {name: text.encode() for name, text in texts.items()} | {
+    return {name: text.encode() for name, text in texts.items()} | {
         "identifiability.png": pictures.identifiability_png(start),
         "index_curve.png": pictures.curves_png(start),
         "sensitivity.png": pictures.sensitivity_png(start),
         "fixture_map.png": maps.map_png(places),
-        "fixtures_needed.png": maps.fixtures_png(fixtures, index),
+        "fixtures_needed.png": remedies.fixtures_png(fixtures, start.index),
     }
-    _write(folder, {name: files[name] for name in NAMES})
-    return summary
 
 
 def _write(folder: Path, files: dict[str, bytes]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.observability import RULES
+from planner.observability import RULES, Dropped
 from planner.study.basis import Basis
 from planner.study.curves import pick
 from planner.study.fixture_map import FixtureMap, Place
@@ -31,11 +31,11 @@ class StudySummary:
         """Return a few lines for the person."""
         b = self.basis
         own = pick(b.curves, b.index, scaled=False)
-        limit = f"no set of the {len(b.pool)} candidates is better than {number(own.bounds[own.sizes == own.knee][0])}"
+        limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
-            *[f"  unseen      {d.name}: {d.because}" for d in b.seen.dropped],
-            f"  poses       {b.index} bends at {own.knee} poses, {number(own.values[own.sizes == own.knee][0])}; {limit}",
+            *[f"  unseen      {d.because}" for d in b.seen.dropped],
+            f"  poses       {b.index} bends at {own.knee} poses, {number(own.at_knee)}; {limit}",
             f"  least sure  {', '.join(_shares(b)[:3])}",
             f"  fixture     {best_in_words(self.places)}{self._stand()}",
             *[f"  fixtures    {sentence}" for sentence in fixtures_in_words(self.fixtures, b.index)],
@@ -178,8 +178,13 @@ def fixtures_in_words(f: Fixtures, index: str) -> tuple[str, ...]:
         known |= set(fresh)
         if fresh:
             out.append(f"{_listed(fresh)} would be seen with {r.name}")
-    out += [f"{d.name} can never be seen by a length gauge: {d.because}" for d in f.never]
+    out += [f"{d.name} can never be seen by a length gauge, {_reason(d)}" for d in f.never]
     return tuple(out)
+
+
+def _reason(d: Dropped) -> str:
+    """The sentence without the name that it begins with."""
+    return f"it {d.because.removeprefix(d.name + ' ')}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -99,7 +99,7 @@ def curves_csv(basis: Basis) -> str:
 
 
 def effects(basis: Basis) -> tuple[Array, Array]:
-    """Return the change of a reading by one prior size of each parameter, rms and largest over the candidates (P,) [m]."""
+    """Return what one prior size of each parameter changes a reading by, rms and largest, (P,) [m]."""
     change = basis.whole_rows * basis.whole.prior
     return sensitivity(change), abs(change).max(axis=(0, 1))
 

@@ -9,8 +9,9 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from planner.tour.clusters import find_clusters, torn
-from planner.tour.cuts import family, separate
+from planner.tour.clusters import find_clusters, torn, torn_unions
+from planner.tour.cuts import separate
+from planner.tour.inequality import family
 from planner.tour.instance import Instance, IntArray
 from planner.tour.local_search import LocalSearch, nearest_neighbours
 from planner.tour.relaxation import GRID, Relaxation
@@ -179,7 +180,9 @@ class BranchAndCut:
         values, start = relaxation.values[fractional], relaxation.objective()
         nearest = fractional[np.argsort(np.abs(values - 0.5), kind="stable")[:_CANDIDATES]]
         options: list[tuple[Choice, Choice]] = [((int(leg), 1), (int(leg), 0)) for leg in nearest]
-        cuts = [family([self._clusters.sets[k]], 2) for k in torn(relaxation.x, self._clusters.sets, _CANDIDATES)]
+        sets = list(self._clusters.sets[torn(relaxation.x, self._clusters.sets, _CANDIDATES)])
+        sets += torn_unions(relaxation.x, self._clusters.partitions, _CANDIDATES)
+        cuts = [family([nodes], 2) for nodes in sets]
         relaxation.add_cuts(cuts)
         options += [((cut.key, 2), (cut.key, 4)) for cut in cuts]
         scores = []

@@ -47,6 +47,31 @@ def find_clusters(instance: Instance) -> Clusters:
     return Clusters(sets, partitions)
 
 
+def links(x: Array, partition: IntArray) -> Array:
+    """Return (p, p): how strongly the parts are linked at ``x``, by number of part, 0 on the diagonal."""
+    tail, head = np.nonzero(x)
+    parts = int(partition.max()) + 1
+    between = np.zeros((parts, parts))
+    np.add.at(between, (partition[tail], partition[head]), x[tail, head])  # in order: the same on every machine
+    np.fill_diagonal(between, 0.0)
+    return between
+
+
+def torn_unions(x: Array, partitions: IntArray, count: int) -> list[BoolArray]:
+    """Return unions of two clusters, linked by about half a leg, coarse partitions first: a leg between clusters."""
+    found: dict[bytes, BoolArray] = {}
+    for partition in partitions:
+        between = links(x, partition)
+        once = np.abs(between.sum(axis=1) - 2.0) < 0.1
+        half = (np.abs(between - 0.5) < 0.3) & once[:, None] & once[None, :]
+        for a, b in np.argwhere(np.triu(half)):
+            union = (partition == a) | (partition == b)
+            found.setdefault(union.tobytes(), union)
+        if len(found) >= count:
+            break
+    return list(found.values())[:count]
+
+
 def torn(x: Array, sets: BoolArray, count: int) -> IntArray:
     """Return which of the sets (k, m) are left between two and four times at ``x``, those nearest to three first."""
     tail, head = np.nonzero(np.triu(x, 1))

@@ -9,7 +9,7 @@ from typing import Any
 import highspy
 import numpy as np
 
-from planner.tour.cuts import Cut
+from planner.tour.inequality import Cut
 from planner.tour.instance import Instance, IntArray
 from planner.units import Array
 
@@ -145,9 +145,9 @@ class Relaxation:
         self.x[self.tail, self.head] = self.x[self.head, self.tail] = self.values
         dual = np.array(solution.row_dual) * self._scale * GRID
         self._dual = np.rint(dual).astype(np.int64)
-        self._dual[self.size :] = np.maximum(self._dual[self.size :], 0)
+        self._clip(self._dual)
         self._idle = [
-            0 if used > 0 else idle + 1 for idle, used in zip(self._idle, self._dual[self.size :], strict=True)
+            0 if used != 0 else idle + 1 for idle, used in zip(self._idle, self._dual[self.size :], strict=True)
         ]
         return True
 

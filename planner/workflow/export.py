@@ -12,6 +12,7 @@ from planner.errors import InputError
 from planner.plan import Course, Waypoints, course, settled
 from planner.program import ProgramFile, info, write_program
 from planner.schema import read_json, validate
+from planner.selection import single_threaded
 from planner.workflow.session import session
 
 
@@ -41,6 +42,7 @@ class PlanFile(_Loose):
     drives: tuple[_Drive, ...] = Field(min_length=1)
 
 
+@single_threaded
 def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     """Write the program of the plan at ``path`` in ``dialect``; ``stem`` is the wanted file name, ``-`` for none.
 

@@ -32,6 +32,11 @@ def round_pairs(w: CollisionWorld) -> np.ndarray:
     return np.array([kinds[a] and kinds[b] for a, b in w.scene.pairs])
 
 
+def two_boxes(w: CollisionWorld) -> list[int]:
+    kinds = [p.body.kind for p in w.scene.pieces]
+    return [k for k, (a, b) in enumerate(w.scene.pairs) if kinds[a] == kinds[b] == "box"]
+
+
 def segments(w: CollisionWorld, q: Array) -> tuple[Array, Array]:
     """Ends of every capsule's segment in the base frame (n, pieces, 2, 3) and the radii, by single joint rotations."""
     cell, n = w.cell, len(q)
@@ -125,20 +130,20 @@ def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
     assert (safe - coal)[apart].max() < 2e-6
     assert (safe[apart] > 0.0).all()
     assert (safe[coal < -1e-5] <= 0.0).all()
-    assert np.median((coal - safe)[apart & (safe < coal - 1e-3)].size / apart.sum()) < 0.02
+    with_box = ~np.broadcast_to(round_pairs(w), coal.shape) & apart & (coal < 0.05)
+    with_box &= ~np.isin(np.arange(coal.shape[1]), two_boxes(w))  # a box grows by more than the distance at its corners
+    assert (safe > coal * (1 - 2e-3) - 2e-4)[with_box].mean() > 0.999
 
 
 @pytest.mark.parametrize("name", CELLS)
-@pytest.mark.parametrize("clearance", [0.0, 0.01, 0.08])
+@pytest.mark.parametrize("clearance", [0.0, 0.005, 0.01])
 def test_bulk_answers_are_those_of_the_distances(name: str, clearance: float) -> None:
     w, q = world(name), states(name, 800)
     nearest = w.distances(q).min(axis=1)
     sure = np.abs(nearest - clearance) > 1e-5
     assert 0.02 < (nearest < clearance).mean() < 0.999
     np.testing.assert_array_equal(w.collides(q, clearance)[sure], (nearest < clearance)[sure])
-    np.testing.assert_array_equal(
-        CoalPairs(w.scene).near(q[:300], clearance)[sure[:300]], (nearest < clearance)[:300][sure[:300]]
-    )
+    np.testing.assert_array_equal(CoalPairs(w.scene).near(q, clearance)[sure], (nearest < clearance)[sure])
 
 
 def test_pairs_that_were_not_asked_for_stay_unknown() -> None:

@@ -22,7 +22,7 @@ def constraints() -> Constraints:
 
 @pytest.fixture(scope="module")
 def labelled() -> tuple[Array, np.ndarray]:
-    q = valid_poses(900)
+    q = valid_poses(700)
     return q, parts(constraints(), q)
 
 
@@ -167,3 +167,14 @@ def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> N
     found = join(constraints(), nodes, [0, 1, 3, 1, 2, 0], seed=0, pool=np.vstack([pool, nodes]))
     assert isinstance(found, Path)
     assert found.node[found.node >= 0].tolist() == [0, 1, 3, 1, 2, 0]
+
+
+@pytest.mark.parametrize("name", ["kuka-kr6-r700/edbb", "ur10/edbb"])
+def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
+    cell, world = cell_and_world(name)
+    other, q = Constraints(cell, scene=world.scene), valid_poses(500, name)
+    q = q[parts(other, q) == 0]
+    found = join(other, q[:15], [*range(15), 0], seed=0, pool=q[15:])
+    assert isinstance(found, Path)
+    assert found.clear, found.second.failures
+    assert not world.collides(dense(found.q[:-1], found.q[1:], 200)).any()

@@ -1,6 +1,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,19 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
     assert np.allclose(numbers(values["y"]), plan.choice.curve.values)
     assert np.allclose(numbers(bounds["y"]), plan.choice.curve.bounds)
     assert (numbers(point["x"])[0], numbers(point["y"])[0]) == (len(plan.choice.q), plan.choice.value)
+
+
+def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:
+    cell = replace(plan.cell, fixtures=plan.cell.fixtures * 2)
+    second = replace(plan.drives[0], fixture=1)
+    written = write_report(replace(plan, cell=cell, drives=(plan.drives[0], second)), tmp_path)
+    assert {"bar_1.png", "bar_2.png", "tour_1.png", "tour_2.png"} < {p.name for p in written}
+    read = ReadPage()
+    read.feed(written[0].read_text(encoding="utf-8"))
+    assert len(read.table("pose")) == 2 * len(second.visits)
+    assert {"bar_1", "bar_2"} < set(figures(read)) <= read.ids
+    labels = next(json.loads(text)["labels"] for a, text in read.scripts if a.get("id") == "player-data")
+    assert all(f"fixture {FIXTURE}" in label for label in labels)
 
 
 def test_folder_must_exist(plan: Plan, tmp_path: Path) -> None:

@@ -1,13 +1,17 @@
-"""One BLAS thread where a number decides, so that a result has the same bytes on any machine's thread count."""
+"""The same bytes on any machine: one BLAS thread where a number decides, and ties that rounding cannot break."""
 
 from collections.abc import Callable
 from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from planner.units import Array
+
+Places = NDArray[np.intp]
+"""Positions of candidates in a pool."""
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")

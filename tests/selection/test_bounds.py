@@ -1,0 +1,144 @@
+"""The certificate: below (or above) the best of all subsets, checked by brute force; and it cannot be faked."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from planner.errors import InputError
+from planner.observability import RULES, identifiable, index_value
+from planner.selection import Dual, bound, check, exchange, verify
+from tests.observability import dh_arm
+from tests.observability.dh_arm import NJ130
+
+INDICES = list(RULES)
+
+
+def pool(seed, count=14, readings=1, size=3):
+    return np.random.default_rng(seed).standard_normal((count, readings, size)) * np.array([1, 0.3, 2.0])[:size]
+
+
+def best_of_all(rows, n, kind):
+    values = [index_value(kind, rows[list(s)]) for s in combinations(range(len(rows)), n)]
+    return max(values) if RULES[kind].maximise else min(values)
+
+
+@pytest.fixture(scope="module")
+def paper_pool():
+    q = dh_arm.shell_poses(NJ130, 1_500, seed=1)
+    rows = dh_arm.rows(NJ130, q)
+    return rows[..., list(identifiable(rows, dh_arm.names(NJ130)).kept)]
+
+
+@pytest.mark.parametrize("kind", INDICES)
+@pytest.mark.parametrize(("seed", "readings", "n"), [(0, 1, 5), (1, 1, 4), (2, 3, 3), (3, 1, 9), (4, 3, 6)])
+def test_no_subset_beats_the_bound(kind, seed, readings, n):
+    rows = pool(seed, readings=readings)
+    certificate, best = bound(rows, kind, n), best_of_all(rows, n, kind)
+    assert certificate.verified
+    assert not RULES[kind].better(best, certificate.value)
+    assert RULES[kind].gap(best, certificate.value) < (0.9 if kind == "O4" else 0.5)  # a bound that says something
+
+
+@pytest.mark.parametrize("kind", ["O1", "O2"])
+def test_no_subset_of_any_size_beats_the_bound_for_any_number(kind):
+    rows = pool(5, count=11)
+    certificate = bound(rows, kind)
+    assert certificate.kind == "any number of poses"
+    assert all(not RULES[kind].better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
+
+
+@pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])
+def test_the_bound_is_the_relaxation_to_a_tenth_of_a_percent(kind, paper_pool):
+    certificate = bound(paper_pool, kind, 60)
+    assert certificate.verified
+    assert certificate.slack < 1e-3
+    active = paper_pool[certificate.support, 0]
+    mass = (active * certificate.weights[:, None]).T @ active
+    mu = np.sqrt(np.linalg.eigvalsh(mass)[::-1])
+    assert float(RULES[kind].of(mu, 60)) == pytest.approx(certificate.value, rel=2e-3)
+    assert certificate.weights.sum() == pytest.approx(60)
+    assert certificate.weights.max() < 1.001
+
+
+def test_exactly_n_is_tighter_than_any_number(paper_pool):
+    free = bound(paper_pool, "O2").value
+    assert free < bound(paper_pool, "O2", 40).value < bound(paper_pool, "O2", 120).value
+
+
+def test_the_paper_pool_has_a_bound_near_thirty(paper_pool):
+    """The rough trial on a pool of this kind, with other joint limits, found 30.06."""
+    assert 28 < bound(paper_pool, "O2").value < 34
+
+
+def test_any_number_agrees_with_a_general_solver():
+    """The same relaxation for O2 on a small pool by direct search."""
+    rows = pool(6, count=12)
+    outer = np.einsum("nri,nrj->nij", rows, rows)
+
+    def condition(w):
+        mu = np.linalg.eigvalsh(np.tensordot(w, outer, 1))
+        return np.sqrt(mu[-1] / max(mu[0], 1e-12))
+
+    rng = np.random.default_rng(0)
+    box = [(0, 1)] * 12
+    tries = [
+        minimize(condition, rng.random(12), bounds=box, method="Powell", options={"maxiter": 4000}).fun
+        for _ in range(6)
+    ]
+    assert bound(rows, "O2").value <= min(tries) * (1 + 1e-9)
+    assert bound(rows, "O2").value == pytest.approx(min(tries), rel=2e-2)
+
+
+@pytest.mark.parametrize("kind", INDICES)
+def test_any_matrices_at_all_prove_nothing_wrong(kind):
+    """Soundness does not rest on the solver: random duals never claim more than the truth."""
+    if kind == "O4":
+        pytest.skip("O4 is the quotient of two others")
+    rows, rng = pool(7), np.random.default_rng(1)
+    best = best_of_all(rows, 5, kind)
+    for _ in range(200):
+        X, Y = (a @ a.T if rng.random() < 0.7 else a for a in rng.standard_normal((2, 3, 3)))
+        assert not RULES[kind].better(best, verify(Dual(kind, 5, X, Y), rows))
+
+
+@pytest.mark.parametrize("kind", INDICES)
+def test_a_corrupted_certificate_is_caught(kind):
+    rows = pool(8)
+    certificate = bound(rows, kind, 6)
+    sense = -1 if RULES[kind].maximise else 1
+    assert check(certificate, rows)
+    assert not check(replace(certificate, value=certificate.value * (1 + sense * 1e-6)), rows)
+    bent = [replace(d, X=d.X + 0.3 * np.diag(np.arange(3)) * np.trace(d.X)) for d in certificate.duals]
+    assert not check(replace(certificate, duals=tuple(bent)), rows)
+    broken = [replace(d, X=d.X * np.nan) for d in certificate.duals]
+    assert not check(replace(certificate, duals=tuple(broken)), rows)
+    better_pool = np.concatenate([rows, 10 * rows[:6], 10 * np.roll(rows[:6], 1, axis=2)])
+    assert not check(certificate, better_pool) or kind == "O2"
+
+
+def test_the_only_set_is_its_own_certificate():
+    rows = pool(9)
+    certificate = bound(rows, "O2", len(rows))
+    assert certificate.value == index_value("O2", rows)
+    assert check(certificate, rows)
+    assert exchange(rows, len(rows), certificate=certificate).gap == pytest.approx(0, abs=1e-9)
+
+
+def test_a_bound_begun_near_another_is_as_good(paper_pool):
+    far, near = bound(paper_pool, "O2", 50), bound(paper_pool, "O2", 50, near=bound(paper_pool, "O2", 35))
+    assert near.value == pytest.approx(far.value, rel=1e-3)
+
+
+def test_bad_input_is_refused():
+    rows = pool(10)
+    with pytest.raises(InputError, match="15 poses out of 14"):
+        bound(rows, "O2", 15)
+    with pytest.raises(InputError, match="O3 grows"):
+        bound(rows, "O3")
+    with pytest.raises(InputError, match="O9"):
+        bound(rows, "O9", 5)
+    with pytest.raises(InputError, match="shape"):
+        bound(rows[:, 0], "O2", 5)

@@ -1,0 +1,108 @@
+"""The map of fixture places and the count of fixtures, against selections and ranks found another way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.bodies import capsule
+from planner.cell import load_cell
+from planner.model import Model
+from planner.selection import prune
+from planner.study.fixtures import combined
+from planner.study.places import moved, reach, stands
+from planner.units import frozen
+from planner.workspace import Workspace
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("comau-nj130/edbb")
+
+
+def test_a_stand_comes_along_and_keeps_its_foot(cell):
+    assert [cell.obstacles[k].name for k in stands(cell)] == ["fixture stand"]
+    place = np.array([0.5, -1.0, 1.1])
+    stand = moved(cell, place).obstacles[0]
+    half = np.array([0, 0, stand.size[1] / 2])
+    assert np.allclose(stand.T[:3, 3] - half, [0.5, -1.0, 0.06])
+    assert np.allclose(stand.T[:3, 3] + half, place - [0, 0, 0.078])
+
+
+def test_other_obstacles_stay(cell):
+    wall = capsule("wall", np.array([1.0, 1.0, 0.0]), np.array([1.0, 1.0, 2.0]), 0.05)
+    beside = moved(replace(cell, obstacles=(*cell.obstacles, wall)), np.array([0.5, -1.0, 1.1])).obstacles[1]
+    assert np.array_equal(beside.T, wall.T)
+    assert beside.size == wall.size
+
+
+def test_poses_of_a_place_keep_every_filter(cell):
+    there = moved(cell, np.array([0.6, 0.9, 1.2]))
+    found = reach(there, 200, 1)
+    assert len(found.q) == 200
+    assert (Workspace(there).margins(found.q) > 0).all()
+    assert np.all(np.linalg.norm(there.map_position(found.q) - [0.6, 0.9, 1.2], axis=1) >= 0.3)
+
+
+@pytest.mark.parametrize(
+    ("place", "status"), [([0.0, 0.0, 0.7], "blocked"), ([4.0, 0.0, 1.0], "unreachable"), ([1.2, 0.0, -0.9], "blocked")]
+)
+def test_places_that_cannot_be_used_say_why(cell, place, status):
+    base = replace(cell.base, floor=0.0 if place[2] < 0 else cell.base.floor)
+    found = reach(moved(replace(cell, base=base), np.array(place)), 100, 0)
+    assert found.status == status
+    assert len(found.q) == 0
+
+
+def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cell):
+    """Draw the place's candidates again, prune them, and take the index from numpy's own singular values."""
+    m = done[1].places
+    q = reach(cell, 300, 3).q
+    rows = Model.from_cell(cell).jacobian(q)[:, :, list(m.kept)]
+    chosen = prune(rows, m.poses, "O1", 200)
+    mu = np.linalg.svd(rows[chosen, 0], compute_uv=False)
+    assert m.present.value == pytest.approx(np.exp(np.log(mu).mean()) / np.sqrt(m.poses), rel=1e-9)
+    assert m.kept == done[1].basis.seen.kept
+    assert m.best.value == max(p.value for p in m.usable)
+
+
+def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
+    """Rank of every pair and triple tried, from a cell that has those fixtures, by one SVD of all its rows."""
+    m, steps = done[1].places, done[1].fixtures.steps
+    for step in steps:
+        points = [s.place for s in steps[: step.fixtures]]
+        stock = cell.fixtures[0]
+        many = replace(cell, fixtures=tuple(replace(stock, name=f"F{k}", p_BX=frozen(p)) for k, p in enumerate(points)))
+        model = Model.from_cell(many)
+        rows = np.vstack([model.jacobian(reach(moved(cell, p), 300, 3).q, k)[:, 0] for k, p in enumerate(points)])
+        mu = np.linalg.svd(rows * model.prior, compute_uv=False)
+        assert step.parameters == len(model.names)
+        assert step.seen == int((mu > 1e-9 * mu[0]).sum())
+        placed = [next(p for p in m.places if p.information is not None and np.array_equal(p.p_BX, x)) for x in points]
+        squeezed, _, prior = combined(m, placed)
+        share = np.linalg.svd(squeezed[:, 0] * prior, compute_uv=False) / np.sqrt(len(squeezed))
+        ours = np.linalg.svd(rows * model.prior, compute_uv=False) / np.sqrt(len(rows))
+        assert np.allclose(share[: step.seen], ours[: step.seen], rtol=1e-6)
+
+
+def test_remedies_are_what_plain_ranks_say(done, cell):
+    """A parameter is visible when its column is outside the span of the others."""
+    f = done[1].fixtures
+    q = reach(cell, 300, 3).q
+    unseen = [d.name for d in f.steps[0].dropped]
+    for says, free in (
+        ("the fixture's place measured", {"tool", "zero"}),
+        ("the tool point measured", {"fixture", "zero"}),
+        ("both measured", {"zero"}),
+    ):
+        model = Model.from_cell(cell, frozenset(free))
+        tall = model.jacobian(q)[:, 0] * model.prior
+        _, mu, axes = np.linalg.svd(tall)
+        null = axes[mu <= 1e-9 * mu[0]]
+        part = np.abs(null).max(axis=0, initial=0.0)
+        free_names = {n for n, share in zip(model.names, part, strict=True) if share < 1e-6}
+        shown = set(next(r for r in f.remedies if r.name == says).shows)
+        assert len(unseen) - len(shown) == len(null)
+        assert free_names & set(unseen) <= shown
+    assert [d.name for d in f.never] == ["d3"]
+    assert f.needed == 1

@@ -1,0 +1,201 @@
+"""A whole plan against what does not share its code: finite differences, fcl on dense samples, the programs' own text."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+from planner.cell import load_cell
+from planner.cell.reading import read_cell
+from planner.collision import CollisionWorld, FclJudge
+from planner.model import Model
+from planner.program import ProgramFile, read_back
+from tests.workflow.conftest import edbb, small_cell
+
+KEYS = {
+    "schema", "plan_id", "robot", "cell", "seed", "parameters", "dropped", "funnel", "poses", "supports", "observability",
+    "tour", "path", "trajectory", "programs",
+}  # fmt: skip
+
+
+def measured(plan, role="calibrate"):
+    return np.deg2rad([p["q_deg"] for p in plan["poses"] if p["role"] == role])
+
+
+def test_the_plan_keeps_the_contract(either):
+    plan = either.plan
+    assert set(plan) >= KEYS
+    assert plan["schema"] == "edbb-plan/1"
+    assert set(plan["observability"]) >= {"index", "n", "O1", "O2", "O3", "O4", "O5", "bound", "gap", "bound_kind", "on_grid", "path", "scaled"}
+    assert set(plan["tour"]) >= {"solver", "unsorted_s", "cost_s", "lower_bound_s", "optimal", "driven_s"}
+    assert set(plan["path"]) >= {"legs", "direct_legs", "planned_legs", "checked", "clearance_mm", "length_min_mm", "length_max_mm"}
+    ids = [p["id"] for p in plan["poses"]]
+    assert len(set(ids)) == len(ids)
+    assert plan["poses"][0]["role"] == plan["poses"][-1]["role"] == "mount"
+    assert len(measured(plan)) == plan["observability"]["n"] == 30
+    assert all(v["proven"] for v in plan["path"]["verdicts"])
+    assert {v["engine"] for v in plan["path"]["verdicts"]} == {"coal", "python-fcl"}
+    assert plan["path"]["direct_legs"] + plan["path"]["planned_legs"] == plan["path"]["legs"]
+    assert plan["tour"]["lower_bound_s"] <= plan["tour"]["cost_s"] <= plan["tour"]["unsorted_s"]
+    assert json.loads(either.stdout) == plan
+    assert either.stderr == ""
+
+
+def test_the_index_is_that_of_a_numeric_jacobian(either):
+    """O2 and the unit-free O1 from finite differences of the lengths at the poses of plan.json."""
+    plan, cell = either.plan, read_cell(either.folder / "cell.toml", "cell")
+    model = Model.from_cell(cell)
+    q = measured(plan)
+    columns = []
+    for name in plan["parameters"]:
+        step = np.zeros(len(model.names))
+        step[model.names.index(name)] = 1e-6
+        columns.append((model.reading(q, 0, step) - model.reading(q, 0, -step))[:, 0] / 2e-6)
+    J = np.array(columns).T
+    mu = np.linalg.svd(J, compute_uv=False)
+    seen = plan["observability"]
+    assert seen["O2"] == pytest.approx(mu[0] / mu[-1], rel=1e-5)
+    assert seen["O3"] == pytest.approx(mu[-1], rel=1e-5)
+    prior = np.array([model.prior[model.names.index(n)] for n in plan["parameters"]])
+    scaled = np.linalg.svd(J * prior, compute_uv=False)
+    assert seen["scaled"]["O1"] == pytest.approx(np.exp(np.log(scaled).mean()) / np.sqrt(30), rel=1e-5)
+    assert seen["bound"] <= seen["on_grid"]["value"] * (1 + 1e-9)
+    assert seen["on_grid"]["gap"] == pytest.approx(seen["on_grid"]["value"] / seen["bound"] - 1, abs=1e-6)
+
+
+def test_the_driven_path_keeps_every_limit_by_dense_samples(either):
+    """Lengths, tilts and clearances of the written trajectory, by plain formulas and python-fcl."""
+    cell = read_cell(either.folder / "cell.toml", "cell")
+    rows = pl.read_csv(either.folder / "trajectory.csv").to_numpy()
+    t, q, length = rows[:, 0], np.deg2rad(rows[:, 1:-1]), rows[:, -1]
+    motion = cell.chain.forward(cell.robot.theta(q))
+    bar = motion.x.T - cell.fixtures[0].p_BX
+    true = np.linalg.norm(bar, axis=1)
+    np.testing.assert_allclose(length, true * 1e3, atol=1e-3)
+    assert true.min() >= cell.gauge.length_min
+    assert true.max() <= cell.gauge.length_max
+    assert np.degrees(np.arccos(bar @ cell.fixtures[0].axis_B / true)).max() <= np.degrees(cell.gauge.cone_fixture)
+    axis = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F)
+    assert np.arccos(-np.einsum("ni,ni->n", bar, axis) / true).max() <= cell.gauge.cone_map
+    few = q[:: max(1, len(q) // 300)]
+    judge = FclJudge(CollisionWorld.from_cell(cell).scene)
+    assert judge.distances(few).min() >= cell.motion.clearance * 0.999
+    speed = np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None]
+    assert (speed <= cell.robot.speed * 1.001).all()
+    tool = np.linalg.norm(np.diff(motion.x.T, axis=0), axis=1) / np.diff(t)
+    if cell.motion.measure == "continuous":
+        assert tool.max() <= cell.motion.tool_speed * 1.001
+
+
+def test_every_pose_is_passed_and_static_ones_rest(resting):
+    """The robot stands still at each pose, long enough for settling and dwell."""
+    cell = read_cell(resting.folder / "cell.toml", "cell")
+    rows = pl.read_csv(resting.folder / "trajectory.csv").to_numpy()
+    q = rows[:, 1:-1]
+    for pose in resting.plan["poses"][1:-1]:
+        here = np.abs(q - pose["q_deg"]).max(axis=1) < 1e-4
+        if pose["role"] != "mount":
+            assert here.sum() * 0.05 >= cell.motion.settle + cell.motion.dwell - 0.06, pose["id"]
+
+
+def test_repeats_visit_a_pose_again_and_validation_poses_are_new(resting):
+    plan = resting.plan
+    poses = {p["id"]: p for p in plan["poses"]}
+    repeats = [p for p in plan["poses"] if p["role"] == "repeat"]
+    assert len(repeats) == 3
+    for p in repeats:
+        assert p["q_deg"] == poses[p["repeats"]]["q_deg"]
+    fit, check = measured(plan), measured(plan, "validate")
+    assert len(check) == 4
+    assert np.abs(fit[:, None] - check[None]).max(axis=2).min() > 1e-6
+
+
+def test_programs_read_back_to_the_planned_poses(either):
+    """Every measuring pose stands in every program, in order, and the plan's id in a comment."""
+    names = {}
+    for entry in either.plan["programs"]:
+        names.setdefault(entry["dialect"], []).append(entry["file"])
+    assert names
+    for dialect, files in names.items():
+        texts = tuple(ProgramFile(f, (either.folder / f).read_bytes().decode("latin-1"), "latin-1") for f in files)
+        back = read_back(dialect, texts)
+        assert back.plan_id == either.plan["plan_id"]
+        cursor = 0
+        for pose in either.plan["poses"]:
+            near = np.abs(back.joint_path_deg[cursor:] - pose["q_deg"]).max(axis=1)
+            assert near.min() < 2e-3 or dialect == "linuxcnc", (dialect, pose["id"])  # a dense path cuts its corners
+            cursor += int(np.argmin(near))
+
+
+def test_export_writes_the_same_program(either, tmp_path):
+    entry = next(e for e in either.plan["programs"] if e["dialect"] != "krl")
+    done = edbb("export", either.folder / "plan.json", "--dialect", entry["dialect"], "-o", tmp_path / entry["file"])
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / entry["file"]).read_bytes() == (either.folder / entry["file"]).read_bytes()
+
+
+def test_export_to_standard_output(resting):
+    done = edbb("export", resting.folder / "plan.json", "--dialect", "din66025", "-o", "-")
+    assert done.returncode == 0, done.stderr
+    assert resting.plan["plan_id"] in done.stdout
+    assert done.stderr == ""
+
+
+def test_same_bytes_with_one_thread_and_two(moving, tmp_path):
+    done = edbb("plan", moving.cell_path, "-o", tmp_path / "two", "--poses", 30, "--dialect", "bnr", "--dialect", "krl", "--dialect", "linuxcnc", threads="2")
+    assert done.returncode == 0, done.stderr
+    files = sorted(p.relative_to(moving.folder) for p in moving.folder.rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(tmp_path / "two") for p in (tmp_path / "two").rglob("*") if p.is_file())
+    for file in files:
+        if file.name != "timings.json":
+            assert (moving.folder / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "code", "said"),
+    [
+        ([("position_mm = [258, 1468, 708]", "position_mm = [258, 4468, 708]")], [], 3, ["out of reach", "move it by"]),
+        ([("home_deg = [0, 0, 0, 0, -90, 0]", "home_deg = [0, 125, 75, 0, 0, 0]")], [], 2, ["home_deg", "start pose"]),
+        ([('zero = "free"', 'zero = "free"\nmount_deg = [0, 0, 0, 0, 0, 0]')], [], 2, ["mount_deg", "cannot hold the bar"]),
+        ([], ["--poses", "12"], 2, ["12 poses cannot identify 25 parameters"]),
+        ([], ["--dialect", "klr"], 2, ["klr", "krl"]),
+        ([], ["--index", "O9"], 2, ["O9"]),
+        ([], ["--tsp", "concorde"], 4, ["oncorde"]),
+        ([("clearance_mm = 10", "clearance_mm = 700")], [], 3, ["0 collision-free", "clearance_mm"]),
+        ([("candidates = 3000", "candidates = 20")], [], 3, ["20 candidate poses", "plan.candidates"]),
+    ],
+)
+def test_bad_input_is_told_in_one_sentence_with_its_code(tmp_path, monkeypatch, changes, words, code, said):
+    path = small_cell("comau-nj130/edbb", tmp_path, *changes)
+    done = edbb("plan", path, "-o", tmp_path / "out", *words, PATH="/usr/bin:/bin", EDBB_CONCORDE="")
+    assert done.returncode == code, done.stderr
+    assert all(w in done.stderr for w in said), done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".edbb")]
+
+
+def test_an_export_of_what_is_no_plan(tmp_path, moving):
+    (tmp_path / "plan.json").write_text('{"schema": "edbb-plan/1", "plan_id": "x"}')
+    done = edbb("export", tmp_path / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.src")
+    assert done.returncode == 2
+    assert "plan_id" in done.stderr
+    (tmp_path / "plan.json").write_text((moving.folder / "plan.json").read_text())
+    done = edbb("export", tmp_path / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.src")
+    assert done.returncode == 2
+    assert "cell.toml is missing" in done.stderr
+
+
+def test_lists():
+    assert "comau-nj130/paper" in edbb("robots").stdout
+    assert {r["name"] for r in json.loads(edbb("robots", "--json").stdout)} >= {"comau-nj130", "ur10"}
+    assert "krl" in edbb("dialects").stdout
+    assert edbb("--version").stdout.startswith("edbb ")
+
+
+def test_shipped_cells_are_loaded_from_anywhere(tmp_path):
+    done = edbb("robots", cwd=tmp_path)
+    assert done.returncode == 0
+    assert load_cell("ur10/edbb").robot.name == "ur10"
