@@ -27,8 +27,8 @@ shows lies above 1e-5: every cut between gives the same rank.
 FAINT = 0.1
 """A direction is left out when readings and noise alone would know it ten times worse than its prior size says.
 
-Between that and the prior size itself it is kept and named weak: well-chosen poses see several times more of it than the
-average candidate does.
+Between that and the prior size itself it is kept and named weak: well-chosen poses see several times more of it than
+the average candidate does.
 """
 _DROP = 0.5  # a parameter may stand for an unseen direction if its share is at least this part of the largest share
 _PREFER = 0.1  # with an explicit order of preference, a smaller share will do

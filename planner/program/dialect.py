@@ -155,6 +155,8 @@ class Dialect(Strict):
     max_line: int = Field(ge=40)
     part_lines: int | None = Field(default=None, ge=20)
     number_step: int = Field(default=0, ge=0)
+    output: int = Field(default=1, ge=0)
+    input: int = Field(default=1, ge=0)
     header: tuple[str, ...] = ()
     footer: tuple[str, ...] = ()
     pause: tuple[str, ...]

@@ -105,14 +105,16 @@ class Program:
     tool: int | None = None
     base: int | None = None
     load: int | None = None
+    sync_output: int | None = None
+    gauge_input: int | None = None
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):
             raise InputError(f"plan_id '{self.plan_id}' is not 12 hex digits")
         _check_angles(self.home_deg, self.n_joints, "home")
-        for number in (self.tool, self.base, self.load):
-            if number is not None and not 0 <= number <= 999:
-                raise InputError(f"tool, base and load are numbers from 0 to 999, found {number}")
+        for number in (self.tool, self.base, self.load, self.sync_output, self.gauge_input):
+            if number is not None and not 0 <= number <= 9999:
+                raise InputError(f"tool, base, load and signals are numbers from 0 to 9999, found {number}")
         if not self.moves:
             raise InputError("the program holds no move")
         for number, move in enumerate(self.moves, start=1):

@@ -92,7 +92,7 @@ def _searched(rows: Array, n: int, index: str, certificate: Certificate, turn: i
 
 
 def _kicked(rows: Array, chosen: Places, near: Places, wide: Places, index: str, rng: np.random.Generator) -> Places:
-    """Iterated descent, for scores that are not exact: throw an eighth of the poses out, descend, keep what is better."""
+    """Iterated descent, for scores that are not exact: throw out an eighth of the poses, descend, keep the better."""
     best = _down(rows, chosen, wide, index)
     value = float(index_of(index, information(rows[best]), len(best)))
     for _ in range(_KICKS):

@@ -110,7 +110,7 @@ def fixture_map(
     for place in places:
         say("fixture places", len(out), len(places))
         there = moved(cell, place.p_BX)
-        found = here if place.plane == "present" else reach(there, CANDIDATES, seed)
+        found = here if place.plane == "present" else reach(cell, place.p_BX, CANDIDATES, seed)
         out.append(_judged(place, there, found, kept, index, poses))
     if out[0].status != "usable":
         raise NoSolutionError(
@@ -122,7 +122,7 @@ def fixture_map(
 
 def _present(cell: Cell, pool: PoseSet, seed: int) -> Reach:
     """Drawn as at all other places; where that is meagre, the cell's own candidates."""
-    here = reach(moved(cell, cell.fixtures[0].p_BX), CANDIDATES, seed)
+    here = reach(cell, cell.fixtures[0].p_BX, CANDIDATES, seed)
     own = pool.q[pool.fixture == 0][:CANDIDATES]
     return here if len(here.q) >= len(own) else Reach(frozen(own), "usable")
 

@@ -169,12 +169,9 @@ def _remedies(cell: Cell, map_: FixtureMap, alone: Step, noise: float, seed: int
         left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
         out.append(_remedy(says, unseen, rows[:, :, left], [names[k] for k in left], prior[left], noise, 1))
     left = [k for k, n in enumerate(names) if not n.startswith(("fixture_", "map_"))]
-    second = _second_tool(cell, map_, seed)
-    if second is not None and left:
-        both = np.concatenate([rows[:, :, left], second])
-        says = "all measured, and a second tool point" if free else "a second tool point, measured"
-        out.append(_remedy(says, unseen, both, [names[k] for k in left], prior[left], noise, 2))
-    return tuple(out)
+    both = np.concatenate([rows[:, :, left], _second_tool(cell, map_, seed)])
+    says = "all measured, and a second tool point" if free else "a second tool point, measured"
+    return (*out, _remedy(says, unseen, both, [names[k] for k in left], prior[left], noise, 2))
 
 
 def _remedy(
@@ -185,19 +182,22 @@ def _remedy(
     return Remedy(says, tuple(n for n in unseen if n in names and n not in lost), seen.dropped)
 
 
-def _second_tool(cell: Cell, map_: FixtureMap, seed: int) -> Array | None:
-    """Rows (P, 1, p) of robot and zero for a tool point beside the present one; ``None`` if no pose brings it there."""
+def _second_tool(cell: Cell, map_: FixtureMap, seed: int) -> Array:
+    """Rows (P, 1, p) of robot and zero for a tool point beside the present one."""
     tool = cell.tool
     across = np.cross(tool.axis_F, tool.p_FM)
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(tool.axis_F, np.eye(3)[int(np.argmin(np.abs(tool.axis_F)))])
     point = frozen(tool.p_FM + ASIDE * across / np.linalg.norm(across))
-    there = replace(moved(cell, map_.present.p_BX), tool=replace(tool, p_FM=point))
-    found = reach(there, CANDIDATES, seed)
-    if len(found.q) == 0:
-        return None
+    aside = replace(cell, tool=replace(tool, p_FM=point))
+    q = reach(aside, map_.present.p_BX, CANDIDATES, seed).q
+    if len(q) == 0:  # the rank is that of the geometry: any states will do
+        q = np.random.default_rng(seed).uniform(
+            cell.robot.q_lower, cell.robot.q_upper, (CANDIDATES, cell.robot.n_joints)
+        )
+    there = moved(aside, map_.present.p_BX)
     model = Model.from_cell(there, cell.plan.free - {"fixture", "tool"})
-    rows = model.jacobian(found.q)
+    rows = model.jacobian(q)
     size = len(map_.names)
     factor = np.zeros((size, 1, len(model.names)))
     factor[: len(model.names), 0] = r_factor(rows) * np.sqrt(size / rows[..., 0].size)

@@ -86,16 +86,23 @@ def _carried(body: Body, step: Array) -> Body:
     return replace(body, T=frozen(T), size=tuple(size))
 
 
-def _blocked(cell: Cell, mine: tuple[int, ...]) -> bool:
-    """Tell whether fixture or stand stand where something else stands already."""
+def blocked(cell: Cell, present: Cell) -> bool:
+    """Tell whether fixture or stand stand where something else stands already.
+
+    What the stand touches in the ``present`` cell (the same obstacles in the same order) is what it stands on.
+    """
+    mine = stands(present)
     place = cell.fixtures[0].p_BX
     if cell.base.floor is not None and place[2] < cell.base.floor:
         return True
-    own = [_placed(cell.obstacles[k]) for k in mine]
-    ball = coal.Sphere(cell.gauge.radius), coal.Transform3s(np.eye(3), np.array(place))
-    fixed = [b for link, b in cell.robot.bodies if link == 0]
-    fixed += [b for k, b in enumerate(cell.obstacles) if k not in mine]
-    return any(_meet(a, _placed(b)) for a in (ball, *own) for b in fixed)
+    now, then = [[_ball(c), *(_placed(c.obstacles[k]) for k in mine)] for c in (cell, present)]
+    fixed = [_placed(b) for link, b in cell.robot.bodies if link == 0]
+    fixed += [_placed(b) for k, b in enumerate(cell.obstacles) if k not in mine]
+    return any(_meet(a, b) and not _meet(was, b) for a, was in zip(now, then, strict=True) for b in fixed)
+
+
+def _ball(cell: Cell) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+    return coal.Sphere(cell.gauge.radius), coal.Transform3s(np.eye(3), np.array(cell.fixtures[0].p_BX))
 
 
 def _placed(body: Body) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
@@ -108,13 +115,13 @@ def _meet(
     return bool(coal.collide(*a, *b, coal.CollisionRequest(), coal.CollisionResult()))
 
 
-def reach(cell: Cell, wanted: int, seed: int) -> Reach:
-    """Draw up to ``wanted`` poses with the only fixture of ``cell`` (see :func:`moved`), all filters kept.
+def reach(cell: Cell, place: Array, wanted: int, seed: int) -> Reach:
+    """Draw up to ``wanted`` poses with the first fixture of ``cell`` at ``place`` (3,) [m] and no other, all filters kept.
 
     A bounded number of joint samples is tried: a place that the arm hardly reaches is told as such, soon.
     """
-    mine = stands(cell)
-    if _blocked(cell, mine):
+    present, cell = cell, moved(cell, place)
+    if blocked(cell, present):
         return Reach(np.empty((0, cell.robot.n_joints)), "blocked")
     workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
     if _grown_through(cell, world):

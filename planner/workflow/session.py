@@ -42,6 +42,8 @@ def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) ->
         tool=control.tool,
         base=control.base,
         load=control.load,
+        sync_output=control.sync_output,
+        gauge_input=control.gauge_input,
     )
 
 

@@ -68,9 +68,11 @@ def test_exactly_n_is_tighter_than_any_number(paper_pool):
     assert free < bound(paper_pool, "O2", 40).value < bound(paper_pool, "O2", 120).value
 
 
-def test_the_paper_pool_has_a_bound_near_thirty(paper_pool):
-    """The rough trial on a pool of this kind, with other joint limits, found 30.06."""
-    assert 28 < bound(paper_pool, "O2").value < 34
+def test_a_pool_of_the_paper_size_has_a_bound_near_thirty():
+    """The rough trial on 4 460 such poses, with other joint limits, found 30.06; a general solver gave it."""
+    rows = dh_arm.rows(NJ130, dh_arm.shell_poses(NJ130, 4_460))
+    kept = list(identifiable(rows, dh_arm.names(NJ130)).kept)
+    assert 29 < bound(rows[..., kept], "O2").value < 32.5
 
 
 def test_any_number_agrees_with_a_general_solver():

@@ -37,8 +37,8 @@ def test_other_obstacles_stay(cell):
 
 
 def test_poses_of_a_place_keep_every_filter(cell):
-    there = moved(cell, np.array([0.6, 0.9, 1.2]))
-    found = reach(there, 200, 1)
+    place = np.array([0.6, 0.9, 1.2])
+    there, found = moved(cell, place), reach(cell, place, 200, 1)
     assert len(found.q) == 200
     assert (Workspace(there).margins(found.q) > 0).all()
     assert np.all(np.linalg.norm(there.map_position(found.q) - [0.6, 0.9, 1.2], axis=1) >= 0.3)
@@ -49,15 +49,22 @@ def test_poses_of_a_place_keep_every_filter(cell):
 )
 def test_places_that_cannot_be_used_say_why(cell, place, status):
     base = replace(cell.base, floor=0.0 if place[2] < 0 else cell.base.floor)
-    found = reach(moved(replace(cell, base=base), np.array(place)), 100, 0)
+    found = reach(replace(cell, base=base), np.array(place), 100, 0)
     assert found.status == status
     assert len(found.q) == 0
+
+
+def test_a_stand_may_stand_on_what_it_stands_on_now():
+    cell = load_cell("ur10/edbb")
+    assert len(reach(cell, cell.fixtures[0].p_BX, 50, 0).q) == 50
+    aside = cell.fixtures[0].p_BX + [0.0, 0.05, 0.0]
+    assert len(reach(cell, aside, 50, 0).q) == 50
 
 
 def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cell):
     """Draw the place's candidates again, prune them, and take the index from numpy's own singular values."""
     m = done[1].places
-    q = reach(cell, 300, 3).q
+    q = reach(cell, cell.fixtures[0].p_BX, 300, 3).q
     rows = Model.from_cell(cell).jacobian(q)[:, :, list(m.kept)]
     chosen = prune(rows, m.poses, "O1", 200)
     mu = np.linalg.svd(rows[chosen, 0], compute_uv=False)
@@ -74,7 +81,7 @@ def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
         stock = cell.fixtures[0]
         many = replace(cell, fixtures=tuple(replace(stock, name=f"F{k}", p_BX=frozen(p)) for k, p in enumerate(points)))
         model = Model.from_cell(many)
-        rows = np.vstack([model.jacobian(reach(moved(cell, p), 300, 3).q, k)[:, 0] for k, p in enumerate(points)])
+        rows = np.vstack([model.jacobian(reach(cell, p, 300, 3).q, k)[:, 0] for k, p in enumerate(points)])
         mu = np.linalg.svd(rows * model.prior, compute_uv=False)
         assert step.parameters == len(model.names)
         assert step.seen == int((mu > 1e-9 * mu[0]).sum())
@@ -88,7 +95,7 @@ def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
 def test_remedies_are_what_plain_ranks_say(done, cell):
     """A parameter is visible when its column is outside the span of the others."""
     f = done[1].fixtures
-    q = reach(cell, 300, 3).q
+    q = reach(cell, cell.fixtures[0].p_BX, 300, 3).q
     unseen = [d.name for d in f.steps[0].dropped]
     for says, free in (
         ("the fixture's place measured", {"tool", "zero"}),
