@@ -14,6 +14,7 @@ from planner.cli.summary import dialect_table, plan_summary, robot_table
 from planner.errors import InputError, PlannerError
 from planner.files import write_text
 from planner.plan import plan_content
+from planner.study import study
 from planner.workflow import Options, export_plan, plan, write_plan
 
 app = typer.Typer(
@@ -53,6 +54,24 @@ def plan_command(
         _print_json(plan_content(result))
     else:
         plan_summary(result, output)
+
+
+@app.command("study")
+def study_command(
+    cell: CellArgument,
+    output: Output,
+    index: Annotated[Index | None, typer.Option(help="observability index")] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Observability offline: what can be seen, with how many poses, from which fixture."""
+    _check_folder(output)
+    with Screen() as stages:
+        summary = study(load_cell(cell), output, index, seed, stages.say)
+    if as_json:
+        _print_json(summary.content())
+    else:
+        errors.print(summary.text(), markup=False)
 
 
 @app.command("export")

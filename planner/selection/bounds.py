@@ -61,7 +61,8 @@ def bound(
         return _product(*parts)
     if poses == len(rows):
         return _everything(rows, index)
-    return _priced(rows, index, poses, tolerance, _first(rows, index, poses, seed, near))
+    state = _first(rows, index, poses, seed, near)
+    return _priced(rows, index, poses, tolerance, state, 0.05 if near is None else tolerance)
 
 
 def check(certificate: Certificate, rows: Array) -> bool:
@@ -104,11 +105,12 @@ def _product(smallest: Certificate, condition: Certificate) -> Certificate:
     )
 
 
-def _priced(rows: Array, index: str, poses: int | None, tolerance: float, state: _State) -> Certificate:
+def _priced(
+    rows: Array, index: str, poses: int | None, tolerance: float, state: _State, accuracy: float
+) -> Certificate:
     """Column generation: solve on the active candidates, verify on all, take in what violates the dual."""
     better = RULES[index].better
     best: tuple[Dual, float] | None = None
-    accuracy = 0.05
     for turn in range(1, _ROUNDS + 1):
         state, dual = _solved(rows, index, poses, state, accuracy)
         value = verify(dual, rows)

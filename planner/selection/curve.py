@@ -15,6 +15,7 @@ from .exchange import Selection, exchange
 from .repeatable import Places, single_threaded
 
 _TOLERANCE = 5e-3
+_WIDTH = 4_000  # candidates by price: further down no swap was seen to help
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def index_curve(rows: Array, sizes: Sequence[int], index: str = "O2", seed: int 
     before: Certificate | None = None
     for n in sorted(set(sizes)):
         before = bound(rows, index, n, tolerance=_TOLERANCE, seed=seed, near=before)
-        found.append(exchange(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps))
+        found.append(exchange(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=_WIDTH))
     bounds = [each.certificate.value for each in found if each.certificate]
     return IndexCurve(
         index,

@@ -48,12 +48,13 @@ def exchange(
     seed: int = 0,
     certificate: Certificate | None = None,
     steps: int = 3_000,
+    width: int | None = None,
 ) -> Selection:
     """Return the best set of ``n`` distinct candidates for ``index`` among ``starts`` searches. Deterministic.
 
     ``rows`` (N, r, P), reduced to identifiable columns. ``certificate``: the bound for this index and n if it is known
     already (its weights are the start and its prices the shortlist), else it is found first. ``steps`` of annealing in
-    each start. No single swap with any candidate that the first-order score singles out betters the result.
+    each start; the last descents look at the ``width`` candidates with the best prices (default: at all).
 
     Raises:
         InputError: fewer readings than parameters, or more poses than candidates.
@@ -66,7 +67,7 @@ def exchange(
     certificate = certificate or bound(rows, index, n, seed=seed)
     best: Selection | None = None
     for turn in range(max(1, starts)):
-        chosen = _searched(rows, n, index, certificate, turn, seed, steps)
+        chosen = _searched(rows, n, certificate, _Search(index, turn, seed, steps, width))
         value = index_of(index, information(rows[chosen]), n)
         if best is None or rule(index).better(float(value), best.value):
             best = Selection(np.sort(chosen), index, float(value), certificate)
@@ -74,21 +75,34 @@ def exchange(
     return best
 
 
-def _searched(rows: Array, n: int, index: str, certificate: Certificate, turn: int, seed: int, steps: int) -> Places:
+@dataclass(frozen=True)
+class _Search:
+    """What one start is told."""
+
+    index: str
+    turn: int
+    seed: int
+    steps: int
+    width: int | None
+
+
+def _searched(rows: Array, n: int, certificate: Certificate, how: _Search) -> Places:
     """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
     if n == len(rows):
         return np.arange(n)
+    index = how.index
     order, near = core(rows, certificate, n)
-    chosen = _drawn(certificate, order, n, seed, turn)
+    chosen = _drawn(certificate, order, n, how.seed, how.turn)
     wide = np.sort(order[: max(_WIDE, 10 * n)])
+    whole = np.arange(len(rows)) if how.width is None else np.sort(order[: max(how.width, 2 * n)])
     if index == "O1":
-        return descend(rows, chosen, np.arange(len(rows)), Potential(index, 1.0))
+        return descend(rows, chosen, whole, Potential(index, 1.0))
     if exact(rows, Potential(index, 1.0)):
-        chosen = anneal(rows, chosen, near, index, steps, seed + 7919 * turn)
+        chosen = anneal(rows, chosen, near, index, how.steps, how.seed + 7919 * how.turn)
         chosen = descend(rows, chosen, wide, Potential(index, _STRENGTHS[-1]))
     else:
-        chosen = _kicked(rows, chosen, near, wide, index, np.random.default_rng([seed, turn, 2]))
-    return polish(rows, chosen, np.arange(len(rows)), index)
+        chosen = _kicked(rows, chosen, near, wide, index, np.random.default_rng([how.seed, how.turn, 2]))
+    return polish(rows, chosen, whole, index)
 
 
 def _kicked(rows: Array, chosen: Places, near: Places, wide: Places, index: str, rng: np.random.Generator) -> Places:

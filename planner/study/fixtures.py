@@ -90,7 +90,7 @@ def fixtures_needed(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fi
     steps: list[Step] = []
     for places in sets:
         steps.append(_step(map_, places, noise, steps[-1] if steps else None))
-    return Fixtures(tuple(steps), _remedies(cell, map_, steps[0], noise, seed))
+    return Fixtures(tuple(steps), _remedies(cell, map_, sets[-1], steps[0], noise, seed))
 
 
 def combined(map_: FixtureMap, places: Sequence[Place]) -> tuple[Array, tuple[str, ...], Array]:
@@ -155,23 +155,35 @@ def _robot_value(map_: FixtureMap, rows: Array, names: tuple[str, ...], seen: Id
     return float(rule(map_.index).of(mu, map_.poses))
 
 
-def _remedies(cell: Cell, map_: FixtureMap, alone: Step, noise: float, seed: int) -> tuple[Remedy, ...]:
-    """Measure the fixture's place, the tool point, both; then add a second tool point whose place is measured."""
-    rows, names, prior = combined(map_, [map_.present])
-    unseen = [d.name for d in alone.dropped]
-    out = []
-    known = (("fixture_", "the fixture's place measured"), ("map_", "the tool point measured"))
-    free = [(prefix, says) for prefix, says in known if any(n.startswith(prefix) for n in names)]
-    choices: list[tuple[tuple[str, ...], str]] = [((prefix,), says) for prefix, says in free]
-    if len(free) > 1:
-        choices.append((("fixture_", "map_"), "both measured"))
-    for prefixes, says in choices:
-        left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
-        out.append(_remedy(says, unseen, rows[:, :, left], [names[k] for k in left], prior[left], noise, 1))
-    left = [k for k, n in enumerate(names) if not n.startswith(("fixture_", "map_"))]
-    both = np.concatenate([rows[:, :, left], _second_tool(cell, map_, seed)])
+def _remedies(
+    cell: Cell, map_: FixtureMap, places: list[Place], alone: Step, noise: float, seed: int
+) -> tuple[Remedy, ...]:
+    """Measure one fixture's place, those of all, the tool point, all of these; then add a second tool point.
+
+    One known point leaves the base free to turn about it; several known points hold it.
+    """
+    unseen, out = [d.name for d in alone.dropped], []
+    free = {prefix for prefix in ("fixture_", "map_") if any(n.startswith(prefix) for n in map_.names)}
+    several = len(places) > 1
+    for says, prefixes, used in (
+        ("the fixture's place measured", ("fixture_",), places[:1]),
+        (f"the places of {len(places)} fixtures measured", ("fixture_",), places if several else []),
+        ("the tool point measured", ("map_",), places[:1]),
+        ("fixtures and tool point measured", ("fixture_", "map_"), places),
+    ):
+        if used and free.issuperset(prefixes):
+            out.append(_remedy(says, unseen, *_measured(map_, used, prefixes), noise, len(used)))
+    rows, names, prior = _measured(map_, places, ("fixture_", "map_"))
+    both = np.concatenate([rows, _second_tool(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
-    return (*out, _remedy(says, unseen, both, [names[k] for k in left], prior[left], noise, 2))
+    return (*out, _remedy(says, unseen, both, names, prior, noise, len(places) + 1))
+
+
+def _measured(map_: FixtureMap, places: list[Place], prefixes: tuple[str, ...]) -> tuple[Array, list[str], Array]:
+    """Rows, names and priors without the parameters that begin with one of ``prefixes``."""
+    rows, names, prior = combined(map_, places)
+    left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
+    return rows[:, :, left], [names[k] for k in left], prior[left]
 
 
 def _remedy(

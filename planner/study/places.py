@@ -116,7 +116,7 @@ def _meet(
 
 
 def reach(cell: Cell, place: Array, wanted: int, seed: int) -> Reach:
-    """Draw up to ``wanted`` poses with the first fixture of ``cell`` at ``place`` (3,) [m] and no other, all filters kept.
+    """Draw up to ``wanted`` poses with the first fixture alone, at ``place`` (3,) [m], all filters kept.
 
     A bounded number of joint samples is tried: a place that the arm hardly reaches is told as such, soon.
     """
@@ -124,7 +124,7 @@ def reach(cell: Cell, place: Array, wanted: int, seed: int) -> Reach:
     if blocked(cell, present):
         return Reach(np.empty((0, cell.robot.n_joints)), "blocked")
     workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
-    if _grown_through(cell, world):
+    if _grown_through(cell, stands(present), world):
         return Reach(np.empty((0, cell.robot.n_joints)), "blocked")
     sequence, found, left = sobol(cell, seed), [], np.zeros(len(STAGES) + 1, int)
     for samples in ROUNDS:
@@ -142,9 +142,8 @@ def reach(cell: Cell, place: Array, wanted: int, seed: int) -> Reach:
     return Reach(frozen(q), "usable" if len(q) else emptied[int(np.flatnonzero(left == 0)[0])])
 
 
-def _grown_through(cell: Cell, world: CollisionWorld) -> bool:
-    """Tell whether an obstacle touches a link at every state: the collision check leaves such pairs out."""
-    kept = set(world.scene.pairs)
-    pieces = build_scene(cell).pieces
-    lost = [pair for pair in build_scene(cell).pairs if pair not in kept]
-    return any("world" in (pieces[a].carrier, pieces[b].carrier) for a, b in lost)
+def _grown_through(cell: Cell, mine: tuple[int, ...], world: CollisionWorld) -> bool:
+    """Tell whether the stand touches a link at every state: the collision check leaves such pairs out."""
+    own, scene = [cell.obstacles[k] for k in mine], build_scene(cell)
+    lost = set(scene.pairs) - set(world.scene.pairs)
+    return any(scene.pieces[k].body is body for pair in lost for k in pair for body in own)

@@ -16,6 +16,7 @@ from planner.tour.instance import IntArray
 from planner.units import Array
 
 _COMBS = 30  # turned into cuts in one round
+_ENOUGH = 5  # combs between parts: with so many, the dearer search along the tour can wait
 _CLUSTER_HANDLES = 20
 _THRESHOLDS = (1e-6, 0.1, 0.2, 0.3, 0.4)  # fractions that bind the parts of a handle
 
@@ -31,10 +32,12 @@ def find_combs(x: Array, tour: list[int], leaving: Array, clusters: Clusters) ->
             handles[handle.tobytes()] = handle
             if comb is not None:
                 found[b"".join(part.tobytes() for part in [comb[1], *comb[2]])] = comb
-    for handle in [*handles.values(), *clusters.sets[torn(x, clusters.sets, _CLUSTER_HANDLES)]]:
-        comb = _along_tour(x, handle, tour, leaving)
-        found[b"".join(part.tobytes() for part in [comb[1], *comb[2]])] = comb
-    violated = sorted((comb for comb in found.values() if comb[0] < 1.0 - VIOLATION), key=lambda comb: comb[0])
+    violated = [comb for comb in found.values() if comb[0] < 1.0 - VIOLATION]
+    if len(violated) < _ENOUGH:
+        torn_sets = clusters.sets[torn(x, clusters.sets, _CLUSTER_HANDLES)]
+        combs = [_along_tour(x, handle, tour, leaving) for handle in [*handles.values(), *torn_sets]]
+        violated += [comb for comb in combs if comb[0] < 1.0 - VIOLATION]
+    violated.sort(key=lambda comb: comb[0])
     return [family([handle, *teeth], 3 * len(teeth) + 1) for _, handle, teeth in violated[:_COMBS]]
 
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from planner.bodies import capsule
+from planner.candidates import draw_candidates
 from planner.cell import load_cell
 from planner.model import Model
 from planner.selection import prune
-from planner.study.fixtures import combined
-from planner.study.places import moved, reach, stands
+from planner.study.fixture_map import fixture_map
+from planner.study.fixtures import combined, fixtures_needed
+from planner.study.places import blocked, moved, reach, stands
 from planner.units import frozen
 from planner.workspace import Workspace
 
@@ -54,11 +56,19 @@ def test_places_that_cannot_be_used_say_why(cell, place, status):
     assert len(found.q) == 0
 
 
-def test_a_stand_may_stand_on_what_it_stands_on_now():
+def test_a_robot_close_to_the_floor_blocks_no_place():
+    """The first link of this robot is always nearer to the floor than the clearance: that is no stand in its way."""
     cell = load_cell("ur10/edbb")
-    assert len(reach(cell, cell.fixtures[0].p_BX, 50, 0).q) == 50
-    aside = cell.fixtures[0].p_BX + [0.0, 0.05, 0.0]
-    assert len(reach(cell, aside, 50, 0).q) == 50
+    for step in ([0.0, 0.0, 0.0], [0.0, 0.05, 0.0]):
+        assert len(reach(cell, cell.fixtures[0].p_BX + np.array(step), 50, 0).q) == 50
+
+
+def test_a_stand_may_touch_what_it_stands_on_and_nothing_else(cell):
+    table = capsule("table", np.array([0.258, 1.3, 0.0]), np.array([0.258, 1.6, 0.0]), 0.05)
+    post = capsule("post", np.array([0.9, 0.9, 0.0]), np.array([0.9, 0.9, 0.6]), 0.05)
+    present = replace(cell, obstacles=(*cell.obstacles, table, post))
+    assert not blocked(moved(present, np.array([0.258, 1.4, 0.708])), present)
+    assert blocked(moved(present, np.array([0.9, 0.95, 0.708])), present)
 
 
 def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cell):
@@ -100,7 +110,7 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
     for says, free in (
         ("the fixture's place measured", {"tool", "zero"}),
         ("the tool point measured", {"fixture", "zero"}),
-        ("both measured", {"zero"}),
+        ("fixtures and tool point measured", {"zero"}),
     ):
         model = Model.from_cell(cell, frozenset(free))
         tall = model.jacobian(q)[:, 0] * model.prior
@@ -113,3 +123,23 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
         assert free_names & set(unseen) <= shown
     assert [d.name for d in f.never] == ["d3"]
     assert f.needed == 1
+
+
+def test_a_base_that_may_turn_about_one_known_fixture_is_held_by_three():
+    """This robot's first row can tilt its base: seen with three known points, not with one (plain ranks agree)."""
+    cell = load_cell("kuka-kr6-r700/edbb")
+    at = cell.fixtures[0].p_BX
+    points = [at, np.array([0.5, -0.3, at[2]]), np.array([0.4, 0.2, at[2] + 0.4])]
+    m = fixture_map(cell, draw_candidates(cell, 300), "O1", 40, 0, lambda *step: None, across=3, up=2)
+    f = fixtures_needed(cell, m, 1e-5, 0)
+    model = Model.from_cell(cell, frozenset({"tool", "zero"}))
+    parts = []
+    for p in points:
+        there = Model.from_cell(moved(cell, p), frozenset({"tool", "zero"}))
+        parts.append(there.jacobian(reach(cell, p, 200, 0).q)[:, 0] * model.prior)
+    ranks = [int((np.linalg.svd(t, compute_uv=False) > 1e-8).sum()) for t in (parts[0], np.vstack(parts))]
+    assert ranks[1] > ranks[0]
+    remedies = {r.name: r for r in f.remedies}
+    assert len(model.names) - len(remedies["the fixture's place measured"].dropped) == ranks[0]
+    assert len(model.names) - len(remedies["the places of 3 fixtures measured"].dropped) == ranks[1]
+    assert "d1" not in {d.name for d in f.never}

@@ -1,0 +1,44 @@
+"""The README's examples: its cell plans, its commands exist, its files are written."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from planner.cell import load_cell
+from tests.workflow.conftest import edbb
+
+README = (Path(__file__).parent.parent / "README.md").read_text()
+
+
+def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
+    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    path = tmp_path / "cell.toml"
+    path.write_text(text + "\n[plan]\ncandidates = 1500\n")
+    done = edbb("plan", path, "-o", tmp_path / "out", "--poses", "36")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.html").stat().st_size > 100_000
+
+
+def test_every_command_of_the_readme_is_known():
+    verbs = set(re.findall(r"^\$ edbb (\w+)", README, re.MULTILINE))
+    assert verbs == {"plan", "study", "export", "robots", "dialects"}
+    for verb in sorted(verbs):
+        done = edbb(verb, "--help")
+        assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own cell")[0].split("Other verbs")[1]))))
+def test_every_option_of_the_readme_is_known(option):
+    helps = "".join(edbb(verb, "--help").stdout for verb in ("plan", "study", "export"))
+    assert option in helps
+
+
+def test_the_cells_that_the_readme_names_are_shipped():
+    for name in set(re.findall(r"edbb plan ([\w-]+/[\w-]+)", README)):
+        load_cell(name)
+
+
+def test_the_picture_is_there():
+    (picture,) = re.findall(r"!\[.*?\]\((.*?)\)", README)
+    assert (Path(__file__).parent.parent / picture).stat().st_size > 10_000
