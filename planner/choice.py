@@ -14,7 +14,7 @@ from planner.selection import Certificate, IndexCurve, bound, exchange, index_cu
 from planner.units import Array
 from planner.workspace import ROOM, Workspace
 
-CURVE_SIZES = (22, 24, 26, 28, 30, 33, 36, 40, 45, 50, 60, 70, 80, 100, 120, 150, 200)
+CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,17 @@ class Choice:
     scaled: Indices
     curve: IndexCurve
 
-    def with_poses(self, q: Array, chosen: np.ndarray) -> "Choice":
-        """Return the choice with other poses q (n, N) [rad], its indices computed anew; the certificate still holds."""
+    def with_poses(self, q: Array, chosen: np.ndarray, pool: PoseSet) -> "Choice":
+        """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
+        grid = index_value(self.index, self.model.jacobian(pool.q[chosen], self.fixture))
+        return replace(self.moved(q), chosen=chosen, on_grid_value=grid)
+
+    def moved(self, q: Array) -> "Choice":
+        """Return the choice with its poses moved off the grid to q (n, N) [rad], the indices computed anew."""
         rows = self.model.jacobian(q, self.fixture)
         value = index_value(self.index, rows)
         raw, scaled = indices(rows), indices(rows, self.model.prior)
-        return replace(self, q=q, chosen=chosen, value=value, raw=raw, scaled=scaled)
+        return replace(self, q=q, value=value, raw=raw, scaled=scaled)
 
 
 def what_is_seen(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
@@ -79,8 +84,6 @@ def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) 
     certificate = bound(rows, index, poses=n)
     selection = exchange(rows, n, index, seed=seed, certificate=certificate)
     q, fixture = pool.q[selection.chosen], pool.fixture[selection.chosen]
-    if cell.plan.refine and len(cell.fixtures) == 1:
-        q = _refined(cell, model, q, index, seed)
     final = model.jacobian(q, fixture)
     return Choice(
         model=model,
@@ -98,8 +101,10 @@ def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) 
     )
 
 
-def _refined(cell: Cell, model: Model, q: Array, index: str, seed: int) -> Array:
-    """Move the chosen poses continuously to better the index, keeping every filter."""
+def refined(cell: Cell, choice: Choice, seed: int) -> Choice:
+    """Move the chosen poses continuously to better the index, keeping every filter (one fixture at a time only)."""
+    if not cell.plan.refine or len(cell.fixtures) > 1:
+        return choice
     workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
 
     def valid(states: Array) -> np.ndarray:
@@ -107,7 +112,7 @@ def _refined(cell: Cell, model: Model, q: Array, index: str, seed: int) -> Array
         ok[ok] = ~world.collides(states[ok], cell.motion.clearance + ROOM)
         return ok
 
-    return np.asarray(refine(q, model.jacobian, valid, index, seed=seed).q)
+    return choice.moved(refine(choice.q, choice.model.jacobian, valid, choice.index, seed=seed).q)
 
 
 def _check_count(poses: int | None, parameters: int, candidates: int) -> None:

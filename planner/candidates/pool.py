@@ -67,6 +67,12 @@ class PoseSet:
         """Return the number of poses."""
         return len(self.q)
 
+    def take(self, rows: np.ndarray) -> "PoseSet":
+        """Return the poses at ``rows`` (positions or a mask), with the same funnel."""
+        which = self.fixture[rows]
+        which.setflags(write=False)
+        return PoseSet(frozen(self.q[rows]), which, self.funnel)
+
 
 def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the fixtures, or what the rounds allow.

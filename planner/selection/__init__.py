@@ -1,6 +1,6 @@
 """Selection of measuring poses: pruning, DETMAX, exchange, off-grid refinement, and a certificate for each choice."""
 
-from .bounds import bound, check
+from .bounds import bound, check, core
 from .certificate import Certificate, Dual, verify
 from .curve import IndexCurve, index_curve, knee
 from .detmax import detmax
@@ -17,6 +17,7 @@ __all__ = [
     "Selection",
     "bound",
     "check",
+    "core",
     "detmax",
     "exchange",
     "index_curve",

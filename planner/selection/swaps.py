@@ -45,6 +45,8 @@ def scored(rows: Array, chosen: Places, pool: Places, potential: Potential, keep
 
     Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise.
     """
+    if len(pool) == 0:
+        return [], np.zeros(0)
     score = Table(rows[chosen], potential)
     width = max(1, _BLOCK // len(chosen))
     scores, places = [], []
@@ -108,6 +110,8 @@ def after(rows: Array, chosen: Places, swaps: list[Swap]) -> Array:
 def best_by_potential(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Swap | None:
     """The swap that betters the potential most, or None."""
     sure = exact(rows, potential)
+    if sure and potential.index == "O1":
+        pool = _hopeful(rows, chosen, pool)
     swaps, scores = scored(rows, chosen, pool, potential, 1 if sure else _EXACT)
     if sure:
         return swaps[0] if swaps and scores[0] > 1e-10 else None
@@ -116,6 +120,12 @@ def best_by_potential(rows: Array, chosen: Places, pool: Places, potential: Pote
     gains = canonical(potential.barrier(eigenvalues(after(rows, chosen, swaps)), *shifts))
     best = int(np.argmax(gains))
     return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + 1e-10 else None
+
+
+def _hopeful(rows: Array, chosen: Places, pool: Places) -> Places:
+    """Candidates that can gain determinant at all: by Cauchy and Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
+    inverse = np.linalg.inv(information(rows[chosen]))
+    return pool[quadratic(rows[pool], inverse) > np.min(quadratic(rows[chosen], inverse))]
 
 
 def best_by_index(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Swap | None:

@@ -10,6 +10,7 @@ from planner.selection import Certificate, bound, exchange, knee
 from planner.units import Array, frozen
 
 GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers of poses, in parameters
+WIDTH = 800  # candidates that the last descents look at
 STEPS = 150  # of annealing, for the index that was asked for; the others descend only
 TOLERANCE = 0.02  # relative: a curve is read by eye, its bound is a proof whatever the tolerance
 Say = Callable[[str, int, int], None]
@@ -82,7 +83,7 @@ def _certificates(rows: Array, seed: int) -> dict[str, tuple[Certificate, ...]]:
 def _curve(
     rows: Array, index: str, scaled: bool, sizes: np.ndarray, proofs: tuple[Certificate, ...], seed: int, steps: int
 ) -> Curve:
-    values = [exchange(rows, int(n), index, 1, seed, proofs[-1], steps).value for n in sizes]
+    values = [exchange(rows, int(n), index, 1, seed, proofs[-1], steps, WIDTH).value for n in sizes]
     bounds = [limit(index, proofs, int(n)) for n in sizes]
     bend = int(knee(sizes, np.array(values), index))
     return Curve(index, scaled, sizes, frozen(values), frozen(bounds), bend)

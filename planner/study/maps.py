@@ -12,7 +12,7 @@ from planner.observability import RULES
 from planner.report.printed import png, style
 from planner.study.fixture_map import FixtureMap, Place
 from planner.study.places import Status
-from planner.study.summary import improvement, number, place_in_words
+from planner.study.summary import CLEAR, improvement, number, place_in_words
 from planner.units import MM
 
 LOOKS: dict[Status, tuple[str, str, str]] = {
@@ -49,6 +49,8 @@ def _title(places: FixtureMap) -> str:
         return f"No place of the grid is better than the present one: {index} {number(present.value)}"
     gain = improvement(index, best.value, present.value)
     side = "higher" if RULES[index].maximise else "lower"
+    if abs(gain) < CLEAR:
+        return f"No place of the grid is clearly better than the present one: {index} {number(best.value)} at best"
     values = f"{number(best.value)} instead of {number(present.value)}"
     return f"A fixture at {place_in_words(best.p_BX)} would make {index} {abs(gain):.0f} % {side}: {values}"
 

@@ -16,6 +16,7 @@ from planner.study.tables import absorbers, effects
 from planner.units import MM, UM, Array
 
 SCHEMA = "edbb-study/1"
+CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
 
 
 @dataclass(frozen=True)
@@ -154,9 +155,10 @@ def best_in_words(m: FixtureMap) -> str:
         return f"the present place is the best {of}: {m.index} {number(present.value)} with {m.poses} poses"
     gain = improvement(m.index, best.value, present.value)
     side = "higher" if RULES[m.index].maximise else "lower"
+    head = "" if abs(gain) >= CLEAR else "no place is clearly better than the present one; "
     return (
-        f"best {of} is {place_in_words(best.p_BX)}: {m.index} {number(best.value)} with {m.poses} poses instead of "
-        f"{number(present.value)} at the present {place_in_words(present.p_BX)}, {gain:.0f} % {side}"
+        f"{head}best {of} is {place_in_words(best.p_BX)}: {m.index} {number(best.value)} with {m.poses} poses "
+        f"instead of {number(present.value)} at the present {place_in_words(present.p_BX)}, {abs(gain):.0f} % {side}"
     )
 
 

@@ -38,7 +38,7 @@ def find_clusters(instance: Instance) -> Clusters:
         member = np.concatenate((member, member[[a]] | member[[b]]))
     size = member.sum(axis=1)
     sets = member[(size >= 2) & (size <= n - 2)]
-    steps = int(np.log(max(n / 2.0 / _COARSEST, 1.0)) / np.log(_RATIO)) + 1
+    steps = int(np.log(max(n / 4.0 / _COARSEST, 1.0)) / np.log(_RATIO)) + 1
     counts = np.unique(np.rint(_COARSEST * _RATIO ** np.arange(steps)).astype(int))
     partitions = np.array([fcluster(tree, count, "maxclust") for count in counts], dtype=np.int64)
     if len(instance.cost) > n:

@@ -6,12 +6,16 @@ import numpy as np
 
 from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
+from planner.choice import what_is_seen
 from planner.errors import InputError
 from planner.path import Constraints, parts
 from planner.plan import settled
-from planner.units import Array, frozen
+from planner.selection import bound, core
+from planner.units import Array
 from planner.workspace import Workspace
 
+POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
+CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves
 TRIED = 2000  # poses among which a mount pose is looked for
 ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
 
@@ -49,23 +53,33 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     return cell
 
 
-def reachable(cell: Cell, pool: PoseSet, seed: int) -> tuple[PoseSet, tuple[str, ...]]:
+def reachable(cell: Cell, pool: PoseSet, index: str, poses: int | None, seed: int) -> tuple[PoseSet, tuple[str, ...]]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
-    Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them.
+    Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
+    by their neighbours in a roadmap; those that the bound's prices single out for selection are in the roadmap themselves.
     """
-    kept = np.ones(len(pool), dtype=bool)
+    kept = _joined(cell, pool, np.arange(0), seed)
+    likely = pool.take(kept)
+    _, _, rows = what_is_seen(cell, likely)
+    n = min(poses or POSES, len(rows))
+    order, _ = core(rows, bound(rows, index, n, tolerance=ROUGH, seed=seed), n)
+    kept = _joined(cell, likely, np.sort(order[:CERTAIN]), seed)
+    lost = len(pool) - int(kept.sum())
+    note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
+    return likely.take(kept), (note,) if lost else ()
+
+
+def _joined(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.ndarray:
+    """Tell which candidates lie in their mount pose's part; those in ``certain`` by roadmap edges of their own."""
+    kept = np.zeros(len(pool), dtype=bool)
     for k, fixture in enumerate(cell.fixtures):
         mine = np.flatnonzero(pool.fixture == k)
-        part = parts(Constraints(cell, k), np.vstack([fixture.mount, pool.q[mine]]), seed)
-        kept[mine] = part[1:] == part[0]
-    lost = int((~kept).sum())
-    if lost == 0:
-        return pool, ()
-    note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
-    which = pool.fixture[kept]
-    which.setflags(write=False)
-    return PoseSet(frozen(pool.q[kept]), which, pool.funnel), (note,)
+        first = certain[pool.fixture[certain] == k]
+        rows = np.concatenate([first, np.setdiff1d(mine, first)])
+        part = parts(Constraints(cell, k), np.vstack([np.array(fixture.mount), pool.q[rows]]), seed, 1 + len(first))
+        kept[rows] = part[1:] == part[0]
+    return kept
 
 
 def _found(cell: Cell, fixture: int, seed: int) -> Array:

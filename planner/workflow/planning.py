@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.candidates import PoseSet, draw_candidates
 from planner.cell import Cell
-from planner.choice import Choice, choose
+from planner.choice import Choice, choose, refined
 from planner.errors import NoSolutionError
 from planner.observability import index_value
 from planner.plan import Drive, Plan, identity, is_continuous
@@ -19,6 +19,7 @@ from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
+from planner.workflow.replacing import joinable, replaced
 from planner.workflow.session import session
 
 REPLACEMENTS = 20
@@ -67,14 +68,18 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     with stages.stage("candidates") as progress:
         cell = with_mounts(cell, options.seed)
         pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
-        pool, apart = reachable(cell, pool, options.seed)
+    index, poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+    with stages.stage("roadmap"):
+        pool, apart = reachable(cell, pool, index, poses, options.seed)
     with stages.stage("selection"):
-        choice = choose(cell, pool, options.poses or cell.plan.poses, options.index or cell.plan.index, options.seed)
+        choice = choose(cell, pool, poses, index, options.seed)
+        choice, swapped = joinable(cell, pool, choice, options.seed)
+        choice = refined(cell, choice, options.seed)
     with stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
     with stages.stage("programs"):
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), apart + notes)
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), apart + swapped + notes)
         named = replace(bare, plan_id=identity(bare))
         return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
 
@@ -88,7 +93,7 @@ def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:
 def _driven(
     cell: Cell, pool: PoseSet, choice: Choice, options: Options
 ) -> tuple[tuple[Drive, ...], Choice, tuple[str, ...]]:
-    """Drive the tour of every fixture; a pose that no path joins is replaced by its best neighbour, and told."""
+    """Drive the tour of every fixture; a pose that no path joins is replaced after all, and told."""
     checks = _validation(cell, pool, choice, options.seed)
     notes: list[str] = []
     repeats = cell.plan.repeat if cell.motion.measure == "static" else 0
@@ -103,7 +108,7 @@ def _driven(
                 break
             except Unreachable as lost:
                 if lost.which < len(mine):
-                    choice = _replaced(pool, choice, int(mine[lost.which]))
+                    choice = replaced(pool, choice, int(mine[lost.which]))
                 else:
                     checks = np.delete(checks, lost.which - len(mine))
                 notes.append(f"a pose that no path could join was replaced (fixture {cell.fixtures[fixture].name})")
@@ -120,22 +125,6 @@ def _validation(cell: Cell, pool: PoseSet, choice: Choice, seed: int) -> np.ndar
     others = np.setdiff1d(np.arange(len(pool)), choice.chosen)
     count = min(cell.plan.validate, len(others))
     return np.sort(np.random.default_rng(seed).choice(others, count, replace=False))
-
-
-def _replaced(pool: PoseSet, choice: Choice, lost: int) -> Choice:
-    """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
-    rng = np.random.default_rng(lost)
-    others = np.setdiff1d(np.flatnonzero(pool.fixture == choice.fixture[lost]), choice.chosen)
-    tried = np.sort(rng.choice(others, min(500, len(others)), replace=False))
-    kept = choice.model.jacobian(np.delete(choice.q, lost, axis=0), np.delete(choice.fixture, lost))
-    rows = choice.model.jacobian(pool.q[tried], pool.fixture[tried])
-    mu = np.linalg.svd(
-        np.concatenate([np.broadcast_to(kept[:, 0], (len(tried), *kept[:, 0].shape)), rows], axis=1), compute_uv=False
-    )
-    best = int(tried[np.argmin(mu[:, 0] / mu[:, -1])])
-    q, chosen = choice.q.copy(), choice.chosen.copy()
-    q[lost], chosen[lost] = pool.q[best], best
-    return choice.with_poses(q, chosen)
 
 
 def _driven_rows(cell: Cell, choice: Choice, drives: tuple[Drive, ...]) -> Array:

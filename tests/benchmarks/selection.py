@@ -49,9 +49,10 @@ def gaps(q, pools, sizes):
                 c, wall, cpu = timed(bound, rows, "O2", n)
                 s, wall_s, cpu_s = timed(exchange, rows, n, "O2", certificate=c, starts=4 if n < 60 else 2)
                 pruned = index_value("O2", rows[prune(rows, n)])
+                head = f"| {cell} | {count} | {rows.shape[2]} | {n} | {c.value:.3f} | {c.slack:.1e} "
                 print(
-                    f"| {cell} | {count} | {rows.shape[2]} | {n} | {c.value:.3f} | {c.slack:.1e} | {wall:.1f} ({cpu:.1f}) "
-                    f"| {s.value:.3f} | {100 * s.gap:.2f} % | {wall_s:.1f} ({cpu_s:.1f}) | {pruned:.2f} |",
+                    f"{head}| {wall:.1f} ({cpu:.1f}) | {s.value:.3f} | {100 * s.gap:.2f} % | {wall_s:.1f} ({cpu_s:.1f}) "
+                    f"| {pruned:.2f} |",
                     flush=True,
                 )
 
@@ -108,20 +109,31 @@ def _growth_table(title, table, at):
         print(f"| {name} | " + " | ".join(f"{s:.2f}" for s in seconds) + f" | {slope:.2f} |")
 
 
+# Its Detmax documents ``cur_set`` as the result but leaves it empty: the set is taken from its last criterion instead.
+# It may take a pose more than once (its pool is never reduced), so the number of distinct poses is printed as well.
 _PEER = """
 import json, sys, time, random
 import numpy as np
 from figaroh.optimal.base_optimal_calibration import Detmax, SOCPOptimizer
-data = np.load(sys.argv[1]); rows, n = data["rows"], int(sys.argv[2])
+rows, n, seed = np.load(sys.argv[1])["rows"], int(sys.argv[2]), int(sys.argv[4])
 info = {k: r.T @ r for k, r in enumerate(rows)}
-random.seed(0); np.random.seed(0)
-clock = time.perf_counter(), time.process_time()
+random.seed(seed)
+
+class Watched(Detmax):
+    def get_critD(self, chosen):
+        self.last = list(chosen)
+        return super().get_critD(chosen)
+
+wall, cpu = time.perf_counter(), time.process_time()
+own = None
 if sys.argv[3] == "detmax":
-    peer = Detmax(info, n); peer.main_algo(); chosen = list(peer.cur_set)[:n]
+    peer = Watched(info, n)
+    own = float(peer.main_algo()[-1])
+    chosen = peer.last
 else:
-    weights, order = SOCPOptimizer(info, {"NbSample": len(rows)}).solve(); chosen = [int(k) for k in list(order)[:n]]
-spent = time.perf_counter() - clock[0], time.process_time() - clock[1]
-print(json.dumps({"chosen": [int(k) for k in chosen], "wall": spent[0], "cpu": spent[1]}))
+    chosen = list(SOCPOptimizer(info, {"NbSample": len(rows)}).solve()[1])[:n]
+wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+print(json.dumps({"chosen": [int(k) for k in chosen], "own": own, "wall": wall, "cpu": cpu}))
 """
 
 
@@ -138,24 +150,28 @@ def peer(q):
     print(f"\n500 candidates, 60 poses, {rows.shape[2]} parameters: det^(1/P), no set above {best:.4f}")
     with tempfile.TemporaryDirectory() as folder:
         np.savez(Path(folder) / "rows.npz", rows=rows / scale)
-        for kind in ("detmax", "socp"):
-            call = [python, "-c", _PEER, str(Path(folder) / "rows.npz"), str(n), kind]
+        for kind, seed in (("detmax", 0), ("detmax", 1), ("detmax", 2), ("socp", 0)):
+            call = [python, "-c", _PEER, str(Path(folder) / "rows.npz"), str(n), kind, str(seed)]
             done = subprocess.run(call, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
             if done.returncode:
                 print(f"  FIGAROH {kind}: failed: {done.stderr.strip().splitlines()[-1]}")
                 continue
             found = json.loads(done.stdout.strip().splitlines()[-1])
-            distinct = len(set(found["chosen"]))
+            reached = score(found["chosen"])
+            if len(found["chosen"]) != n or (found["own"] and abs(found["own"] / reached - 1) > 1e-6):
+                raise SystemExit(
+                    f"FIGAROH {kind} is read wrongly: {len(found['chosen'])} poses, {found['own']}, {reached}"
+                )
             print(
-                f"  FIGAROH {kind:7s} {score(found['chosen']):.4f}  {found['wall']:.2f} s ({found['cpu']:.2f} cpu)"
-                f"  {distinct} distinct poses"
+                f"  FIGAROH {kind} (seed {seed})  {reached:.4f}  {found['wall']:.2f} s ({found['cpu']:.2f} cpu)"
+                f"  {len(set(found['chosen']))} distinct poses"
             )
-    for name, call in (
-        ("detmax", lambda: detmax(rows, n)),
-        ("exchange", lambda: exchange(rows, n, "O1", starts=1).chosen),
-    ):
+    ours = {"detmax": lambda: detmax(rows, n), "exchange": lambda: exchange(rows, n, "O1", starts=1).chosen}
+    for name, call in ours.items():
         chosen, wall, cpu = timed(call)
-        print(f"  ours    {name:8s} {score(chosen):.4f}  {wall:.2f} s ({cpu:.2f} cpu)")
+        print(
+            f"  ours    {name}  {score(chosen):.4f}  {wall:.2f} s ({cpu:.2f} cpu)  {len(set(chosen.tolist()))} distinct"
+        )
     many = rows_of("paper", q[:20_000])
     _, wall, cpu = timed(detmax, many, n)
     print(f"  ours    detmax over 20 000 candidates: {wall:.2f} s ({cpu:.2f} cpu)")
@@ -181,7 +197,7 @@ def main():
     top = 20_000 if settings.small else 100_000
     q, wall, _ = timed(dh_arm.shell_poses, NJ130, top, 1)
     print(
-        f"numpy {np.__version__}, Python {sys.version.split()[0]}, {os.cpu_count()} cores; pool of {top} in {wall:.0f} s"
+        f"numpy {np.__version__}, Python {sys.version.split()[0]}, {os.cpu_count()} cores; {top} poses in {wall:.0f} s"
     )
     if not settings.without_figaroh:
         peer(q)
