@@ -10,7 +10,7 @@ from planner.collision import CollisionWorld
 from planner.errors import InputError, NoSolutionError
 from planner.model import Model
 from planner.observability import Identifiability, Indices, identifiable, index_value, indices
-from planner.selection import Certificate, IndexCurve, bound, exchange, index_curve, knee, refine
+from planner.selection import Certificate, CurveInBackground, bound, exchange, refine
 from planner.units import Array
 from planner.workspace import ROOM, Workspace
 
@@ -31,7 +31,6 @@ class Choice:
         value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
         certificate: no set of as many candidates beats its value.
         raw, scaled: O1 … O5 in metres and radians, and unit-free by the parameters' prior sizes.
-        curve: index and bound against the number of poses.
     """
 
     model: Model
@@ -45,7 +44,6 @@ class Choice:
     certificate: Certificate
     raw: Indices
     scaled: Indices
-    curve: IndexCurve
 
     def with_poses(self, q: Array, chosen: np.ndarray, pool: PoseSet) -> "Choice":
         """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
@@ -69,8 +67,11 @@ def what_is_seen(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Arr
     return model.subset(list(seen.kept)), seen, np.ascontiguousarray(rows[:, :, list(seen.kept)])
 
 
-def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) -> Choice:
+def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) -> tuple[Choice, CurveInBackground]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
+
+    Returns:
+        The choice, and the curve, which is still being computed on the other processor.
 
     Raises:
         InputError: fewer poses than parameters.
@@ -79,26 +80,15 @@ def choose(cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int) 
     model, seen, rows = what_is_seen(cell, pool)
     _check_count(poses, seen.rank, len(pool))
     sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if seen.rank < n <= len(pool)]
-    curve = index_curve(rows, sizes, index)
-    n = poses or knee(curve.sizes, curve.values, index)
-    certificate = bound(rows, index, poses=n)
-    selection = exchange(rows, n, index, seed=seed, certificate=certificate)
-    q, fixture = pool.q[selection.chosen], pool.fixture[selection.chosen]
-    final = model.jacobian(q, fixture)
-    return Choice(
-        model=model,
-        seen=seen,
-        q=q,
-        fixture=fixture,
-        chosen=selection.chosen,
-        index=index,
-        value=index_value(index, final),
-        on_grid_value=selection.value,
-        certificate=certificate,
-        raw=indices(final),
-        scaled=indices(final, model.prior),
-        curve=curve,
-    )
+    with CurveInBackground(rows, sizes, index, seed, help_out=poses is None) as curve:
+        n = poses or curve.result().knee
+        certificate = bound(rows, index, poses=n)
+        selection = exchange(rows, n, index, seed=seed, certificate=certificate)
+        q, fixture = pool.q[selection.chosen], pool.fixture[selection.chosen]
+        final = model.jacobian(q, fixture)
+        value, raw, scaled = index_value(index, final), indices(final), indices(final, model.prior)
+    choice = Choice(model, seen, q, fixture, selection.chosen, index, value, selection.value, certificate, raw, scaled)
+    return choice, curve
 
 
 def refined(cell: Cell, choice: Choice, seed: int) -> Choice:

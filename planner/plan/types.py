@@ -11,6 +11,7 @@ from planner.choice import Choice
 from planner.path import Path, Verdict
 from planner.plan.course import Course
 from planner.program import ProgramFile
+from planner.selection import IndexCurve
 from planner.tour import Tour
 from planner.trajectory import LimitReport, Trajectory
 from planner.units import Array
@@ -77,6 +78,7 @@ class Plan:
 
     Attributes:
         plan_id: 12 hex digits of a hash over the content.
+        curve: index and bound against the number of poses.
         driven: the index over the trajectory as it is driven.
         programs: files of each dialect.
         notes: what a person should know (a pose replaced, a solver that failed, …).
@@ -87,6 +89,7 @@ class Plan:
     seed: int
     pool: PoseSet
     choice: Choice
+    curve: IndexCurve
     drives: tuple[Drive, ...]
     driven: float
     programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...]

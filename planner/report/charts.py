@@ -16,7 +16,7 @@ ROW = 26  # [px] of one name in a list
 
 def index_curve(plan: Plan) -> Picture:
     """Index against the number of poses, with the bound that no set of candidates can beat."""
-    choice, curve = plan.choice, plan.choice.curve
+    choice, curve = plan.choice, plan.curve
     rule, n = RULES[choice.index], len(choice.q)
     sizes, values, bounds = (np.asarray(v, float) for v in (curve.sizes, curve.values, curve.bounds))
     hover = tuple(f"{int(k)} poses: {v:.4g}, bound {b:.4g}" for k, v, b in zip(sizes, values, bounds, strict=True))

@@ -1,5 +1,6 @@
 """Selection of measuring poses: pruning, DETMAX, exchange, off-grid refinement, and a certificate for each choice."""
 
+from .background import CurveInBackground
 from .bounds import bound, check, core
 from .certificate import Certificate, Dual, verify
 from .curve import IndexCurve, index_curve, knee
@@ -11,6 +12,7 @@ from .repeatable import single_threaded
 
 __all__ = [
     "Certificate",
+    "CurveInBackground",
     "Dual",
     "IndexCurve",
     "Refined",

@@ -34,6 +34,19 @@ class IndexCurve:
         return knee(self.sizes, self.values, self.index)
 
 
+    def joined(self, other: "IndexCurve") -> "IndexCurve":
+        """Return the curve over the sizes of both."""
+        order = np.argsort(np.concatenate([self.sizes, other.sizes]))
+        sets = (*self.selections, *other.selections)
+        return IndexCurve(
+            self.index,
+            np.concatenate([self.sizes, other.sizes])[order],
+            frozen(np.concatenate([self.values, other.values])[order]),
+            frozen(np.concatenate([self.bounds, other.bounds])[order]),
+            tuple(sets[int(k)] for k in order),
+        )
+
+
 @single_threaded
 def index_curve(rows: Array, sizes: Sequence[int], index: str = "O2", seed: int = 0, steps: int = 400) -> IndexCurve:
     """Return the index reached and its bound for each number of poses in ``sizes``.

@@ -123,8 +123,8 @@ def best_by_potential(rows: Array, chosen: Places, pool: Places, potential: Pote
 
 
 def _hopeful(rows: Array, chosen: Places, pool: Places) -> Places:
-    """Candidates that can gain determinant at all: by Cauchy and Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
-    inverse = np.linalg.inv(information(rows[chosen]))
+    """Candidates that can gain determinant at all: by Cauchy-Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
+    inverse = np.asarray(np.linalg.inv(information(rows[chosen])), dtype=float)
     return pool[quadratic(rows[pool], inverse) > np.min(quadratic(rows[chosen], inverse))]
 
 

@@ -57,7 +57,7 @@ def reachable(cell: Cell, pool: PoseSet, index: str, poses: int | None, seed: in
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
-    by their neighbours in a roadmap; those that the bound's prices single out for selection are in the roadmap themselves.
+    by their neighbours in a roadmap; those whose price in the bound singles them out are in it themselves.
     """
     kept = _joined(cell, pool, np.arange(0), seed)
     likely = pool.take(kept)

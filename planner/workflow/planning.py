@@ -72,14 +72,17 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     with stages.stage("roadmap"):
         pool, apart = reachable(cell, pool, index, poses, options.seed)
     with stages.stage("selection"):
-        choice = choose(cell, pool, poses, index, options.seed)
+        choice, curve = choose(cell, pool, poses, index, options.seed)
+    with curve, stages.stage("refinement"):
         choice, swapped = joinable(cell, pool, choice, options.seed)
         choice = refined(cell, choice, options.seed)
-    with stages.stage("path"):
+    with curve, stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
+    with stages.stage("index curve"):
+        points = curve.result()
     with stages.stage("programs"):
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, drives, driven, (), apart + swapped + notes)
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), apart + swapped + notes)
         named = replace(bare, plan_id=identity(bare))
         return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
 

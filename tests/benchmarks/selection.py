@@ -51,8 +51,8 @@ def gaps(q, pools, sizes):
                 pruned = index_value("O2", rows[prune(rows, n)])
                 head = f"| {cell} | {count} | {rows.shape[2]} | {n} | {c.value:.3f} | {c.slack:.1e} "
                 print(
-                    f"{head}| {wall:.1f} ({cpu:.1f}) | {s.value:.3f} | {100 * s.gap:.2f} % | {wall_s:.1f} ({cpu_s:.1f}) "
-                    f"| {pruned:.2f} |",
+                    f"{head}| {wall:.1f} ({cpu:.1f}) | {s.value:.3f} | {100 * s.gap:.2f} % "
+                    f"| {wall_s:.1f} ({cpu_s:.1f}) | {pruned:.2f} |",
                     flush=True,
                 )
 

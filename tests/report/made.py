@@ -42,10 +42,9 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         certificate=found.certificate,
         raw=indices(final),
         scaled=indices(final, model.prior),
-        curve=curve,
     )
     drive = made_drive(cell, 0, np.vstack([pool.q[:1], q, pool.q[1:4]]), poses)
-    return Plan(PLAN_ID, cell, 0, pool, choice, (drive,), 1.03 * found.value, (), (NOTE,))
+    return Plan(PLAN_ID, cell, 0, pool, choice, curve, (drive,), 1.03 * found.value, (), (NOTE,))
 
 
 def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive:

@@ -144,8 +144,8 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
         funnel.collision,
     ]
     values, bounds, point = figures(page)["index_curve"]["data"]
-    assert np.allclose(numbers(values["y"]), plan.choice.curve.values)
-    assert np.allclose(numbers(bounds["y"]), plan.choice.curve.bounds)
+    assert np.allclose(numbers(values["y"]), plan.curve.values)
+    assert np.allclose(numbers(bounds["y"]), plan.curve.bounds)
     assert (numbers(point["x"])[0], numbers(point["y"])[0]) == (len(plan.choice.q), plan.choice.value)
 
 

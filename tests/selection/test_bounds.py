@@ -94,11 +94,9 @@ def test_any_number_agrees_with_a_general_solver():
     assert bound(rows, "O2").value == pytest.approx(min(tries), rel=2e-2)
 
 
-@pytest.mark.parametrize("kind", INDICES)
+@pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])  # O4 is the quotient of two of them
 def test_any_matrices_at_all_prove_nothing_wrong(kind):
     """Soundness does not rest on the solver: random duals never claim more than the truth."""
-    if kind == "O4":
-        pytest.skip("O4 is the quotient of two others")
     rows, rng = pool(7), np.random.default_rng(1)
     best = best_of_all(rows, 5, kind)
     for _ in range(200):
