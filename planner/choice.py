@@ -14,6 +14,7 @@ from planner.selection import Certificate, CurveInBackground, bound, exchange, r
 from planner.units import Array
 from planner.workspace import ROOM, Workspace
 
+ENOUGH = 2  # candidates for each parameter, below which there is no choice
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
 
 
@@ -59,8 +60,17 @@ class Choice:
 
 
 def what_is_seen(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
-    """Return the model of the identifiable parameters, why the others are dropped, and the rows of the pool."""
+    """Return the model of the identifiable parameters, why the others are dropped, and the rows of the pool.
+
+    Raises:
+        NoSolutionError: too few candidates to tell.
+    """
     model = Model.from_cell(cell)
+    if len(pool) < ENOUGH * len(model.names):
+        raise NoSolutionError(
+            f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
+            "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
+        )
     rows = model.jacobian(pool.q, pool.fixture)
     noise = float(np.median(model.noise(pool.q[:1000], pool.fixture[:1000])))
     seen = identifiable(rows, model.names, model.prior, prefer=range(len(model.names)), noise=noise)

@@ -64,7 +64,7 @@ class Workspace:
         return np.column_stack([at_fixture, cell.gauge.cone_map - tilt(-bar.direction, cell.map_axis(q))])
 
     def spin(self, q: Array) -> Array:
-        """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero where the bar is attached (at home while no mount pose is chosen).
+        """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at the mount pose (at home while there is none).
 
         A line painted on the bar is carried without twist from the fixture's axis to the bar's direction, another
         from the tool's axis to the bar; the angle between them is what a cable along the bar is twisted by.

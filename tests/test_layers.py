@@ -8,7 +8,8 @@ import planner
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
-    "errors", "units", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "model", "workspace",
+    "errors", "units", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "model",
+    "workspace",
     "collision", "candidates", "observability", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
     "report", "study", "workflow", "cli",
 ]  # fmt: skip
@@ -42,7 +43,11 @@ def test_imports_point_down():
         room = room_of(path)
         if room == "__init__":
             continue
-        wrong += [f"{path.name}: {room} imports {other}" for other in imported_rooms(path) if other != room and ORDER.index(other) > ORDER.index(room)]
+        wrong += [
+            f"{path.name}: {room} imports {other}"
+            for other in imported_rooms(path)
+            if other != room and ORDER.index(other) > ORDER.index(room)
+        ]
     assert not wrong, wrong
 
 

@@ -28,7 +28,9 @@ def test_every_command_of_the_readme_is_known():
         assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own cell")[0].split("Other verbs")[1]))))
+@pytest.mark.parametrize(
+    "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own cell")[0].split("Other verbs")[1])))
+)
 def test_every_option_of_the_readme_is_known(option):
     helps = "".join(edbb(verb, "--help").stdout for verb in ("plan", "study", "export"))
     assert option in helps

@@ -6,13 +6,16 @@ are one line on which equidistant points are as dense as uniform joint samples t
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from planner.cell import Cell
 from planner.errors import InputError
 from planner.units import Array
+
+if TYPE_CHECKING:
+    from scipy.stats import qmc
 
 PER_ARC = 4.0  # mean number of points on an arc that is not empty
 
@@ -31,8 +34,14 @@ class ShellSample:
 
 
 def box(cell: Cell) -> tuple[Array, Array]:
-    """Return the joint limits, narrowed to what the cable's budget lets each axis do, both (N,) [rad]."""
-    lower, upper = cell.robot.q_lower.copy(), cell.robot.q_upper.copy()
+    """Return the range that each joint is sampled in, both ends (N,) [rad].
+
+    The joint limits, narrowed to what the cable's budget lets each axis do; an axis that can turn more than once is
+    kept to the turn about home, because further turns only repeat the same arm.
+    """
+    turn = 2 * np.pi
+    lower = np.clip(cell.home - np.pi, cell.robot.q_lower, np.maximum(cell.robot.q_upper - turn, cell.robot.q_lower))
+    upper = np.minimum(lower + turn, cell.robot.q_upper)
     for axes, limit in cell.cable.sums:
         for a in axes:
             lower[a] = max(lower[a], cell.home[a] - limit)
@@ -40,7 +49,7 @@ def box(cell: Cell) -> tuple[Array, Array]:
     return lower, upper
 
 
-def sobol(cell: Cell, seed: int) -> qmc.Sobol:
+def sobol(cell: Cell, seed: int) -> "qmc.Sobol":
     """Return the low-discrepancy sequence over all joints but the first, which the arcs choose.
 
     Raises:
@@ -48,6 +57,8 @@ def sobol(cell: Cell, seed: int) -> qmc.Sobol:
     """
     if np.any(cell.robot.sense_matrix[1:, 0]):
         raise InputError(f"{cell.robot.path}: a joint is coupled to joint 1; candidates need joint 1 to turn alone")
+    from scipy.stats import qmc  # costs most of a second, and few commands need it
+
     return qmc.Sobol(cell.robot.n_joints - 1, scramble=True, rng=np.random.default_rng(seed))
 
 

@@ -15,7 +15,7 @@ from planner.units import Array
 
 @dataclass(frozen=True)
 class Tool:
-    """Tool on the flange F: MAP position p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies."""
+    """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies."""
 
     p_FM: Array
     axis_F: Array
@@ -80,7 +80,7 @@ class Cable:
 
 @dataclass(frozen=True)
 class Base:
-    """How the base stands: R_WB (3, 3) from base to world (gravity along −z of the world), floor height [m] or ``None``."""
+    """How the base stands: R_WB (3, 3) from base to world (gravity along −z), floor height [m] or ``None``."""
 
     R_WB: Array
     floor: float | None

@@ -36,7 +36,8 @@ def load_cell(reference: str) -> Cell:
     if not shipped.is_file():
         known = list(shipped_cells())
         raise InputError(
-            f"cell '{reference}': neither a file nor a shipped cell{nearest(reference, known)} (shipped: {', '.join(known)})"
+            f"cell '{reference}': neither a file nor a shipped cell{nearest(reference, known)} "
+            f"(shipped: {', '.join(known)})"
         )
     return read_cell(shipped, reference)
 
@@ -138,8 +139,8 @@ def _gauge(path: Path, g: GaugeFile) -> Gauge:
         raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
     if g.body.housing_mm + g.body.trim_mm > g.length_mm[0]:
         raise InputError(
-            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far ball "
-            f"do not fit into the shortest length {g.length_mm[0]:g} mm"
+            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far "
+            f"ball do not fit into the shortest length {g.length_mm[0]:g} mm"
         )
     return Gauge(
         kind=g.kind,

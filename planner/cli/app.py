@@ -14,7 +14,6 @@ from planner.cli.summary import dialect_table, plan_summary, robot_table
 from planner.errors import InputError, PlannerError
 from planner.files import write_text
 from planner.plan import plan_content
-from planner.study import study
 from planner.workflow import Options, export_plan, plan, write_plan
 
 app = typer.Typer(
@@ -65,6 +64,8 @@ def study_command(
     as_json: Json = False,
 ) -> None:
     """Observability offline: what can be seen, with how many poses, from which fixture."""
+    from planner.study import study  # matplotlib: other commands start quicker without
+
     _check_folder(output)
     with Screen() as stages:
         summary = study(load_cell(cell), output, index, seed, stages.say)

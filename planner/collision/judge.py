@@ -19,7 +19,7 @@ class FclJudge:
         self._request = fcl.DistanceRequest(enable_nearest_points=False)
 
     def distances(self, q: Array) -> Array:
-        """Distance of every pair of the scene at controller angles q (n, N) [rad], (n, pairs) [m]; ≤ 0 where they overlap."""
+        """Distance of every pair at controller angles q (n, N) [rad], (n, pairs) [m]; ≤ 0 where they overlap."""
         poses = [self._poses(piece, q) for piece in self.scene.pieces]
         out = np.empty((len(q), len(self.scene.pairs)))
         for i in range(len(q)):

@@ -54,7 +54,7 @@ class CollisionWorld:
         return np.column_stack([self.cell.robot.theta(q), azimuth, polar, bar.length])
 
     def collides(self, q: Array, clearance: float | None = None) -> np.ndarray:
-        """Tell which states (n, N) [rad] bring any pair closer than ``clearance`` [m] (default: the cell's), (n,) bool."""
+        """Tell which states (n, N) [rad] bring a pair closer than ``clearance`` [m] (default the cell's), (n,) bool."""
         margin = self.cell.motion.clearance if clearance is None else clearance
         for data in self._pool.getGeometryDatas():
             for request in data.collisionRequests:

@@ -123,7 +123,8 @@ def load_robot(reference: str, beside: Path = Path(), tip: str | None = None, be
         return _from_toml(path, beta)
     known = list(shipped_robots())
     raise InputError(
-        f"robot '{reference}': neither a shipped robot nor a file{nearest(reference, known)} (shipped: {', '.join(known)})"
+        f"robot '{reference}': neither a shipped robot nor a file{nearest(reference, known)} "
+        f"(shipped: {', '.join(known)})"
     )
 
 

@@ -33,7 +33,6 @@ class IndexCurve:
         """The number of poses where the curve bends (see :func:`knee`)."""
         return knee(self.sizes, self.values, self.index)
 
-
     def joined(self, other: "IndexCurve") -> "IndexCurve":
         """Return the curve over the sizes of both."""
         order = np.argsort(np.concatenate([self.sizes, other.sizes]))

@@ -1,7 +1,7 @@
 """From chosen poses to a timed path: tour, support poses, blending, timing, and both judges."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from planner.cell import Cell
 from planner.errors import NoSolutionError
 from planner.gauge import bar_state
 from planner.path import Constraints, Gaps, Path, Verdict, join, judge
-from planner.plan import Drive, Role, Visit, Waypoints, axis_limits, course, is_continuous, signs, tool_speed
+from planner.plan import Drive, Role, Visit, Waypoints, axis_limits, course, is_continuous, settled, signs, tool_speed
 from planner.tour import Method, Tour, slowest_axis_cost, solve_tour
 from planner.trajectory import Trajectory, blend_corners, check_limits
 from planner.units import Array
@@ -55,6 +55,7 @@ def drive(
         raise NoSolutionError(
             f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}: {why}"
         )
+    travel = replace(travel, q=settled(travel.q))
     visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]])
     measuring = _measuring(cell, with_bar, path, visits)
     ends = np.zeros(len(travel.q), dtype=bool)
@@ -93,7 +94,7 @@ def _join_tour(
         order += _second_round(cost, order, repeats, forbidden, tsp, seed)
         path = join(constraints, nodes, order, seed=seed, pool=pool)
         if isinstance(path, Path):
-            return tour, path, order
+            return tour, replace(path, q=settled(path.q)), order
         if 0 in path.unreachable:
             raise NoSolutionError(f"no path leads from the mount pose to any other pose: {path.reasons[0]}")
         if path.unreachable:

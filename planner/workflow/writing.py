@@ -11,7 +11,6 @@ from planner.cell import Cell
 from planner.files import write_text
 from planner.gauge import bar_state
 from planner.plan import Plan, plan_text
-from planner.report import write_report
 from planner.resources import folder as data_folder
 from planner.trajectory import table, table_csv
 from planner.units import Array
@@ -25,6 +24,8 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
 
     Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
     """
+    from planner.report import write_report  # matplotlib and plotly: other commands start quicker without
+
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
         draft = Path(name)

@@ -34,13 +34,16 @@ def run_plan(cell, folder, *words, threads="1"):
 
 
 def whole_plan(folder):
-    """The issue's main number: 35 poses from 100 000 candidates."""
+    """The main number: 35 poses from 100 000 candidates."""
     seconds, peak, plan = run_plan("comau-nj130/edbb", folder / "main", "--poses", "35")
     stages = json.loads((folder / "main" / "timings.json").read_text())
     print(f"edbb plan comau-nj130/edbb --poses 35: {seconds:.1f} s, peak {peak:.0f} MB (goal 60 s, 2048 MB)")
     print("  " + ", ".join(f"{name} {s:.1f} s" for name, s in stages.items()))
     seen = plan["observability"]
-    print(f"  O2 {seen['O2']:.2f}, on the grid {seen['on_grid']['value']:.2f}, bound {seen['bound']:.2f}, on-grid gap {100 * seen['on_grid']['gap']:.2f} %")
+    grid = seen["on_grid"]
+    print(
+        f"  O2 {seen['O2']:.2f}, on the grid {grid['value']:.2f}, bound {seen['bound']:.2f}, gap {100 * grid['gap']:.2f} %"
+    )
 
 
 def digest(folder):
@@ -57,7 +60,8 @@ def every_cell(folder):
         same = len({digest(folder / f"{name.replace('/', '-')}-{k}") for k in "12"}) == 1
         plan = runs[0][2]["path"]
         proven = {e: all(v["proven"] for v in plan["verdicts"] if v["engine"] == e) for e in ("coal", "python-fcl")}
-        print(f"{name:<20} {runs[0][0]:7.1f} s {plan['clearance_mm']:8.1f} mm  {proven['coal']!s:<5}  {proven['python-fcl']!s:<5}  {same}")
+        both = f"{proven['coal']!s:<5}  {proven['python-fcl']!s:<5}"
+        print(f"{name:<20} {runs[0][0]:7.1f} s {plan['clearance_mm']:8.1f} mm  {both}  {same}")
 
 
 def growth():
@@ -96,7 +100,9 @@ def growth():
 def main():
     """Run what the arguments ask for, by default all."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", nargs="*", choices=("whole", "cells", "growth", []), help="whole, cells, growth (default: all)")
+    parser.add_argument(
+        "part", nargs="*", choices=("whole", "cells", "growth", []), help="whole, cells, growth (default: all)"
+    )
     parts = parser.parse_args().part or ["whole", "cells", "growth"]
     with tempfile.TemporaryDirectory() as name:
         if "whole" in parts:

@@ -31,7 +31,11 @@ def test_angles_and_lengths_are_si_inside():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("clearance_mm = 10", "clearence_mm = 10", ["unknown key 'motion.clearence_mm'", 'did you mean "clearance_mm"']),
+        (
+            "clearance_mm = 10",
+            "clearence_mm = 10",
+            ["unknown key 'motion.clearence_mm'", 'did you mean "clearance_mm"'],
+        ),
         ("clearance_mm = 10", "clearance_mm = 0", ["motion.clearance_mm", "greater than 0"]),
         ("length_mm = [300, 520]", "length_mm = [0.3, 0.52]", ["metres", "millimetres"]),
         ("length_mm = [300, 520]", "length_mm = [520, 300]", ["shortest length must come first"]),

@@ -1,4 +1,4 @@
-"""The chain against pinocchio, against finite differences of its own definition, and its two passes against each other."""
+"""The chain against pinocchio, against finite differences, and its two passes against each other."""
 
 import numpy as np
 import pinocchio as pin
@@ -67,7 +67,9 @@ def test_carrying_a_point_down_agrees_with_the_forward_pass(name):
     theta = robot.theta(states(robot, 30, seed=4))
     motion = robot.chain.forward(theta)
     p = np.array([0.1, -0.2, 0.3])
-    np.testing.assert_allclose(robot.chain.carry(theta, p), (motion.x + np.einsum("ijn,j->in", motion.R, p)).T, atol=1e-12)
+    np.testing.assert_allclose(
+        robot.chain.carry(theta, p), (motion.x + np.einsum("ijn,j->in", motion.R, p)).T, atol=1e-12
+    )
     turned = np.einsum("ijn,j->ni", motion.R, p)
     np.testing.assert_allclose(robot.chain.carry(theta, p, point=False), turned, atol=1e-12)
 

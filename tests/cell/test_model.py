@@ -5,8 +5,8 @@ import pytest
 
 from planner.candidates import draw_candidates
 from planner.cell import load_cell, shipped_cells
-from planner.model import Model
 from planner.choice import what_is_seen
+from planner.model import Model
 
 
 @pytest.mark.parametrize("name", shipped_cells())

@@ -27,7 +27,7 @@ def urdf_text(axes, mesh=None):
             f'<origin xyz="0.1 {0.05 * i} 0.2" rpy="{0.3 * i} 0.2 -0.5"/><axis xyz="{axis}"/>'
             '<limit lower="-2" upper="2.5" velocity="2" effort="1"/></joint>'
         )
-    tip = '<link name="tip"/><joint name="fix" type="fixed"><parent link="l%d"/><child link="tip"/>' % len(axes)
+    tip = f'<link name="tip"/><joint name="fix" type="fixed"><parent link="l{len(axes)}"/><child link="tip"/>'
     return URDF.format(links=links, joints=joints + tip + '<origin xyz="0 0.1 0.2" rpy="0.4 0 0"/></joint>')
 
 
@@ -56,7 +56,9 @@ def test_published_poses(name, q_deg, flange_mm):
     np.testing.assert_allclose(x * 1e3, flange_mm, atol=0.01)
 
 
-@pytest.mark.parametrize("axes", [["0 0 1"] * 6, ["1 0 0", "0 -1 0", "0 0 1", "0 1 0", "-1 0 0"], ["0.6 0 0.8", "0 1 1", *["0 0 1"] * 5]])
+@pytest.mark.parametrize(
+    "axes", [["0 0 1"] * 6, ["1 0 0", "0 -1 0", "0 0 1", "0 1 0", "-1 0 0"], ["0.6 0 0.8", "0 1 1", *["0 0 1"] * 5]]
+)
 def test_urdf_agrees_with_pinocchio(tmp_path, axes):
     path = tmp_path / "robot.urdf"
     path.write_text(urdf_text(axes))
@@ -71,7 +73,7 @@ def test_urdf_agrees_with_pinocchio(tmp_path, axes):
         np.testing.assert_allclose(motion.x[:, k], data.oMf[frame].translation, atol=1e-9)
         np.testing.assert_allclose(motion.R[:, :, k], data.oMf[frame].rotation, atol=1e-9)
     assert [m.mass for m in robot.masses] == pytest.approx(range(1, len(axes) + 1))
-    ours, frames = robot.pin_model()
+    ours, _ = robot.pin_model()
     gravity = pin.computeGeneralizedGravity(ours, ours.createData(), robot.theta(q[:1])[0])
     theirs = pin.computeGeneralizedGravity(model, data, q[0])
     np.testing.assert_allclose(robot.sense_matrix.T @ gravity, theirs, atol=1e-9)
@@ -80,7 +82,9 @@ def test_urdf_agrees_with_pinocchio(tmp_path, axes):
 def test_coupling_and_sense_follow_the_contract(tmp_path):
     text = (load_robot("comau-nj130").path).read_text()
     head, *joints = text.split("[[joints]]")
-    joints[2] = joints[2].replace("sense = 1", "sense = -1\ncouple = { 2 = 0.5 }").replace("zero_deg = 0", "zero_deg = 10")
+    joints[2] = (
+        joints[2].replace("sense = 1", "sense = -1\ncouple = { 2 = 0.5 }").replace("zero_deg = 0", "zero_deg = 10")
+    )
     path = tmp_path / "robot.toml"
     path.write_text("[[joints]]".join([head, *joints]))
     q = np.deg2rad([[1.0, 20.0, 30.0, 4.0, 5.0, 6.0]])
@@ -128,7 +132,7 @@ def test_a_joint_count_that_is_not_supported_is_refused(tmp_path):
 def test_a_mesh_that_is_missing_is_named(tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(urdf_text(["0 0 1"] * 6, mesh="package://arm/meshes/none.stl"))
-    with pytest.raises(InputError, match="none.stl"):
+    with pytest.raises(InputError, match=r"none\.stl"):
         load_robot(str(path), tip="tip")
 
 

@@ -68,7 +68,9 @@ def test_axis_reach_of_random_chains():
             if kind == 0:
                 parts.append(Transform(f"t{k}", "translation", axis, float(rng.normal())))
             elif kind == 1:
-                parts.append(Transform(f"r{k}", "rotation", axis, float(rng.choice([np.pi / 2, -np.pi / 2, np.pi, 0.3]))))
+                parts.append(
+                    Transform(f"r{k}", "rotation", axis, float(rng.choice([np.pi / 2, -np.pi / 2, np.pi, 0.3])))
+                )
             else:
                 parts.append(Transform(f"j{k}", "rotation", axis, 0.0, joint))
                 joint += 1

@@ -16,7 +16,12 @@ def edbb(*words, threads="1", cwd=None, **env):
     """Run the command line in a process of its own."""
     environment = {**os.environ, "OMP_NUM_THREADS": threads, **env}
     return subprocess.run(
-        [sys.executable, "-m", "planner.cli", *map(str, words)], capture_output=True, text=True, cwd=cwd, env=environment, check=False
+        [sys.executable, "-m", "planner.cli", *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=environment,
+        check=False,
     )
 
 
