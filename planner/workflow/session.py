@@ -54,11 +54,11 @@ def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
     return [
         Section(f"to the mount pose of fixture {name}, without the bar"),
         *there,
-        Pause(f"attach the bar between fixture {name} and the tool, set its zero, start the gauge"),
+        Pause(f"attach the bar (fixture {name} to tool), set its zero"),
         WaitInput("gauge ready"),
         Section(f"measuring on fixture {name}"),
         *measuring,
-        Pause("stop the gauge and take the bar off"),
+        Pause("take the bar off"),
         Section("back home, without the bar"),
         *_back(there, one.travel.q),
     ]

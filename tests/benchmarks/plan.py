@@ -42,7 +42,7 @@ def whole_plan(folder):
     seen = plan["observability"]
     grid = seen["on_grid"]
     print(
-        f"  O2 {seen['O2']:.2f}, on the grid {grid['value']:.2f}, bound {seen['bound']:.2f}, gap {100 * grid['gap']:.2f} %"
+        f"  O2 {seen['O2']:.2f}, bound {seen['bound']:.2f}, on the grid {grid['value']:.2f} (gap {100 * grid['gap']:.2f} %)"
     )
 
 
