@@ -41,9 +41,8 @@ def whole_plan(folder):
     print("  " + ", ".join(f"{name} {s:.1f} s" for name, s in stages.items()))
     seen = plan["observability"]
     grid = seen["on_grid"]
-    print(
-        f"  O2 {seen['O2']:.2f}, bound {seen['bound']:.2f}, on the grid {grid['value']:.2f} (gap {100 * grid['gap']:.2f} %)"
-    )
+    gap = 100 * grid["gap"]
+    print(f"  O2 {seen['O2']:.2f}, bound {seen['bound']:.2f}, on the grid {grid['value']:.2f} (gap {gap:.2f} %)")
 
 
 def digest(folder):
