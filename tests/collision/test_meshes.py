@@ -1,0 +1,74 @@
+"""A mesh of a box is the box: both engines, obstacle and URDF link; a broken mesh file is named."""
+
+import numpy as np
+import pytest
+
+from planner.cell import load_cell
+from planner.collision import CollisionWorld, FclJudge
+from planner.errors import InputError
+
+CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
+FACES = [
+    (0, 1, 3),
+    (0, 3, 2),
+    (4, 6, 7),
+    (4, 7, 5),
+    (0, 4, 5),
+    (0, 5, 1),
+    (2, 3, 7),
+    (2, 7, 6),
+    (0, 2, 6),
+    (0, 6, 4),
+    (1, 5, 7),
+    (1, 7, 3),
+]
+
+
+def stl(path):
+    lines = ["solid box"]
+    for face in FACES:
+        a, b, c = CORNERS[list(face)]
+        n = np.cross(b - a, c - a)
+        n /= np.linalg.norm(n)
+        lines += [f"facet normal {n[0]} {n[1]} {n[2]}", "outer loop"]
+        lines += [f"vertex {v[0]} {v[1]} {v[2]}" for v in (a, b, c)]
+        lines += ["endloop", "endfacet"]
+    path.write_text("\n".join([*lines, "endsolid box", ""]))
+
+
+def cell_with(tmp_path, obstacle):
+    text = load_cell("comau-nj130/edbb").path.read_text()
+    path = tmp_path / "cell.toml"
+    path.write_text(
+        text + "\n[[obstacles]]\nname = 'block'\nrpy_deg = [10, 20, 30]\nat_mm = [700, 1200, 1300]\n" + obstacle
+    )
+    return load_cell(str(path))
+
+
+def test_a_mesh_keeps_the_distances_of_its_box(tmp_path):
+    stl(tmp_path / "box.stl")
+    robot = load_cell("comau-nj130/edbb").robot
+    q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (60, 6))
+    found = []
+    for obstacle in ("kind = 'mesh'\nfile = 'box.stl'\n", "kind = 'box'\nsize_mm = [300, 400, 500]\n"):
+        world = CollisionWorld.from_cell(cell_with(tmp_path, obstacle))
+        pairs = [k for k in range(len(world.scene.pairs)) if "block" in world.scene.pair_name(k)]
+        assert pairs
+        found.append((world.distances(q)[:, pairs], world.collides(q), FclJudge(world.scene).distances(q)[:, pairs]))
+    mesh, box = found
+    apart = box[0] > 1e-3
+    np.testing.assert_allclose(mesh[0][apart], box[0][apart], atol=1e-5)
+    np.testing.assert_array_equal(mesh[1], box[1])
+    assert apart.any()
+    assert ((mesh[2] > 0) == (mesh[0] > 0))[np.abs(mesh[0]) > 1e-3].all()
+
+
+def test_a_file_that_is_no_mesh_is_named(tmp_path):
+    (tmp_path / "box.stl").write_text("not a mesh")
+    with pytest.raises(InputError, match=r"box\.stl"):
+        CollisionWorld.from_cell(cell_with(tmp_path, "kind = 'mesh'\nfile = 'box.stl'\n"))
+
+
+def test_a_mesh_that_is_missing_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.stl"):
+        cell_with(tmp_path, "kind = 'mesh'\nfile = 'gone.stl'\n")
