@@ -16,7 +16,7 @@ DIGITS = 9  # of degrees and millimetres in plan.json
 
 @dataclass(frozen=True)
 class Waypoints:
-    """A path to be driven: q (m, N) [rad], visit id or −1 (m,), blend radius (m,) [m], 0 where it rests."""
+    """A path to be driven: q (m, N) [rad], id of the pose or −1 (m,), blend radius (m,) [m], 0 where it rests."""
 
     q: Array
     visit: np.ndarray
@@ -67,7 +67,7 @@ def course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) ->
     if moving and cell.motion.both_ways:
         measuring = measuring.there_and_back()
     rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
-    dwell = np.where(measuring.visit > 0, rest, 0.0) * (measuring.blend == 0)
+    dwell = np.where(measuring.visit >= 0, rest, 0.0) * (measuring.blend == 0)
     return Course(
         fixture,
         travel,

@@ -36,9 +36,11 @@ class Unreachable(Exception):
 
 
 def drive(
-    cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: PoseSet, tsp: Method, seed: int
+    cell: Cell, fixture: int, stops: Sequence[Stop], repeats: int, pool: PoseSet, tsp: Method, seed: int, first: int
 ) -> Drive:
     """Join the stops of one fixture into a driven, timed and twice-judged tour from mount to mount.
+
+    ``first`` is the number of the first visit; those of earlier fixtures come before.
 
     Raises:
         Unreachable: a stop cannot be reached; replace it and call again.
@@ -56,7 +58,7 @@ def drive(
             f"no collision-free way leads from home to the mount pose of fixture {fixture + 1}: {why}"
         )
     travel = replace(travel, q=settled(travel.q))
-    visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]])
+    visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]], first)
     measuring = _measuring(cell, with_bar, path, visits)
     ends = np.zeros(len(travel.q), dtype=bool)
     way = _blended(cell, without_bar, travel, ends, np.full(len(travel.q), -1))
@@ -121,7 +123,7 @@ def _second_round(
 
 
 def _visits(
-    cell: Cell, fixture: int, nodes: Array, order: list[int], path: Path, roles: list[Role]
+    cell: Cell, fixture: int, nodes: Array, order: list[int], path: Path, roles: list[Role], number: int
 ) -> tuple[Visit, ...]:
     """Number the poses in visiting order; the second visit of a pose is a repeat of the first."""
     at = np.flatnonzero(path.node >= 0)
@@ -129,7 +131,7 @@ def _visits(
     length = bar_state(cell.map_position(nodes), cell.fixtures[fixture].p_BX).length
     first: dict[int, int] = {}
     visits = []
-    for k, (node, sign) in enumerate(zip(order, approach, strict=True)):
+    for k, (node, sign) in enumerate(zip(order, approach, strict=True), start=number):
         again = node in first and node != 0
         role = "repeat" if again else roles[node]
         visits.append(
@@ -151,7 +153,7 @@ def _measuring(cell: Cell, constraints: Constraints, path: Path, visits: tuple[V
     """The measuring path, one way, with the blends that fit: none where the robot rests to measure or to turn back."""
     stop = path.node == 0 if is_continuous(cell) else path.node >= 0
     ids = np.full(len(path.node), -1)
-    ids[path.node >= 0] = [v.id for v in visits]
+    ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     return _blended(cell, constraints, path, stop, ids)
 
 

@@ -100,14 +100,15 @@ def _driven(
     checks = _validation(cell, pool, choice, options.seed)
     notes: list[str] = []
     repeats = cell.plan.repeat if cell.motion.measure == "static" else 0
-    drives = []
+    drives: list[Drive] = []
     for fixture in range(len(cell.fixtures)):
         for _ in range(REPLACEMENTS):
             mine = np.flatnonzero(choice.fixture == fixture)
             stops = [Stop(choice.q[k], "calibrate") for k in mine]
             stops += [Stop(pool.q[k], "validate") for k in checks if pool.fixture[k] == fixture]
             try:
-                drives.append(drive(cell, fixture, stops, repeats, pool, options.tsp, options.seed))
+                first = sum(len(d.visits) for d in drives)
+                drives.append(drive(cell, fixture, stops, repeats, pool, options.tsp, options.seed, first))
                 break
             except Unreachable as lost:
                 if lost.which < len(mine):

@@ -95,7 +95,7 @@ def _moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> li
             tool_speed_mm_s=float(trajectory.leg_peak_tool_speed[k]) * 1e3,
             axis_percent=float(np.clip(percent[k], 0.01, highest)),
             blend_mm=0.0 if trajectory.stop[k + 1] else float(radius[k + 1]) * 1e3,
-            pose=int(path.visit[k + 1]) if path.visit[k + 1] > 0 else None,
+            pose=int(path.visit[k + 1]) if path.visit[k + 1] >= 0 else None,
             tool_travel_mm=float(run[k]) * 1e3,
         )
         for k in range(len(path.q) - 1)
@@ -132,7 +132,7 @@ def _dense(cell: Cell, one: Course) -> list[Instruction]:
     marks = {
         int(np.argmin(np.abs(t[1:] - s))): int(i)
         for s, i in zip(trajectory.waypoint_time[1:], ids[1:], strict=True)
-        if i > 0
+        if i >= 0
     }
     out: list[Instruction] = [Comment("the blended path in small steps: every corner is already cut")]
     step = np.diff(t)

@@ -240,3 +240,24 @@ def test_shipped_cells_are_loaded_from_anywhere(tmp_path):
     done = edbb("robots", cwd=tmp_path)
     assert done.returncode == 0
     assert load_cell("ur10/edbb").robot.name == "ur10"
+
+
+def test_two_fixtures_are_driven_one_after_the_other(tmp_path):
+    """A tour each, from and to its own mount pose; poses are numbered through and all of them are marked once."""
+    second = '[[fixtures]]\nname = "B"\nposition_mm = [1300, -700, 708]\n\n[motion]'
+    path = small_cell(
+        "comau-nj130/edbb", tmp_path, ("[motion]", second), ('measure = "continuous"', 'measure = "static"')
+    )
+    done = edbb("plan", path, "-o", tmp_path / "out", "--poses", 40, "--dialect", "bnr", "--json")
+    assert done.returncode == 0, done.stderr
+    plan = json.loads(done.stdout)
+    ids = [p["id"] for p in plan["poses"]]
+    assert ids == list(range(len(ids)))
+    assert {p["fixture"] for p in plan["poses"] if p["role"] == "calibrate"} == {"A", "B"}
+    assert [p for p in plan["parameters"] if p.startswith("fixture_")] == [
+        f"fixture_{f}_{a}" for f in "AB" for a in "xyz"
+    ]
+    text = (tmp_path / "out" / plan["programs"][0]["file"]).read_text()
+    marked = [int(line.split()[-1]) for line in text.splitlines() if line.startswith("; pose ")]
+    assert marked == [p["id"] for p in plan["poses"] if p["role"] != "mount"]
+    assert text.count("M00") == 4
