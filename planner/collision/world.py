@@ -73,12 +73,6 @@ class CollisionWorld:
             row[:] = [r.min_distance for r in self._geometry_data.distanceResults]
         return out
 
-    def first_contact(self, q: Array) -> str | None:
-        """Name the closest pair of one state (N,) if it is nearer than the cell's clearance."""
-        d = self.distances(q[None])[0]
-        k = int(np.argmin(d))
-        return self.scene.pair_name(k) if d[k] < self.cell.motion.clearance else None
-
     @cached_property
     def _pool(self) -> pin.GeometryPool:
         return pin.GeometryPool(self.model, self._geometry, available_threads())

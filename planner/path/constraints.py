@@ -51,6 +51,8 @@ class Constraints:
         if margins.min() <= 0.0:
             return self._overrun(int(np.argmin(margins)), float(margins.min()))
         found = self.world.distances(q[None])[0]
+        if len(found) == 0:  # a robot without bodies has nothing to collide with
+            return None
         k = int(np.argmin(found))
         return self._too_near(k, float(found[k])) if found[k] <= self.clearance else None
 

@@ -153,6 +153,8 @@ def _rounded(value: object) -> object:
     if isinstance(value, np.ndarray):
         return _rounded(value.tolist())
     if isinstance(value, float | np.floating):
+        if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
+            return None
         short = round(float(value), DIGITS)
         return 0.0 if short == 0 else short
     return value.item() if isinstance(value, np.generic) else value

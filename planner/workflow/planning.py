@@ -98,7 +98,8 @@ def _driven(
 ) -> tuple[tuple[Drive, ...], Choice, tuple[str, ...]]:
     """Drive the tour of every fixture; a pose that no path joins is replaced after all, and told."""
     checks = _validation(cell, pool, choice, options.seed)
-    notes: list[str] = []
+    bare = f"{cell.robot.name} has no collision bodies: only the bar and the tool were checked against the surroundings"
+    notes = [] if cell.robot.bodies else [bare]
     repeats = cell.plan.repeat if cell.motion.measure == "static" else 0
     drives: list[Drive] = []
     for fixture in range(len(cell.fixtures)):
