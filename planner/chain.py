@@ -57,12 +57,14 @@ class ForwardPass:
     p: Array
     rotation: np.ndarray
 
-    def point_screws(self) -> Array:
-        """Velocity of the measured point per unit of each transform's value, (K, 3, n)."""
-        dx = self.u.copy()
-        r = self.x[None] - self.p[self.rotation]
-        u = self.u[self.rotation]
-        dx[self.rotation] = np.stack(
+    def point_screws(self, which: np.ndarray | None = None) -> Array:
+        """Velocity of the measured point per unit of each transform's value, (K, 3, n), or of those at ``which``."""
+        every = slice(None) if which is None else which
+        turns = self.rotation[every]
+        dx = self.u[every].copy()
+        r = self.x[None] - self.p[every][turns]
+        u = dx[turns]
+        dx[turns] = np.stack(
             [
                 u[:, 1] * r[:, 2] - u[:, 2] * r[:, 1],
                 u[:, 2] * r[:, 0] - u[:, 0] * r[:, 2],

@@ -8,8 +8,8 @@ import planner
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
-    "errors", "units", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "model",
-    "workspace",
+    "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
+    "placing", "rig", "effects", "model", "workspace",
     "collision", "candidates", "observability", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
     "report", "study", "workflow", "cli",
 ]  # fmt: skip

@@ -50,7 +50,8 @@ class GaugeFile(Strict):
 
     kind: Literal["edbb", "ldbb", "draw-wire", "tracker", "trical", "ball-socket"]
     length_mm: tuple[PositiveFloat, PositiveFloat] | None = None
-    noise_um: PositiveFloat = 1.0
+    noise_um: PositiveFloat | None = None
+    noise_mdeg: PositiveFloat = 5.0
     cone_deg: ConeFile = ConeFile()
     mount_deg: tuple[float, ...] | None = None
     zero: Literal["free", "known"] = "free"

@@ -15,7 +15,10 @@ from planner.units import Array
 
 @dataclass(frozen=True)
 class Tool:
-    """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies."""
+    """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies.
+
+    Where ``known`` is false the cell gives no MAP and it stands at the flange.
+    """
 
     p_FM: Array
     axis_F: Array
@@ -23,6 +26,15 @@ class Tool:
     com_F: Array
     bodies: tuple[Body, ...]
     prior: float
+    known: bool = True
+
+
+@dataclass(frozen=True)
+class Ball:
+    """One ball or socket of an artifact: p_GS (3,) [m] in the plate's own frame."""
+
+    name: str
+    p_GS: Array
 
 
 @dataclass(frozen=True)
@@ -41,7 +53,7 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Gauge:
-    """A length gauge: range [m], noise [m], cones [rad], body [m]."""
+    """A gauge: noise [m], and of a probe's orientation [rad]; of a bar range [m], cones [rad] and body [m]."""
 
     kind: str
     length_min: float
@@ -54,6 +66,7 @@ class Gauge:
     housing: float
     rod_radius: float
     trim: float
+    noise_angle: float = 1e-4
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,7 @@ class Cell:
     tool: Tool
     gauge: Gauge
     fixtures: tuple[Fixture, ...]
+    balls: tuple[Ball, ...]
     obstacles: tuple[Body, ...]
     motion: Motion
     cable: Cable

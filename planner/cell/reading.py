@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.file import CellFile, FixtureFile, GaugeFile, ToolFile
-from planner.cell.model import Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
+from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
 from planner.errors import InputError, nearest
 from planner.resources import folder
 from planner.robot import Robot, load_robot
@@ -14,6 +14,8 @@ from planner.schema import read_toml
 from planner.units import MM, MM_PER_MIN, UM, Array, from_deg, from_mm, frozen
 
 LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
+NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 50.0}
+UNKNOWN = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
 
 
 def shipped_cells() -> tuple[str, ...]:
@@ -22,15 +24,17 @@ def shipped_cells() -> tuple[str, ...]:
     return tuple(sorted(f"{p.parent.parent.name}/{p.stem}" for p in paths))
 
 
-def load_cell(reference: str) -> Cell:
+def load_cell(reference: str, planning: bool = True) -> Cell:
     """Load a cell by path, or by ``robot/cell`` for a shipped one.
+
+    With ``planning`` false only what identification needs must be there: the robot and the kind of gauge.
 
     Raises:
         InputError: no such cell, or its file (or the robot's) is wrong.
     """
     path = Path(reference)
     if path.suffix == ".toml" or path.is_file():
-        return read_cell(path, path.stem)
+        return read_cell(path, path.stem, planning)
     robot, _, cell = reference.partition("/")
     shipped = folder("robots") / robot / "cells" / f"{cell}.toml"
     if not shipped.is_file():
@@ -39,31 +43,33 @@ def load_cell(reference: str) -> Cell:
             f"cell '{reference}': neither a file nor a shipped cell{nearest(reference, known)} "
             f"(shipped: {', '.join(known)})"
         )
-    return read_cell(shipped, reference)
+    return read_cell(shipped, reference, planning)
 
 
-def read_cell(path: Path, name: str) -> Cell:
-    """Read the cell file at ``path`` for planning with a length gauge.
+def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
+    """Read the cell file at ``path``, for planning with a length gauge or for identification with any.
 
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
     file = read_toml(path, CellFile)
-    if file.gauge.kind not in LENGTH_GAUGES:
+    if planning and file.gauge.kind not in LENGTH_GAUGES:
         raise InputError(
             f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(LENGTH_GAUGES)}"
         )
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
-    if not file.fixtures:
+    if planning and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-    home = _angles(path, robot, "home_deg", file.home_deg)
+    given = file.home_deg if planning or file.home_deg is not None else (0.0,) * robot.n_joints
+    home = _angles(path, robot, "home_deg", given)
     return Cell(
         name=name,
         robot=robot,
         home=home,
-        tool=_tool(path, file.tool, robot),
-        gauge=_gauge(path, file.gauge),
+        tool=_tool(path, file.tool, robot, planning),
+        gauge=_gauge(path, file.gauge, planning),
         fixtures=tuple(_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures),
+        balls=tuple(Ball(b.name, frozen(from_mm(b.position_mm))) for b in file.balls),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
         motion=_motion(file),
         cable=_cable(path, file, robot),
@@ -105,7 +111,9 @@ def _unit(path: Path, key: str, v: tuple[float, float, float]) -> Array:
     return frozen(np.array(v) / norm)
 
 
-def _tool(path: Path, tool: ToolFile | None, robot: Robot) -> Tool:
+def _tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -> Tool:
+    if tool is None and not planning:
+        return Tool(frozen(np.zeros(3)), frozen([0, 0, 1]), 0.0, frozen(np.zeros(3)), (), UNKNOWN, known=False)
     if tool is None:
         raise InputError(
             f"{path}: the section [tool] with map_mm is missing; without it nothing says where the bar's ball sits"
@@ -134,19 +142,20 @@ def _fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...]
     return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
 
 
-def _gauge(path: Path, g: GaugeFile) -> Gauge:
-    if g.length_mm is None:
+def _gauge(path: Path, g: GaugeFile, planning: bool) -> Gauge:
+    if g.length_mm is None and planning:
         raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
-    if g.body.housing_mm + g.body.trim_mm > g.length_mm[0]:
+    shortest, longest = g.length_mm or (0.0, np.inf)
+    if planning and g.body.housing_mm + g.body.trim_mm > shortest:
         raise InputError(
             f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far "
-            f"ball do not fit into the shortest length {g.length_mm[0]:g} mm"
+            f"ball do not fit into the shortest length {shortest:g} mm"
         )
     return Gauge(
         kind=g.kind,
-        length_min=g.length_mm[0] * MM,
-        length_max=g.length_mm[1] * MM,
-        noise=g.noise_um * UM,
+        length_min=shortest * MM,
+        length_max=longest * MM,
+        noise=(g.noise_um or NOISE_UM[g.kind]) * UM,
         cone_fixture=float(from_deg(g.cone_deg.fixture)),
         cone_map=float(from_deg(g.cone_deg.map)),
         zero_free=g.zero == "free",
@@ -154,6 +163,7 @@ def _gauge(path: Path, g: GaugeFile) -> Gauge:
         housing=g.body.housing_mm * MM,
         rod_radius=g.body.rod_radius_mm * MM,
         trim=g.body.trim_mm * MM,
+        noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
     )
 
 

@@ -109,18 +109,4 @@ def learnt(plan: Plan) -> tuple[Learnt, ...]:
     choice = plan.choice
     noise = choice.model.noise(choice.q, choice.fixture)
     std = covariance(choice.model.jacobian(choice.q, choice.fixture), noise[:, None]).std
-    return tuple(Learnt(p, _what(plan.cell, p), float(s)) for p, s in zip(choice.model.parameters, std, strict=True))
-
-
-def _what(cell: Cell, p: Parameter) -> str:
-    if p.on == "reading":
-        return "zero of the bar"
-    if p.on == "fixture":
-        return f"place of fixture {cell.fixtures[p.index // 3].name} along {'xyz'[p.index % 3]}"
-    t = cell.chain.transforms[p.index]
-    if t.name.startswith("map_"):
-        return f"tool point along {'xyz'[t.axis]} of the flange"
-    if t.joint is not None:
-        return f"zero of joint {t.joint + 1}"
-    link = int(np.searchsorted(cell.robot.link_end, p.index, side="right"))
-    return f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
+    return tuple(Learnt(p, p.what, float(s)) for p, s in zip(choice.model.parameters, std, strict=True))

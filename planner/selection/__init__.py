@@ -8,7 +8,6 @@ from .detmax import detmax
 from .exchange import Selection, exchange
 from .pruning import prune
 from .refinement import Refined, refine
-from .repeatable import single_threaded
 
 __all__ = [
     "Certificate",
@@ -26,6 +25,5 @@ __all__ = [
     "knee",
     "prune",
     "refine",
-    "single_threaded",
     "verify",
 ]

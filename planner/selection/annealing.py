@@ -12,7 +12,7 @@ from planner.observability import rule
 from planner.units import Array
 
 from .potential import Potential
-from .repeatable import Places
+from planner.repeatable import Places
 from .swaps import Table
 
 _LOOK, _LOOK_EACH = 100, 2  # candidates looked at in a draw: at least, and for each pose

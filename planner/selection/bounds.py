@@ -15,7 +15,7 @@ from planner.units import Array, frozen
 from .certificate import Certificate, Dual, frozen_dual, smallest_ratio, verify
 from .interior import solve
 from .relaxation import Problem, inside, quadratic
-from .repeatable import Places, canonical, single_threaded
+from planner.repeatable import Places, canonical, single_threaded
 
 _BATCH = 150  # poses priced in a round
 _ROUNDS = 40

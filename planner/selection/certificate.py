@@ -20,7 +20,7 @@ import numpy as np
 from planner.units import Array, frozen
 
 from .relaxation import quadratic
-from .repeatable import Places
+from planner.repeatable import Places
 
 _SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
 

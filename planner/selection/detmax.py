@@ -11,7 +11,7 @@ from planner.units import Array
 
 from .exchange import descend
 from .potential import Potential
-from .repeatable import Places, first_best, single_threaded
+from planner.repeatable import Places, first_best, single_threaded
 from .swaps import information
 
 _REFRESH = 50

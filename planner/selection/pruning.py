@@ -13,7 +13,7 @@ from planner.observability import rule
 from planner.units import Array
 
 from .relaxation import quadratic
-from .repeatable import Places, canonical, single_threaded
+from planner.repeatable import Places, canonical, single_threaded
 from .swaps import information
 
 EXACT_FROM = 2_000

@@ -9,7 +9,7 @@ from planner.units import Array
 
 from .potential import Potential
 from .relaxation import quadratic
-from .repeatable import Places, canonical
+from planner.repeatable import Places, canonical
 
 _BLOCK = 2_000_000  # pairs scored at a time
 _EXACT = 48  # pairs whose eigenvalues are computed

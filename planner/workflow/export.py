@@ -12,7 +12,7 @@ from planner.errors import InputError
 from planner.plan import Course, Waypoints, course, settled
 from planner.program import ProgramFile, info, write_program
 from planner.schema import read_json, validate
-from planner.selection import single_threaded
+from planner.repeatable import single_threaded
 from planner.workflow.session import session
 
 

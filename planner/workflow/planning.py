@@ -14,7 +14,7 @@ from planner.errors import NoSolutionError
 from planner.observability import index_value
 from planner.plan import Drive, Plan, identity, is_continuous
 from planner.program import ProgramFile, info, write_program
-from planner.selection import single_threaded
+from planner.repeatable import single_threaded
 from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive

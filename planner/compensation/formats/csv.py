@@ -1,0 +1,109 @@
+"""Tables of targets: ``q1_deg`` … ``qN_deg``, or ``x_mm, y_mm, z_mm, a_deg, b_deg, c_deg`` with joint angles to start from."""
+
+import re
+
+import numpy as np
+
+from planner.compensation.rotations import frame, from_abc, from_quaternion
+from planner.compensation.targets import Pose, Reading, Target
+from planner.compensation.text import EXPONENT_NUMBER, Lines, Slot
+from planner.errors import InputError
+from planner.units import DEG, MM, Array, frozen
+
+_UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0}
+_DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}
+Column = tuple[int, str]  # index, unit
+
+
+def read(text: str, reading: Reading) -> None:
+    """Note every row of the table; comment lines (``#``) and other columns are kept as they are.
+
+    Raises:
+        InputError: the header has no complete set of target columns.
+    """
+    header: list[str] | None = None
+    separator, groups = ",", None
+    for number, start, line in Lines.of(text):
+        if not line.strip("\ufeff \t") or line.lstrip("\ufeff").startswith("#"):
+            continue
+        if header is None:
+            separator = max(",;\t", key=line.count)
+            header = [name.strip("\ufeff \t\"'") for name in line.split(separator)]
+            groups = _Columns(header, reading)
+        elif groups is not None:
+            _row(number, start, line, separator, groups, reading)
+
+
+class _Columns:
+    """Which columns hold what."""
+
+    def __init__(self, header: list[str], reading: Reading) -> None:
+        where = f"{reading.refusals.name}:1"
+        twice = {name for name in header if header.count(name) > 1}
+        if twice:
+            raise InputError(f"{where}: the column '{min(twice)}' stands twice")
+        self.count = len(header)
+        n = reading.robot.n_joints
+        self.joints = _group(header, [f"q{i}" for i in range(1, n + 1)], "deg|rad")
+        position = _group(header, ["x", "y", "z"], "mm|m")
+        angles = _group(header, ["a", "b", "c"], "deg|rad")
+        quaternion = _group(header, ["qw", "qx", "qy", "qz"], "")
+        self.pose = position + (angles or quaternion) if position and (angles or quaternion) else []
+        self.spelling = "abc" if angles else "quaternion"
+        extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad)", name)]
+        if not self.joints or len(extra) != n:
+            raise InputError(
+                f"{where}: found the columns {', '.join(header)}; a table of targets for {reading.robot.title} has "
+                f"q1_deg … q{n}_deg (or _rad); for poses also x_mm, y_mm, z_mm and a_deg, b_deg, c_deg (Z-Y'-X\" "
+                "angles) or qw, qx, qy, qz, the joint angles then being where the search starts"
+            )
+
+
+def _group(header: list[str], names: list[str], units: str) -> list[Column]:
+    """Return the columns of ``names``, all of them or none."""
+    found: list[Column] = []
+    for name in names:
+        match = [(k, m[1] or "") for k, h in enumerate(header) if (m := re.fullmatch(rf"{name}_?({units})", h))]
+        if len(match) != 1:
+            return []
+        found += match
+    return found
+
+
+def _row(number: int, start: int, line: str, separator: str, columns: _Columns, reading: Reading) -> None:
+    cells = line.split(separator)
+    if len(cells) != columns.count:
+        reading.refusals.add(number, f"{len(cells)} cells found, the header has {columns.count}")
+        return
+    places = np.cumsum([start, *(len(c) + 1 for c in cells)])
+    slots, values = [], []
+    for k, unit in columns.pose + columns.joints:
+        match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", cells[k])
+        if match is None:
+            reading.refusals.add(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed")
+            return
+        place = int(places[k]) + len(match[1])
+        slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _DECIMALS[unit]))
+        values.append(float(match[2]) * _UNITS[unit])
+    numbers = np.array(values)
+    if not columns.pose:
+        reading.targets.append(Target(number, tuple(slots), q=frozen(numbers)))
+        return
+    words, q = numbers[3 : len(columns.pose)], numbers[len(columns.pose) :]
+    if columns.spelling == "quaternion" and abs(np.linalg.norm(words) - 1.0) > 1e-3:
+        reading.refusals.add(number, f"the quaternion has the length {np.linalg.norm(words):.4f}; 1 is allowed")
+        return
+    pose = Pose(pose_of(numbers[:3], words), columns.spelling, frozen(words), *_frames(reading), start=frozen(q))
+    reading.targets.append(Target(number, tuple(slots), pose=pose))
+
+
+def _frames(reading: Reading) -> tuple[Array, Array]:
+    """Return base and tool: those the person named, else the robot's own frame and the flange."""
+    T_WB, T_FT = reading.frames.T_WB, reading.frames.T_FT
+    return np.eye(4) if T_WB is None else T_WB, np.eye(4) if T_FT is None else T_FT
+
+
+def pose_of(p: Array, words: Array) -> Array:
+    """Return the transform (4, 4) of a position (3,) [m] and three angles [rad] or a quaternion."""
+    R = from_abc(words[None]) if len(words) == 3 else from_quaternion(words[None])
+    return frozen(frame(p[None], R)[0])

@@ -1,0 +1,104 @@
+"""One noise model for planning, fitting and tracing: σ² = gauge² + J_q Σ_q J_qᵀ, full over the numbers of a reading."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from planner.model import Model
+from planner.run import Samples
+from planner.units import Array
+
+LIKELIER = 12.0  # twice the log likelihood ratio that two variance components must gain over one: p < 0.001
+ENOUGH = 60  # degrees of freedom below which the declared ratio of the components stands
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Covariance of a reading: ``gauge``² times the declared gauge part plus ``joints``² times the repeatability part."""
+
+    gauge: float = 1.0
+    joints: float = 1.0
+
+    def scaled(self, factor: float) -> "Noise":
+        """Return the noise with both parts ``factor`` times as large."""
+        return Noise(self.gauge * factor, self.joints * factor)
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Turns residuals and rows into multiples of their standard deviation.
+
+    Attributes:
+        declared: variances of the gauge alone, (r,) [m², rad²].
+        shaken: covariance that the joints' repeatability adds, (n, r, r).
+        noise: how large both really are.
+    """
+
+    declared: Array
+    shaken: Array
+    noise: Noise
+
+    @classmethod
+    def of(cls, model: Model, samples: Samples, noise: Noise | None = None) -> "Whitener":
+        """Build it for the samples of a run."""
+        rig = model.rig
+        declared = np.array([rig.noise**2] * min(3, model.width) + [rig.noise_angle**2] * (model.width - 3))
+        rows = model.joint_rows(samples)
+        return cls(declared, rig.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
+
+    def with_noise(self, noise: Noise) -> "Whitener":
+        """Return it for another size of the noise."""
+        return Whitener(self.declared, self.shaken, noise)
+
+    def covariance(self, part: slice) -> Array:
+        """Covariance of the readings of ``part``, (n, r, r)."""
+        return self.noise.joints**2 * self.shaken[part] + self.noise.gauge**2 * np.diag(self.declared)
+
+    def white(self, part: slice, values: Array) -> Array:
+        """Return L⁻¹ values for the readings of ``part``, with L Lᵀ their covariance; values (n, r, m)."""
+        C = self.covariance(part)
+        if C.shape[1] == 1:
+            return values / np.sqrt(C)
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(C), values))
+
+
+def estimated(white: Whitener, residual: Array, parameters: int) -> Noise:
+    """Estimate how large the noise really is from the residuals (n, r) of a fit with so many parameters.
+
+    The declared ratio of gauge and joints is kept, unless two free components are clearly likelier.
+    """
+    dof = residual.size - parameters
+    if dof < 1:
+        return white.noise
+    base = white.with_noise(Noise())
+    spare = residual.size / dof
+    one = float(np.sqrt(spare * _squares(base, residual) / residual.size))
+    if dof < ENOUGH:
+        return Noise(one, one)
+
+    def cost(logs: Array) -> float:
+        return _minus_twice_log(base.with_noise(Noise(*np.exp(logs))), residual * np.sqrt(spare))
+
+    start = np.log([one, one])
+    found = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 200})
+    better = found.fun < cost(start) - LIKELIER
+    return Noise(*(float(v) for v in np.exp(found.x))) if better else Noise(one, one)
+
+
+SAMPLE = 3000  # residuals that the likelihood looks at
+
+
+def _spread(n: int) -> np.ndarray:
+    return np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
+
+
+def _squares(white: Whitener, residual: Array) -> float:
+    return float((white.white(slice(None), residual[..., None]) ** 2).sum())
+
+
+def _minus_twice_log(white: Whitener, residual: Array) -> float:
+    which = _spread(len(residual))
+    part = Whitener(white.declared, white.shaken[which], white.noise)
+    C = part.covariance(slice(None))
+    return _squares(part, residual[which]) + float(np.linalg.slogdet(C)[1].sum())

@@ -1,0 +1,107 @@
+"""What is fitted: a model, the samples, the readings and their noise, seen in pieces so that memory stays flat."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from planner.identification.noise import Noise, Whitener
+from planner.model import Model
+from planner.rig import Targets
+from planner.run import Run, Samples
+from planner.units import Array
+
+PIECE = 8192  # samples a piece
+THREADS = 2  # pieces in flight: results are taken in order, so their number does not show
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Whitened residuals (n, r) and rows (n, r, P) of the samples at ``part``; rows per prior size."""
+
+    part: slice
+    residual: Array
+    rows: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model to be fitted to readings.
+
+    Attributes:
+        model: with its parameters.
+        samples, targets: of the run.
+        whitener: noise of every reading.
+        weight: of every sample, (n,), 1 unless a robust loss turned it down.
+    """
+
+    model: Model
+    samples: Samples
+    targets: Targets
+    whitener: Whitener
+    weight: Array
+
+    @classmethod
+    def of(cls, model: Model, run: Run, noise: Noise | None = None) -> "Problem":
+        """Set up the fit of a model to a run."""
+        white = Whitener.of(model, run.samples, noise)
+        return cls(model, run.samples, model.rig.targets(run.samples, run.readings), white, np.ones(len(run)))
+
+    def __len__(self) -> int:
+        """Return the number of samples n."""
+        return len(self.samples)
+
+    @cached_property
+    def prior(self) -> Array:
+        """Prior sizes of the parameters, (P,)."""
+        return self.model.prior
+
+    def take(self, which: np.ndarray) -> "Problem":
+        """Return the problem with only the samples at ``which`` (indices or a mask)."""
+        white = replace(self.whitener, shaken=self.whitener.shaken[which])
+        return Problem(self.model, self.samples.take(which), self.targets.take(which), white, self.weight[which])
+
+    def with_model(self, model: Model) -> "Problem":
+        """Return the problem with other parameters of the same rig."""
+        return replace(self, model=model)
+
+    def with_noise(self, noise: Noise) -> "Problem":
+        """Return the problem with another size of the noise."""
+        return replace(self, whitener=self.whitener.with_noise(noise))
+
+    def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
+        """Run ``task`` on every piece, on two processors, results in order."""
+        parts = [slice(k, min(k + PIECE, len(self))) for k in range(0, len(self), PIECE)]
+        if len(parts) < 2:
+            yield from map(task, parts)
+            return
+        with ThreadPoolExecutor(THREADS) as pool:
+            yield from pool.map(task, parts)
+
+    def piece(self, part: slice, errors: Array) -> Piece:
+        """Linearise one piece about ``errors``."""
+        linear = self.model.linear(self.samples.take(part), self.targets.take(part), errors)
+        rows = np.concatenate([linear.rows * self.prior, linear.residual[..., None]], axis=2)
+        white = self.whitener.white(part, rows) * np.sqrt(self.weight[part])[:, None, None]
+        return Piece(part, white[..., -1], white[..., :-1])
+
+    def residual(self, errors: Array) -> Array:
+        """Reading − prediction of every sample, (n, r) [m, rad]."""
+
+        def one(part: slice) -> Array:
+            return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
+
+        return np.concatenate(list(self.over_pieces(one)))
+
+    def white_residual(self, errors: Array) -> Array:
+        """The same in multiples of its standard deviation, robust weights left aside, (n, r)."""
+        return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]
+
+    def cost(self, errors: Array) -> float:
+        """Weighted sum of squares with the prior's."""
+        white = self.white_residual(errors)
+        return float((self.weight[:, None] * white**2).sum() + ((errors / self.prior) ** 2).sum())

@@ -1,0 +1,103 @@
+"""Levenberg–Marquardt on the exact non-linear model, by QR of the whitened rows, with priors as further rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from planner.errors import NoSolutionError
+from planner.identification.problem import Problem
+from planner.units import Array
+
+WARM = 20_000  # samples of a long run that find the minimum before all of them polish it
+STEPS = 30
+CONVERGED = 1e-3  # a step this small in every parameter's own standard deviation ends the fit
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the fit came to rest.
+
+    Attributes:
+        errors: values of the parameters, (P,).
+        factor: R (P, P), upper triangular, of rows per prior size with the prior: RᵀR is the information.
+        cost: weighted sum of squares with the prior's.
+        steps: how many were taken.
+    """
+
+    errors: Array
+    factor: Array
+    cost: float
+    steps: int
+
+    def root(self, prior: Array) -> Array:
+        """Square root S (P, P) of the covariance, S Sᵀ, in the parameters' units."""
+        return np.asarray(prior[:, None] * np.linalg.inv(self.factor))
+
+
+def solve(problem: Problem, start: Array | None = None) -> Solution:
+    """Fit the model's parameters.
+
+    Raises:
+        NoSolutionError: the fit does not come to rest.
+    """
+    errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
+    if len(problem) > 2 * WARM:
+        few = problem.take(np.linspace(0, len(problem) - 1, WARM).astype(int))
+        errors = _descend(few, errors).errors
+    return _descend(problem, errors)
+
+
+@dataclass(frozen=True)
+class _Triangle:
+    """QR of the whitened rows and residuals with the prior's: the whole problem about some errors, in P+1 rows.
+
+    ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
+    """
+
+    factor: Array
+    right: Array
+    cost: float
+
+    @classmethod
+    def about(cls, problem: Problem, errors: Array) -> "_Triangle":
+        def one(part: slice) -> Array:
+            piece = problem.piece(part, errors)
+            return _upper(np.concatenate([piece.rows, piece.residual[..., None]], axis=2).reshape(-1, len(errors) + 1))
+
+        prior = np.column_stack([np.eye(len(errors)), -errors / problem.prior])
+        whole = _upper(np.concatenate([prior, *problem.over_pieces(one)]))
+        return cls(whole[:-1, :-1], whole[:-1, -1], float(whole[:, -1] @ whole[:, -1]))
+
+    def step(self, damping: float) -> Array:
+        """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
+        if damping == 0.0:
+            return np.asarray(solve_triangular(self.factor, self.right))
+        brake = np.sqrt(damping) * np.linalg.norm(self.factor, axis=0)
+        return np.asarray(np.linalg.lstsq(np.vstack([self.factor, np.diag(brake)]), np.append(self.right, 0 * brake))[0])
+
+
+def _upper(tall: Array) -> Array:
+    """Triangular factor, square also where there are fewer rows than columns."""
+    factor = np.linalg.qr(tall, mode="r")
+    out = np.zeros((tall.shape[1], tall.shape[1]))
+    out[: len(factor)] = factor
+    return out
+
+
+def _descend(problem: Problem, errors: Array) -> Solution:
+    here, damping = _Triangle.about(problem, errors), 0.0
+    for step in range(1, STEPS + 1):
+        z = here.step(damping)
+        trial = errors + problem.prior * z
+        there = _Triangle.about(problem, trial)
+        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED
+        if there.cost <= here.cost * (1 + 1e-9):
+            errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
+        else:
+            damping = max(10 * damping, 1e-3)
+        if small:
+            return Solution(errors, here.factor, here.cost, step)
+    raise NoSolutionError(
+        f"the fit did not come to rest in {STEPS} steps: the start is too far off, or the readings contradict each other"
+    )

@@ -1,0 +1,201 @@
+"""Predicted reading and identification Jacobian of a rig: one list of parameters for planning, fitting and tracing.
+
+A parameter is a pair of what it moves (an elementary transform, or the reading itself) and a basis function φ of the
+sample; for a geometric error φ is 1, for a fixture it tells which fixture holds the bar, for a compliance it is the
+joint's torque. A column of the Jacobian is the screw of the transform, projected by the gauge, times φ.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell import Cell
+from planner.chain import ForwardPass
+from planner.effects import Context
+from planner.gauge import bar_state
+from planner.model.parameters import Parameter, gauge_parameters, robot_parameters
+from planner.rig import Rig, Targets, rig_of
+from planner.run import Samples
+from planner.units import Array
+
+CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The model about some errors: residuals reading − prediction (n, r) and identification Jacobian (n, r, P)."""
+
+    residual: Array
+    rows: Array
+
+
+@dataclass(frozen=True)
+class Model:
+    """The measurement model of one rig with a list of parameters."""
+
+    rig: Rig
+    parameters: tuple[Parameter, ...]
+
+    @classmethod
+    def from_cell(cls, cell: Cell, free: frozenset[str] | None = None) -> "Model":
+        """Build the model of a cell with the parameters that its ``[plan] free`` allows."""
+        return cls.of(rig_of(cell), cell.plan.free if free is None else free)
+
+    @classmethod
+    def of(cls, rig: Rig, free: frozenset[str]) -> "Model":
+        """Build the model; parameters stand in the order in which they are preferred when some depend on others.
+
+        What places the gauge comes first: it is known worst.
+        """
+        return cls(rig, (*gauge_parameters(rig, free), *robot_parameters(rig)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters in order."""
+        return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def prior(self) -> Array:
+        """One-sigma prior sizes, (P,) in the parameters' units."""
+        return np.array([p.prior for p in self.parameters])
+
+    @property
+    def width(self) -> int:
+        """Numbers r in one reading: 1, 3 or 6."""
+        return {"length": 1, "position": 3, "pose": 6}[self.rig.kind]
+
+    def subset(self, kept: list[int]) -> "Model":
+        """Return the model with only the parameters at the positions ``kept``."""
+        return Model(self.rig, tuple(self.parameters[k] for k in kept))
+
+    def plus(self, more: list[Parameter]) -> "Model":
+        """Return the model with more parameters."""
+        return Model(self.rig, (*self.parameters, *more))
+
+    def reading(self, q: Array, fixture: np.ndarray | int = 0, errors: Array | None = None) -> Array:
+        """Predict the readings of a length gauge, (n, 1) [m].
+
+        Args:
+            q: controller angles, (n, N) [rad].
+            fixture: which fixture holds the bar, (n,) or one number.
+            errors: values of the parameters, (P,); zero when not given.
+        """
+        samples = Samples(q, np.broadcast_to(fixture, (len(q),)))
+        return -self.residual(samples, Targets(length=np.zeros(len(q))), errors)
+
+    def jacobian(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
+        """Identification Jacobian at nominal parameters, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4)."""
+        return self.rows(Samples(q, np.broadcast_to(fixture, (len(q),))))
+
+    def rows(self, samples: Samples, errors: Array | None = None) -> Array:
+        """Identification Jacobian for any samples, (n, r, P); it does not depend on the readings."""
+        out = np.empty((len(samples), self.width, len(self.parameters)))
+        for part in chunks(len(samples)):
+            out[part] = self._linear(samples.take(part), None, errors).rows
+        return out
+
+    def residual(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Array:
+        """Reading − prediction, (n, r) [m, rad]."""
+        out = np.empty((len(samples), self.width))
+        for part in chunks(len(samples)):
+            context = Context(self.rig, samples.take(part))
+            motion, shown = self._pass(context, errors)
+            out[part] = self._residual(context, motion, targets.take(part)) - shown
+        return out
+
+    def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linear:
+        """Residuals and Jacobian of some samples in one forward pass."""
+        parts = [self._linear(samples.take(part), targets.take(part), errors) for part in chunks(len(samples))]
+        return Linear(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
+
+    def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
+        """Standard deviation of one reading, (n,) [m]: gauge and the joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
+        samples = Samples(q, np.broadcast_to(fixture, (len(q),)))
+        shaken = self.joint_rows(samples)
+        return np.asarray(np.sqrt(self.rig.noise**2 + self.rig.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
+
+    @property
+    def joint_sigma(self) -> float:
+        """Standard deviation of one joint's angle [rad] that explains the published repeatability."""
+        return self.rig.joint_sigma
+
+    def joint_rows(self, samples: Samples) -> Array:
+        """Derivative of the reading by the controller's joint angles, (n, r, N) [m/rad, rad/rad]."""
+        robot = self.rig.robot
+        turns = {t.joint: k for k, t in enumerate(self.rig.chain.transforms) if t.joint is not None}
+        which = np.array([turns[i] for i in range(robot.n_joints)])
+        out = np.empty((len(samples), self.width, robot.n_joints))
+        for part in chunks(len(samples)):
+            context = Context(self.rig, samples.take(part))
+            motion = self.rig.chain.forward(context.theta, self.rig.offsets(context.samples))
+            out[part] = np.einsum("krn,kj->nrj", self._projected(context, motion, which), robot.sense_matrix)
+        return out
+
+    def _pass(self, context: Context, errors: Array | None) -> tuple[ForwardPass, Array]:
+        """Forward pass with the errors in place, and what they add to the reading itself, (n, r)."""
+        delta = self.rig.offsets(context.samples)
+        shown = np.zeros((len(context.samples), self.width))
+        if errors is not None:
+            for p, value, phi in zip(self.parameters, errors, self._phis(context), strict=True):
+                if value != 0.0 and p.on == "transform":
+                    delta[p.index] = delta[p.index] + value * phi
+                elif value != 0.0:
+                    shown[:, p.index] += value * phi
+        return self.rig.chain.forward(context.theta, delta), shown
+
+    def _phis(self, context: Context) -> list[Array]:
+        """φ of every parameter; equal ones are computed once."""
+        known = {phi: phi(context) for phi in dict.fromkeys(p.phi for p in self.parameters)}
+        return [known[p.phi] for p in self.parameters]
+
+    def _linear(self, samples: Samples, targets: Targets | None, errors: Array | None) -> Linear:
+        context = Context(self.rig, samples)
+        motion, shown = self._pass(context, errors)
+        residual = shown if targets is None else self._residual(context, motion, targets) - shown
+        which, column = self._moved
+        projected = self._projected(context, motion, which)
+        rows = np.empty((len(samples), self.width, len(self.parameters)))
+        for j, (p, phi) in enumerate(zip(self.parameters, self._phis(context), strict=True)):
+            if p.on == "transform":
+                rows[:, :, j] = (projected[column[j]] * phi).T
+            else:
+                rows[:, :, j] = 0.0
+                rows[:, p.index, j] = phi
+        return Linear(residual, rows)
+
+    @cached_property
+    def _moved(self) -> tuple[np.ndarray, list[int]]:
+        """Transforms that any parameter moves, and for each parameter which of these."""
+        which = sorted({p.index for p in self.parameters if p.on == "transform"})
+        return np.array(which, dtype=int), [which.index(p.index) if p.on == "transform" else -1 for p in self.parameters]
+
+    def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
+        """Change of the reading per unit of each transform, (k, r, n)."""
+        screws = motion.point_screws(which)
+        if self.rig.kind == "length":
+            e = bar_state(motion.x.T, self.rig.p_BX[context.samples.place]).direction
+            return np.asarray(np.einsum("kin,ni->kn", screws, e)[:, None])
+        if self.rig.kind == "position":
+            return screws
+        turns = motion.u[which] * motion.rotation[which, None, None]
+        return np.concatenate([screws, turns], axis=1)
+
+    def _residual(self, context: Context, motion: ForwardPass, targets: Targets) -> Array:
+        if targets.length is not None:
+            p_BX = self.rig.p_BX[context.samples.place]
+            return (targets.length - bar_state(motion.x.T, p_BX).length)[:, None]
+        assert targets.position is not None
+        apart = targets.position - motion.x.T
+        if self.rig.kind == "position" or targets.rotation is None:
+            return apart
+        R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
+        return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
+
+
+def chunks(n: int) -> Iterator[slice]:
+    """Slices of at most ``CHUNK`` samples."""
+    for start in range(0, n, CHUNK):
+        yield slice(start, min(start + CHUNK, n))

@@ -1,0 +1,135 @@
+"""The parameters of a model: pairs of what they move and a basis function, each with its size before measuring."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from planner.effects import ONE, AtPlace, AtPoint, LoadTorque, Phi
+from planner.rig import HEAD, Rig
+from planner.units import MM
+
+PRIOR_LENGTH = 1.0 * MM  # an industrial robot misses by 1–4 mm before calibration
+PRIOR_ANGLE = 1e-3  # [rad], about 1 mm at a metre
+PRIOR_ZERO = 1.0 * MM
+PRIOR_COMPLIANCE = 2e-6  # [rad/Nm]; TriCal paper, Table 8: 0.01 … 0.2 · 10⁻³ °/Nm for a 6 kg class robot
+Unit = Literal["m", "rad", "rad/Nm", "1"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One error parameter.
+
+    Attributes:
+        name: for instance ``alpha2``, ``fixture_A_x``, ``map_z``, ``zero``, ``compliance2``.
+        unit: of its value.
+        prior: one-sigma size expected before any measurement, in that unit.
+        what: what it is, in a mechanic's words.
+        on: what it moves, an elementary transform of the rig's chain or the reading itself.
+        index: the transform, or the reading's component.
+        phi: what multiplies it, sample by sample.
+        group: ``gauge`` (it places the gauge), ``geometry``, or the effect it belongs to.
+    """
+
+    name: str
+    unit: Unit
+    prior: float
+    what: str
+    on: Literal["transform", "reading"]
+    index: int
+    phi: Phi = ONE
+    group: str = "geometry"
+
+
+def gauge_parameters(rig: Rig, free: frozenset[str]) -> Iterator[Parameter]:
+    """Parameters that place the gauge: fixture or frame, targets on the tool, zero."""
+    if rig.kind == "length":
+        if "fixture" in free:
+            yield from _fixtures(rig)
+    else:
+        yield from _frames(rig)
+    if "tool" in free:
+        yield from _tool(rig)
+    if rig.kind == "length" and "zero" in free:
+        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", "reading", 0, group="gauge")
+
+
+def _fixtures(rig: Rig) -> Iterator[Parameter]:
+    """A fixture that lies further out looks like a base that stands further back, hence the sign."""
+    for s, name in enumerate(rig.place_names):
+        label = f"fixture_{name}" if name else "fixture"
+        prior = float(rig.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of fixture {name} along {axis}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, "transform", a, AtPlace(s, -1.0), "gauge")
+
+
+def _frames(rig: Rig) -> Iterator[Parameter]:
+    for s, name in enumerate(rig.place_names):
+        label = f"base_{name}" if name else "base"
+        whose = f" for {name}" if name else ""
+        phi = AtPlace(s) if len(rig.place_names) > 1 else ONE
+        prior = float(rig.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of the base along {axis}{whose}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, "transform", a, phi, "gauge")
+        for a, axis in enumerate("xyz"):
+            what = f"tilt of the base about {axis}{whose}"
+            yield Parameter(f"{label}_r{axis}", "rad", rig.turn_prior, what, "transform", 3 + a, phi, "gauge")
+
+
+def _tool(rig: Rig) -> Iterator[Parameter]:
+    for t, name in enumerate(rig.point_names):
+        label = f"map_{name}" if name else "map"
+        phi = AtPoint(t) if len(rig.point_names) > 1 else ONE
+        for a, axis in enumerate("xyz"):
+            what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
+            yield Parameter(
+                f"{label}_{axis}", "m", rig.tool_prior, what, "transform", rig.chain.index(f"map_{axis}"), phi, "gauge"
+            )
+    if rig.kind == "pose":
+        for axis in "xyz":
+            k = rig.chain.index(f"probe_r{axis}")
+            what = f"turn of the probe about {axis}"
+            yield Parameter(f"probe_r{axis}", "rad", rig.turn_prior, what, "transform", k, group="gauge")
+
+
+def robot_parameters(rig: Rig) -> list[Parameter]:
+    """Errors of the robot's own transforms; fixed turns that only align an axis are no errors of their own.
+
+    The last joint's angle comes last: a point on the last axis cannot see it.
+    """
+    robot = rig.robot
+    out: list[Parameter] = []
+    last: list[Parameter] = []
+    for k, t in enumerate(robot.transforms):
+        if t.name.startswith("aligned_") or t.name.endswith("_flange"):
+            continue
+        if t.joint is not None:
+            what = f"zero of joint {t.joint + 1}"
+        else:
+            link = int(np.searchsorted(robot.link_end, k, side="right"))
+            what = f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
+        prior = PRIOR_LENGTH if t.kind == "translation" else PRIOR_ANGLE
+        parameter = Parameter(t.name, "m" if t.kind == "translation" else "rad", prior, what, "transform", HEAD + k)
+        (last if t.joint == robot.n_joints - 1 else out).append(parameter)
+    return out + last
+
+
+def compliance_parameters(rig: Rig) -> list[Parameter]:
+    """Compliance of each joint under gravity, payload and the bar's pull [rad/Nm]."""
+    joints = [(k, t.joint) for k, t in enumerate(rig.chain.transforms) if t.joint is not None]
+    return [
+        Parameter(
+            f"compliance{i + 1}",
+            "rad/Nm",
+            PRIOR_COMPLIANCE,
+            f"compliance of joint {i + 1}",
+            "transform",
+            k,
+            LoadTorque(i),
+            "joint compliance",
+        )
+        for k, i in sorted(joints, key=lambda pair: pair[1])
+    ]

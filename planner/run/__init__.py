@@ -1,0 +1,5 @@
+"""A measured run: load, check, synchronise, save."""
+
+from planner.run.types import Readings, Run, Samples
+
+__all__ = ["Readings", "Run", "Samples"]
