@@ -4,7 +4,7 @@ Places are fixtures of a bar, socket plates or tracker stations; points are targ
 not say where they are, they are found from the run first (``planner.placing``) and stand here as found.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -35,6 +35,7 @@ class Rig:
         place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
         noise, noise_angle: of one reading [m], [rad]; ``joint_sigma`` repeatability of one joint [rad].
         gravity_B: in the base frame, (3,) [m/s²]; tool_mass [kg]; com_F (3,) [m].
+        zero: what a bar reads beyond its length, as far as known [m].
     """
 
     robot: Robot
@@ -56,6 +57,7 @@ class Rig:
     gravity_B: Array
     tool_mass: float
     com_F: Array
+    zero: float = 0.0
 
     @cached_property
     def chain(self) -> Chain:
@@ -82,7 +84,7 @@ class Rig:
     def targets(self, samples: Samples, readings: Readings) -> "Targets":
         """Bring the readings to the base frame, as far as it is known where the gauge stands."""
         if readings.length is not None:
-            return Targets(length=readings.length)
+            return Targets(length=readings.length - self.zero)
         place = samples.place
         p_GM = readings.position
         if p_GM is None:
@@ -152,8 +154,3 @@ def _joint_sigma(cell: Cell) -> float:
     """
     lever = np.linalg.norm(cell.map_jacobian(cell.home[None]), axis=1)  # (1, N)
     return float(cell.robot.repeatability / 3.0 / np.sqrt((lever**2).sum()))
-
-
-def with_places(rig: Rig, **found: object) -> Rig:
-    """Return the rig with the frames that were found."""
-    return replace(rig, **found)  # type: ignore[arg-type]

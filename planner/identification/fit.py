@@ -19,7 +19,7 @@ from planner.units import Array
 ROUNDS = 12
 SETTLED = 0.02  # relative change of noise and factors that ends the rounds
 FACTORS = (0.1, 50.0)  # an error of a kind is never believed to be smaller or larger than this times its prior size
-LOOK = 20_000  # samples of a long run that settle noise and factors
+LOOK = 3_000  # samples of a long run that settle noise and factors
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def _factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
 
 def _with_prior(model: Model, prior: Array) -> Model:
     parameters = [replace(p, prior=float(s)) for p, s in zip(model.parameters, prior, strict=True)]
-    return Model(model.rig, tuple[Parameter, ...](parameters))
+    return replace(model, parameters=tuple[Parameter, ...](parameters))
 
 
 def _change(a: Noise, b: Noise) -> float:

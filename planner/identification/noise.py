@@ -10,6 +10,7 @@ from planner.run import Samples
 from planner.units import Array
 
 LIKELIER = 12.0  # twice the log likelihood ratio that two variance components must gain over one: p < 0.001
+SAMPLE = 20_000  # samples that the likelihood looks at
 ENOUGH = 60  # degrees of freedom below which the declared ratio of the components stands
 
 
@@ -71,34 +72,38 @@ def estimated(white: Whitener, residual: Array, parameters: int) -> Noise:
     dof = residual.size - parameters
     if dof < 1:
         return white.noise
-    base = white.with_noise(Noise())
-    spare = residual.size / dof
-    one = float(np.sqrt(spare * _squares(base, residual) / residual.size))
+    spread = _Spread.of(white, residual * np.sqrt(residual.size / dof))
+    one = float(np.sqrt((spread.square / (1 + spread.ratio)).mean()))
     if dof < ENOUGH:
         return Noise(one, one)
-
-    def cost(logs: Array) -> float:
-        return _minus_twice_log(base.with_noise(Noise(*np.exp(logs))), residual * np.sqrt(spare))
-
     start = np.log([one, one])
-    found = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 200})
-    better = found.fun < cost(start) - LIKELIER
+    found = minimize(spread.minus_twice_log, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2)
+    better = found.fun < spread.minus_twice_log(start)[0] - LIKELIER
     return Noise(*(float(v) for v in np.exp(found.x))) if better else Noise(one, one)
 
 
-SAMPLE = 3000  # residuals that the likelihood looks at
+@dataclass(frozen=True)
+class _Spread:
+    """Residuals in axes in which gauge and joints do not mix.
 
+    ``square`` (m,) squared residuals, ``ratio`` (m,) the joints' variance over the gauge's, as declared.
+    """
 
-def _spread(n: int) -> np.ndarray:
-    return np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
+    square: Array
+    ratio: Array
 
+    @classmethod
+    def of(cls, white: Whitener, residual: Array) -> "_Spread":
+        which = np.unique(np.linspace(0, len(residual) - 1, min(len(residual), SAMPLE)).astype(int))
+        unit = 1 / np.sqrt(white.declared)
+        ratio, axes = np.linalg.eigh(white.shaken[which] * unit[:, None] * unit)
+        turned = np.einsum("nij,ni->nj", axes, residual[which] * unit)
+        return cls((turned**2).ravel(), np.maximum(ratio, 0.0).ravel())
 
-def _squares(white: Whitener, residual: Array) -> float:
-    return float((white.white(slice(None), residual[..., None]) ** 2).sum())
-
-
-def _minus_twice_log(white: Whitener, residual: Array) -> float:
-    which = _spread(len(residual))
-    part = Whitener(white.declared, white.shaken[which], white.noise)
-    C = part.covariance(slice(None))
-    return _squares(part, residual[which]) + float(np.linalg.slogdet(C)[1].sum())
+    def minus_twice_log(self, logs: Array) -> tuple[float, Array]:
+        """Minus twice the log likelihood of (log gauge, log joints), and its gradient."""
+        a, b = np.exp(2 * logs)
+        variance = a + b * self.ratio
+        value = float((self.square / variance + np.log(variance)).sum())
+        slope = (1 - self.square / variance) / variance
+        return value, 2 * np.array([a * slope.sum(), b * (self.ratio * slope).sum()])

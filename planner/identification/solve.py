@@ -9,7 +9,7 @@ from planner.errors import NoSolutionError
 from planner.identification.problem import Problem
 from planner.units import Array
 
-WARM = 20_000  # samples of a long run that find the minimum before all of them polish it
+WARM = 3_000  # samples of a long run that find the minimum before all of them polish it
 STEPS = 30
 CONVERGED = 1e-3  # a step this small in every parameter's own standard deviation ends the fit
 

@@ -5,8 +5,8 @@ sample; for a geometric error φ is 1, for a fixture it tells which fixture hold
 joint's torque. A column of the Jacobian is the screw of the transform, projected by the gauge, times φ.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,10 +34,11 @@ class Linear:
 
 @dataclass(frozen=True)
 class Model:
-    """The measurement model of one rig with a list of parameters."""
+    """The measurement model of one rig with a list of parameters; ``fixed`` ones stand at the value beside them."""
 
     rig: Rig
     parameters: tuple[Parameter, ...]
+    fixed: tuple[tuple[Parameter, float], ...] = ()
 
     @classmethod
     def from_cell(cls, cell: Cell, free: frozenset[str] | None = None) -> "Model":
@@ -69,11 +70,15 @@ class Model:
 
     def subset(self, kept: list[int]) -> "Model":
         """Return the model with only the parameters at the positions ``kept``."""
-        return Model(self.rig, tuple(self.parameters[k] for k in kept))
+        return replace(self, parameters=tuple(self.parameters[k] for k in kept))
 
     def plus(self, more: list[Parameter]) -> "Model":
         """Return the model with more parameters."""
-        return Model(self.rig, (*self.parameters, *more))
+        return replace(self, parameters=(*self.parameters, *more))
+
+    def fixing(self, errors: Array) -> "Model":
+        """Return the model with every parameter fixed at ``errors`` (P,)."""
+        return replace(self, parameters=(), fixed=(*self.fixed, *zip(self.parameters, errors, strict=True)))
 
     def reading(self, q: Array, fixture: np.ndarray | int = 0, errors: Array | None = None) -> Array:
         """Predict the readings of a length gauge, (n, 1) [m].
@@ -138,18 +143,14 @@ class Model:
         """Forward pass with the errors in place, and what they add to the reading itself, (n, r)."""
         delta = self.rig.offsets(context.samples)
         shown = np.zeros((len(context.samples), self.width))
-        if errors is not None:
-            for p, value, phi in zip(self.parameters, errors, self._phis(context), strict=True):
-                if value != 0.0 and p.on == "transform":
-                    delta[p.index] = delta[p.index] + value * phi
-                elif value != 0.0:
-                    shown[:, p.index] += value * phi
+        free = () if errors is None else zip(self.parameters, errors, strict=True)
+        moved = [(p, float(value)) for p, value in (*free, *self.fixed) if value != 0.0]
+        for (p, value), phi in zip(moved, phis([p for p, _ in moved], context), strict=True):
+            if p.on == "transform":
+                delta[p.index] = delta[p.index] + value * phi
+            else:
+                shown[:, p.index] += value * phi
         return self.rig.chain.forward(context.theta, delta), shown
-
-    def _phis(self, context: Context) -> list[Array]:
-        """φ of every parameter; equal ones are computed once."""
-        known = {phi: phi(context) for phi in dict.fromkeys(p.phi for p in self.parameters)}
-        return [known[p.phi] for p in self.parameters]
 
     def _linear(self, samples: Samples, targets: Targets | None, errors: Array | None) -> Linear:
         context = Context(self.rig, samples)
@@ -158,7 +159,7 @@ class Model:
         which, column = self._moved
         projected = self._projected(context, motion, which)
         rows = np.empty((len(samples), self.width, len(self.parameters)))
-        for j, (p, phi) in enumerate(zip(self.parameters, self._phis(context), strict=True)):
+        for j, (p, phi) in enumerate(zip(self.parameters, phis(self.parameters, context), strict=True)):
             if p.on == "transform":
                 rows[:, :, j] = (projected[column[j]] * phi).T
             else:
@@ -193,6 +194,12 @@ class Model:
             return apart
         R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
         return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
+
+
+def phis(parameters: Sequence[Parameter], context: Context) -> list[Array]:
+    """φ of every parameter, (n,) or (1,) each; equal ones are computed once."""
+    known = {phi: phi(context) for phi in dict.fromkeys(p.phi for p in parameters)}
+    return [known[p.phi] for p in parameters]
 
 
 def chunks(n: int) -> Iterator[slice]:

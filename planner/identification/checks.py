@@ -1,0 +1,49 @@
+"""Reasons not to use a fit, and what a person should know of one that may be used."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.identification.fit import Fit
+from planner.identification.stages import Fitted
+from planner.identification.types import Estimate
+from planner.identification.validation import new_frames
+from planner.rig import Rig
+from planner.run import Run
+from planner.units import DEG, MM
+
+LARGEST = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
+NAMED = 5  # outliers that a warning names
+
+
+def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fit) -> tuple[str, ...]:
+    """Return the reasons not to use the result; none when it passed."""
+    out = [
+        f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
+        f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
+        for e in table
+        if e.group == "geometry" and abs(e.value - e.nominal) > LARGEST.get(e.unit, np.inf)
+    ]
+    factor = found.solution.factor
+    if len(factor) and not np.all(np.isfinite(factor)):
+        out.append("the information of the fit is not finite")
+    frames, last = stages[1].stage.held_out.rms, stages[-1].stage.held_out.rms
+    if last > frames:
+        out.append(
+            f"held-out poses got worse, {frames / MM:.3f} mm to {last / MM:.3f} mm: too few readings for so many parameters"
+        )
+    return tuple(out)
+
+
+def warnings_of(run: Run, rig: Rig, found: Fit, validation: Run | None) -> list[str]:
+    """Return what a person should know."""
+    out = []
+    if len(found.outliers):
+        named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
+        more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
+        out.append(f"{len(found.outliers)} samples are outliers (number {named}{more}); they were kept in the fit")
+    if all(m is None for m in rig.robot.masses):
+        out.append(f"{rig.robot.name} has no link masses: gravity's torques, and so compliance, are left out")
+    if validation is not None and new_frames(rig, validation):
+        out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
+    return out

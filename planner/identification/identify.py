@@ -1,0 +1,153 @@
+"""``identify()``: from a run to a calibrated robot, stage by stage."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.identification.checks import problems_of, warnings_of
+from planner.identification.estimates import estimates
+from planner.identification.fit import Fit
+from planner.identification.placed import placed, rig_for
+from planner.identification.seeing import seen_by
+from planner.identification.splits import Split, poses, split
+from planner.identification.spread import parameter_covariance
+from planner.identification.stages import Fitted, fitted, frames_only, gains, nominal
+from planner.identification.types import Calibration, Metrics, error_size
+from planner.identification.validation import judged
+from planner.model import Model
+from planner.model.parameters import compliance_parameters
+from planner.observability import Dropped
+from planner.repeatable import single_threaded
+from planner.run import Run
+from planner.units import Array
+
+Say = Callable[[str], None]
+SPARE = 5  # readings beyond the parameters, below which nothing is fitted
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user may choose: share of the groups held out, robust loss, seed of the folds."""
+
+    hold_out: float = 0.2
+    robust: bool = False
+    seed: int = 0
+
+
+@single_threaded
+def identify(
+    run: Run, cell: Cell, validation: Run | None = None, settings: Settings | None = None, say: Say = lambda _: None
+) -> Calibration:
+    """Identify the robot of a run.
+
+    Raises:
+        InputError: run and cell do not belong together, or the run is too small.
+        NoSolutionError: the fit does not come to rest.
+    """
+    settings = settings or Settings()
+    say("placing the gauge")
+    rig = placed(rig_for(cell, run), run)
+    parts = split(run, settings.hold_out, settings.seed)
+
+    def judge(found: Fit) -> Metrics | None:
+        return None if validation is None else judged(found, validation)
+
+    whole = Model.of(rig, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
+    model, seen = seen_by(whole, run.samples)
+    _check_size(run, model)
+    say("nominal robot")
+    stages = [nominal(model, run, parts, judge)]
+    say("frames")
+    stages.append(fitted("frames", frames_only(model), run, parts, judge, settings.robust))
+    say("geometry")
+    stages.append(fitted("geometry", model, run, parts, judge, settings.robust, stages[-1].fit))
+    say("joint compliance")
+    stages, whole, dropped = _with_compliance(stages, whole, seen.dropped, run, parts, judge, settings.robust)
+    say("covariance")
+    return _finished(stages, whole, dropped, run, parts, validation)
+
+
+def _with_compliance(
+    stages: list[Fitted],
+    whole: Model,
+    dropped: tuple[Dropped, ...],
+    run: Run,
+    parts: Split,
+    judge: Callable[[Fit], Metrics | None],
+    robust: bool,
+) -> tuple[list[Fitted], Model, tuple[Dropped, ...]]:
+    """Add the joints' compliance where the loads are known, and keep it only if held-out samples gain."""
+    rig = whole.rig
+    if all(m is None for m in rig.robot.masses) and not rig.tool_mass and run.samples.force is None:
+        return stages, whole, dropped
+    more = whole.plus(compliance_parameters(rig))
+    model, seen = seen_by(more, run.samples)
+    if len(model.parameters) == len(stages[-1].fit.errors) or _spare(run, model) < SPARE:
+        return stages, whole, dropped
+    trial = fitted("joint compliance", model, run, parts, judge, robust, stages[-1].fit)
+    if not gains(stages[-1].stage, trial.stage, parts):
+        return stages, whole, dropped
+    return [*stages, trial], more, seen.dropped
+
+
+def _finished(
+    stages: list[Fitted], whole: Model, dropped: tuple[Dropped, ...], run: Run, parts: Split, validation: Run | None
+) -> Calibration:
+    found = stages[-1].fit
+    covariance, time = parameter_covariance(found, run.continuous)
+    table = estimates(whole, found, dropped, covariance)
+    return Calibration(
+        run=run,
+        split_by=parts.by,
+        hold_out=1.0 / parts.folds,
+        n_groups=parts.groups,
+        stages=tuple(s.stage for s in stages),
+        fit=found,
+        dropped=dropped,
+        estimates=table,
+        covariance=covariance,
+        correlation_time=time,
+        condition_number=_condition(found),
+        noise_floor=_noise_floor(run, stages[-1].stage.residual),
+        problems=problems_of(table, stages, found),
+        warnings=(*run.warnings, *warnings_of(run, whole.rig, found, validation)),
+    )
+
+
+def _spare(run: Run, model: Model) -> int:
+    return len(run) * model.width - len(model.parameters)
+
+
+def _check_size(run: Run, model: Model) -> None:
+    if _spare(run, model) < SPARE:
+        raise InputError(
+            f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for "
+            f"{len(model.parameters)} parameters; measure at least {len(model.parameters) + SPARE}, better twice that, "
+            "or free fewer in [plan]"
+        )
+
+
+def _condition(found: Fit) -> float:
+    """Condition number of the whitened rows per prior size, the prior left out."""
+    R = found.solution.factor
+    if not len(R):
+        return 1.0
+    values = np.linalg.eigvalsh(R.T @ R - np.eye(len(R)))
+    return float(np.sqrt(values[-1] / values[0])) if values[0] > 0 else float("inf")
+
+
+def _noise_floor(run: Run, residual: Array) -> float | None:
+    """Standard deviation of readings repeated at the same pose [m], from residuals (n, r); ``None`` without repeats."""
+    if run.continuous:
+        return None
+    group = poses(run.samples.q) * len(run.places) + run.samples.place
+    _, group = np.unique(group, return_inverse=True)
+    count = np.bincount(group)
+    spare = int((count - 1).sum())
+    if spare < 3:
+        return None
+    mean = np.stack([np.bincount(group, residual[:, k]) / count for k in range(residual.shape[1])], axis=1)
+    return float(np.sqrt((error_size(residual - mean[group]) ** 2).sum() / spare))

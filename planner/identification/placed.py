@@ -1,0 +1,98 @@
+"""Where the gauge stands and where the targets sit: as the cell says, or found from the run itself."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.errors import InputError, nearest
+from planner.placing import place_lengths, place_points, place_sockets
+from planner.rig import Rig, rig_of
+from planner.run import Run
+from planner.units import MM, Array
+
+FOUND = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
+TURN = 0.02  # the same of a frame's orientation [rad]
+
+
+def rig_for(cell: Cell, run: Run) -> Rig:
+    """Return the rig of a cell with places and targets numbered as in the run.
+
+    Raises:
+        InputError: the run names a place, a ball or a robot that the cell does not have, or another kind of reading.
+    """
+    _check_kind(cell, run)
+    rig = rig_of(cell)
+    if rig.kind == "length" and cell.fixtures:
+        which = [_index(run, name, rig.place_names, "fixture", cell) for name in run.places]
+        rig = replace(
+            rig, p_BX=rig.p_BX[which], place_prior=rig.place_prior[which], place_names=tuple(rig.place_names[k] for k in which)
+        )
+    else:
+        n = len(run.places)
+        R, p = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
+        rig = replace(rig, place_names=run.places, R_BG=R, p_BG=p, place_prior=np.full(n, FOUND), turn_prior=TURN)
+    if run.balls:
+        balls = tuple(b.name for b in cell.balls)
+        rig = replace(rig, p_GS=rig.p_GS[[_index(run, name, balls, "ball", cell) for name in run.balls]])
+    many = len(run.points)
+    p_FM = np.broadcast_to(rig.p_FM, (many, 3))
+    prior = rig.tool_prior if cell.tool.known and many == 1 else FOUND
+    return replace(rig, point_names=run.points, p_FM=p_FM, R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)), tool_prior=prior)
+
+
+def placed(rig: Rig, run: Run) -> Rig:
+    """Return the rig with every frame and target that is not known found from the run, on the robot as it stands.
+
+    Raises:
+        InputError, NoSolutionError: the run cannot tell where the gauge stands.
+    """
+    p_BF, R_BF = flanges(rig, run.samples.q)
+    place, point = run.samples.place, run.samples.point
+    point = np.zeros(len(run), dtype=int) if point is None else point
+    known = None if rig.tool_prior >= FOUND else rig.p_FM
+    readings = run.readings
+    if readings.length is not None:
+        if len(rig.p_BX) and known is not None:
+            return rig
+        bar = place_lengths(p_BF, R_BF, readings.length, place, point, known, rig.p_BX if len(rig.p_BX) else None)
+        prior = rig.place_prior if len(rig.p_BX) else np.full(len(bar.p_BX), FOUND)
+        return replace(rig, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
+    if readings.position is not None:
+        seen = place_points(p_BF, R_BF, readings.position, place, point, known)
+        return replace(rig, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
+    assert readings.ball is not None
+    plate = place_sockets(p_BF, R_BF, readings.ball, rig.p_GS, place, point, readings.offset, known)
+    return replace(rig, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
+
+
+def flanges(rig: Rig, q: Array) -> tuple[Array, Array]:
+    """Positions (n, 3) [m] and orientations (n, 3, 3) of the flange of the nominal robot."""
+    motion = rig.robot.chain.forward(rig.robot.theta(q))
+    return motion.x.T.copy(), motion.R.transpose(2, 0, 1).copy()
+
+
+def _check_kind(cell: Cell, run: Run) -> None:
+    kind, readings = cell.gauge.kind, run.readings
+    wanted = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball", "ball-socket": "ball"}.get(kind, "length_mm")
+    there = (
+        "length_mm" if readings.length is not None else "x_mm, y_mm, z_mm" if readings.position is not None else "ball"
+    )
+    if wanted != there:
+        raise InputError(f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{wanted}'")
+    if run.robot is not None and run.robot != cell.robot.name:
+        raise InputError(f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'")
+    if readings.ball is not None and not cell.balls:
+        raise InputError(f"{cell.path}: a gauge '{kind}' needs [[balls]] with their positions in the plate's frame")
+
+
+def _index(run: Run, name: str, known: tuple[str, ...], what: str, cell: Cell) -> int:
+    if name in known:
+        return known.index(name)
+    if name == "" and len(known) == 1:
+        return 0
+    if name == "":
+        raise InputError(f"{run.name}: the column '{what}' is missing, and {cell.path} has several ({', '.join(known)})")
+    raise InputError(
+        f"{run.name}: {what} '{name}' is not in {cell.path}{nearest(name, list(known))} (there: {', '.join(known)})"
+    )

@@ -1,0 +1,26 @@
+"""Which parameters a run can see: decided once, on the nominal robot, before the fit, and then frozen."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from planner.identification.noise import Whitener
+from planner.model import Model
+from planner.observability import Identifiability, identifiable
+from planner.run import Samples
+
+LOOK = 4000  # samples that decide
+
+
+def seen_by(model: Model, samples: Samples) -> tuple[Model, Identifiability]:
+    """Return the model with the parameters that the samples can tell apart, and why the others are left out."""
+    few = samples.take(np.unique(np.linspace(0, len(samples) - 1, min(len(samples), LOOK)).astype(int)))
+    rows = Whitener.of(model, few).white(slice(None), model.rows(few))
+    order = range(len(model.names))
+    seen = identifiable(rows, model.names, model.prior, order, noise=1.0, readings=len(samples) * model.width)
+    return model.subset(list(seen.kept)), seen
+
+
+def only(model: Model, groups: Collection[str]) -> Model:
+    """Return the model with only the parameters of some groups."""
+    return model.subset([j for j, p in enumerate(model.parameters) if p.group in groups])

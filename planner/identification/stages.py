@@ -1,0 +1,79 @@
+"""The stages of a fit: nothing, the frames, the geometry, then one effect after the other while held-out poses gain."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.identification.fit import Fit, fit
+from planner.identification.heldout import held_out
+from planner.identification.problem import Problem
+from planner.identification.seeing import only
+from planner.identification.splits import Split
+from planner.identification.types import Metrics, Stage, error_size
+from planner.model import Model
+from planner.run import Run
+from planner.units import Array
+
+GAIN = 2.0  # standard errors that the held-out error must fall by before an effect is kept
+Judge = Callable[[Fit], Metrics | None]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A stage and the fit behind it."""
+
+    stage: Stage
+    fit: Fit
+
+
+def fitted(
+    name: str, model: Model, run: Run, split: Split, judge: Judge, robust: bool = False, before: Fit | None = None
+) -> Fitted:
+    """Fit a model to a run and judge it on held-out poses and on the validation run."""
+    start = None if before is None else _start(model, before)
+    noise = None if before is None else before.problem.whitener.noise
+    found = fit(Problem.of(model, run, noise), robust, start)
+    held = held_out(found, split)
+    residual = found.problem.residual(found.errors)
+    effects = tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in ("gauge", "geometry"))
+    stage = Stage(
+        name,
+        effects,
+        len(model.parameters),
+        Metrics.of(residual),
+        Metrics.of(held.residual, split.fold),
+        judge(found),
+        residual,
+        held.residual,
+    )
+    return Fitted(stage, found)
+
+
+def nominal(model: Model, run: Run, split: Split, judge: Judge) -> Fitted:
+    """Judge the robot as its data sheet has it, the gauge standing where the cell says or where it was placed."""
+    return fitted("nominal", model.subset([]), run, split, judge)
+
+
+def _start(model: Model, before: Fit) -> Array:
+    known = dict(zip(before.model.names, before.errors, strict=True))
+    return np.array([known.get(name, 0.0) for name in model.names])
+
+
+def gains(before: Stage, after: Stage, split: Split) -> bool:
+    """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
+    fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
+    each = np.bincount(split.group, fall) / np.bincount(split.group)
+    if len(each) < 2:
+        return False
+    return bool(each.mean() > GAIN * each.std(ddof=1) / np.sqrt(len(each)))
+
+
+def frames_only(model: Model) -> Model:
+    """Return the model with only what places the gauge."""
+    return only(model, ("gauge",))
+
+
+def effects_of(stages: Sequence[Fitted]) -> tuple[str, ...]:
+    """Effects that the last stage has."""
+    return stages[-1].stage.effects

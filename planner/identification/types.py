@@ -1,0 +1,118 @@
+"""What identification hands over: stages, parameters, findings, and what is left."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.identification.fit import Fit
+from planner.observability import Dropped
+from planner.run import Run
+from planner.units import Array
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Root mean square, mean and largest error of a set of samples [m]; ``spread`` of the rms over the folds [m]."""
+
+    rms: float
+    mean: float
+    largest: float
+    spread: float | None = None
+
+    @classmethod
+    def of(cls, residual: Array, fold: np.ndarray | None = None) -> "Metrics":
+        """Judge residuals (n, r) [m]; a probe's orientation is left aside."""
+        size = error_size(residual)
+        spread = None
+        if fold is not None:
+            square = np.bincount(fold, size**2) / np.bincount(fold)
+            spread = float(np.std(np.sqrt(square), ddof=1)) if len(square) > 1 else None
+        return cls(float(np.sqrt((size**2).mean())), float(size.mean()), float(size.max()), spread)
+
+
+def error_size(residual: Array) -> Array:
+    """Length of each sample's error (n,) [m] of residuals (n, r)."""
+    return np.asarray(np.linalg.norm(residual[:, :3], axis=1))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the fit and its errors.
+
+    Attributes:
+        name: ``nominal``, ``frames``, ``geometry``, or the effect that was added.
+        effects: all effects in the model at this stage.
+        parameters: how many were fitted.
+        train, held_out, validation: the errors; ``validation`` only where a second run was given.
+        residual, held_residual: of every sample, (n, r) [m, rad].
+    """
+
+    name: str
+    effects: tuple[str, ...]
+    parameters: int
+    train: Metrics
+    held_out: Metrics
+    validation: Metrics | None
+    residual: Array
+    held_residual: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after the fit, in SI units.
+
+    Attributes:
+        name, unit, what: as in the model.
+        value, nominal: of the elementary transform, the fixture or the reading.
+        std: standard deviation; ``None`` where the data do not show the parameter.
+        identifiable: whether it was fitted.
+        absorbs: names of left-out parameters whose error it also carries.
+        because: why it was left out.
+        group: ``gauge``, ``geometry`` or the effect it belongs to.
+    """
+
+    name: str
+    unit: str
+    what: str
+    value: float
+    nominal: float
+    std: float | None
+    identifiable: bool
+    absorbs: tuple[str, ...]
+    because: str | None
+    group: str
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A robot identified from a run.
+
+    Attributes:
+        run: what was measured.
+        split_by, hold_out, n_groups: how poses were held out.
+        stages: in order.
+        fit: the last stage's.
+        dropped: parameters the data cannot see.
+        estimates: every parameter, seen or not.
+        covariance: of the fitted parameters, (P, P).
+        correlation_time: how many samples are worth one.
+        condition_number: of the rows per prior size.
+        noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
+        problems: reasons not to use the result; empty when the fit passed its own checks.
+        warnings: what a person should know.
+    """
+
+    run: Run
+    split_by: str
+    hold_out: float
+    n_groups: int
+    stages: tuple[Stage, ...]
+    fit: Fit
+    dropped: tuple[Dropped, ...]
+    estimates: tuple[Estimate, ...]
+    covariance: Array
+    correlation_time: float
+    condition_number: float
+    noise_floor: float | None
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]

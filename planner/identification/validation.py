@@ -1,0 +1,56 @@
+"""Judging a fit on a second run that had no part in it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.identification.fit import Fit, fit
+from planner.identification.placed import placed
+from planner.identification.problem import Problem
+from planner.identification.types import Metrics
+from planner.model import Model
+from planner.rig import Rig
+from planner.run import Run
+
+
+def judged(found: Fit, run: Run) -> Metrics:
+    """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so)."""
+    rig = found.model.rig
+    model = found.model.fixing(found.errors)
+    if not new_frames(rig, run):
+        problem = Problem.of(replace(model, rig=rig), _renamed(run, rig))
+        return Metrics.of(problem.residual(np.zeros(0)))
+    known = _calibrated_tool(rig, found)
+    model = _with_frames(replace(model, rig=placed(known, run)), found)
+    here = fit(Problem.of(model, run, found.problem.whitener.noise))
+    return Metrics.of(here.problem.residual(here.errors))
+
+
+def new_frames(rig: Rig, run: Run) -> bool:
+    """Tell whether the run stands in frames that the rig does not know: a plate set down anew, another station."""
+    if run.readings.ball is not None:
+        return True
+    return rig.kind != "length" and not set(run.places) <= set(rig.place_names)
+
+
+def _renamed(run: Run, rig: Rig) -> Run:
+    """Number the places of the run as the rig does."""
+    order = np.array([rig.place_names.index(name) if name in rig.place_names else 0 for name in run.places])
+    return replace(run, samples=replace(run.samples, place=order[run.samples.place]))
+
+
+def _calibrated_tool(rig: Rig, found: Fit) -> Rig:
+    """Return the rig with the tool points as fitted, so that placing the new frames does not touch them."""
+    shift = dict(zip(found.model.names, found.errors, strict=True))
+    p_FM = np.array(rig.p_FM)
+    for t, name in enumerate(rig.point_names):
+        label = f"map_{name}" if name else "map"
+        p_FM[t] += [shift.get(f"{label}_{axis}", 0.0) for axis in "xyz"]
+    return replace(rig, p_FM=p_FM)
+
+
+def _with_frames(model: Model, found: Fit) -> Model:
+    """Free the frames of the new run, everything else fixed as fitted; the tool's shift now stands in the rig."""
+    fixed = tuple((p, v) for p, v in model.fixed if p.group != "gauge")
+    frames = [p for p in Model.of(model.rig, frozenset()).parameters if p.group == "gauge"]
+    return replace(model, parameters=tuple(frames), fixed=fixed)
