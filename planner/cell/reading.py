@@ -60,8 +60,9 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
     if planning and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-    given = file.home_deg if planning or file.home_deg is not None else (0.0,) * robot.n_joints
-    home = _angles(path, robot, "home_deg", given)
+    home = np.clip(0.0, robot.q_lower, robot.q_upper)
+    if planning or file.home_deg is not None:
+        home = _angles(path, robot, "home_deg", file.home_deg)
     return Cell(
         name=name,
         robot=robot,

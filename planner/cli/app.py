@@ -1,127 +1,39 @@
-"""The commands and their options; every failure ends in one sentence and its exit code."""
+"""The command ``edbb``; every failure ends in one sentence and its exit code."""
 
-import json
 import sys
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from planner import __version__
-from planner.cell import load_cell, shipped_cells
-from planner.cli.screen import Screen, errors
-from planner.cli.summary import dialect_table, plan_summary, robot_table
-from planner.errors import InputError, PlannerError
-from planner.files import write_text
-from planner.plan import plan_content
-from planner.workflow import Options, export_plan, plan, write_plan
+from planner.cli import calibrating, planning
+from planner.cli.screen import errors
+from planner.errors import PlannerError
 
 app = typer.Typer(
     name="edbb",
-    help="Plans measurement programs that calibrate industrial robots with simple length gauges.",
+    help="Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-Index = Literal["O1", "O2", "O3", "O4", "O5"]
-CellArgument = Annotated[str, typer.Argument(metavar="CELL", help="a cell file, or robot/cell for a shipped one")]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder to write to")]
-Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
-Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same bytes")]
-
-
-@app.command("plan")
-def plan_command(
-    cell: CellArgument,
-    output: Output,
-    poses: Annotated[
-        int | None, typer.Option(min=1, help="number of poses (default: where the index curve bends)")
-    ] = None,
-    index: Annotated[Index | None, typer.Option(help="observability index to select by")] = None,
-    seed: Seed = 0,
-    dialect: Annotated[list[str] | None, typer.Option(help="robot language; may be repeated")] = None,
-    tsp: Annotated[Literal["auto", "exact", "concorde"], typer.Option(help="tour solver")] = "auto",
-    as_json: Json = False,
-) -> None:
-    """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    options = Options(poses, index, seed, tuple(dialect or ()), tsp)
-    _check_folder(output)
-    with Screen() as stages:
-        result = plan(load_cell(cell), options, stages)
-        write_plan(result, output, stages)
-    if as_json:
-        _print_json(plan_content(result))
-    else:
-        plan_summary(result, output)
-
-
-@app.command("study")
-def study_command(
-    cell: CellArgument,
-    output: Output,
-    index: Annotated[Index | None, typer.Option(help="observability index")] = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-) -> None:
-    """Observability offline: what can be seen, with how many poses, from which fixture."""
-    from planner.study import study  # matplotlib: other commands start quicker without
-
-    _check_folder(output)
-    with Screen() as stages:
-        summary = study(load_cell(cell), output, index, seed, stages.say)
-    if as_json:
-        _print_json(summary.content())
-    else:
-        errors.print(summary.text(), markup=False)
-
-
-@app.command("export")
-def export_command(
-    plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan with its cell.toml beside it")],
-    dialect: Annotated[str, typer.Option(help="robot language")],
-    output: Annotated[
-        str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
-    ],
-) -> None:
-    """Write the robot program of a plan in any dialect."""
-    files = export_plan(plan_file, dialect, "-" if output == "-" else Path(output).name)
-    if output == "-":
-        if len(files) > 1:
-            names = ", ".join(f.name for f in files)
-            raise InputError(f"dialect '{dialect}' writes {len(files)} files ({names}); give a file name with -o")
-        sys.stdout.write(files[0].text)
-        return
-    for file in files:
-        write_text(Path(output).parent / file.name, file.text, file.encoding)
-
-
-@app.command("robots")
-def robots_command(as_json: Json = False) -> None:
-    """List the robots and cells that come with the planner."""
-    robot_table(shipped_cells(), as_json)
-
-
-@app.command("dialects")
-def dialects_command(as_json: Json = False) -> None:
-    """List the robot languages that programs can be written in."""
-    dialect_table(as_json)
+app.command("plan")(planning.plan_command)
+app.command("study")(planning.study_command)
+app.command("export")(planning.export_command)
+app.command("simulate")(calibrating.simulate_command)
+app.command("identify")(calibrating.identify_command)
+app.command("import")(calibrating.import_command)
+app.command("compensate")(calibrating.compensate_command)
+app.command("robots")(planning.robots_command)
+app.command("dialects")(planning.dialects_command)
 
 
 @app.callback(invoke_without_command=True)
 def root(version: Annotated[bool, typer.Option("--version", help="print the version")] = False) -> None:
-    """Plans measurement programs that calibrate industrial robots with simple length gauges."""
+    """Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot."""
     if version:
         typer.echo(f"edbb {__version__}")
         raise typer.Exit
-
-
-def _check_folder(output: Path) -> None:
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output} is a file; -o needs a folder")
-
-
-def _print_json(content: object) -> None:
-    sys.stdout.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def main() -> None:

@@ -35,7 +35,7 @@ def flange_jacobian(robot: Robot, q: Array) -> Array:
     """
     motion = robot.chain.forward(robot.theta(q))
     moving = [k for k, t in enumerate(robot.transforms) if t.joint is not None]
-    joints = [robot.transforms[k].joint for k in moving]
+    joints = np.array([t.joint for t in robot.transforms if t.joint is not None])
     screws = np.concatenate([motion.point_screws()[moving], motion.u[moving]], axis=1)  # (N, 6, n)
     per_theta = np.empty((q.shape[0], 6, robot.n_joints))
     per_theta[:, :, joints] = np.moveaxis(screws, (0, 1, 2), (2, 1, 0))

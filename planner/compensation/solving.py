@@ -65,8 +65,7 @@ def corrected_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) 
     """
     p, R = nominal.flange(q)
     q_new, iterations = solve(robot, calibrated, q, p, R)
-    e = _error(robot, calibrated, q_new, p, R)
-    far_m, far_rad = np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1)
+    far_m, far_rad = deviation(robot, calibrated, q_new, p, R)
     moved = q_new - q
     slack = 1e-9  # [rad] a nominal target may stand on its limit
     within = ((q_new >= robot.q_lower - slack) & (q_new <= robot.q_upper + slack)).all(axis=1)
@@ -77,9 +76,15 @@ def corrected_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) 
         moved=frozen(moved),
         iterations=iterations,
         solved=(far_m < 10 * TOLERANCE) & (far_rad < 10 * TOLERANCE),
-        within=within,
+        within=np.asarray(within),
         near=(np.abs(moved) <= MOVE_LIMIT).all(axis=1),
     )
+
+
+def deviation(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
+    """Return how far ``poser`` at q (n, N) [rad] is from p (n, 3), R (n, 3, 3): (n,) [m] and (n,) [rad]."""
+    e = _error(robot, poser, q, p, R)
+    return np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1)
 
 
 def solve(robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: int = OWN_ROUNDS) -> tuple[Array, int]:

@@ -99,7 +99,7 @@ class Frames:
     Attributes:
         T_FT: tool in the flange, (4, 4) [m], or None.
         T_WB: base in the robot's own frame, (4, 4) [m], or None.
-        data: text of the controller's own table of frames (KUKA ``$config.dat``, RAPID module), searched by number or name.
+        data: text of the controller's own table of frames (KUKA ``$config.dat``, a RAPID module).
     """
 
     T_FT: Array | None = None

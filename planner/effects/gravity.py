@@ -52,7 +52,9 @@ def gravity_torque(
     return out
 
 
-def _gravity_at_joints(transforms: tuple[Transform, ...], values: list[Array], gravity_B: Array) -> dict[int, list[Array]]:
+def _gravity_at_joints(
+    transforms: tuple[Transform, ...], values: list[Array], gravity_B: Array
+) -> dict[int, list[Array]]:
     """Gravity in the frame just after each joint's rotation."""
     g: list[Array] = [np.full(1, float(v)) for v in gravity_B]
     out: dict[int, list[Array]] = {}

@@ -30,7 +30,8 @@ def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fi
     frames, last = stages[1].stage.held_out.rms, stages[-1].stage.held_out.rms
     if last > frames:
         out.append(
-            f"held-out poses got worse, {frames / MM:.3f} mm to {last / MM:.3f} mm: too few readings for so many parameters"
+            f"held-out poses got worse, {frames / MM:.3f} mm to {last / MM:.3f} mm: "
+            "too few readings for so many parameters"
         )
     return tuple(out)
 

@@ -1,12 +1,12 @@
 """The fit: parameters, the size of the noise and the size of the errors to expect, all from the same run.
 
 The prior sizes in the robot's file say how large an error of each kind usually is. How far *this* robot is off is
-learnt from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sizes, at the
-value that makes the run likeliest (MacKay 1992, eq. 22; the evidence). Where the run says little the factor stays near 1.
+learnt from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sizes, at
+the value that makes the run likeliest (MacKay 1992, the evidence). Where the run says little it stays near 1.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -63,10 +63,14 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None) -> F
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _undecided(solution)
-        noise = estimated(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], round(float((1 - shrunk).sum())))
+        noise = estimated(
+            few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], round(float((1 - shrunk).sum()))
+        )
         factors = _factors(few.model, prior, errors, shrunk)
         model = _with_prior(few.model, prior * factors)
-        change = max(_change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0)))
+        change = max(
+            _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
+        )
         few = replace(few.with_noise(noise).with_model(model), weight=weight)
         if change < SETTLED:
             break
@@ -110,7 +114,7 @@ def _with_prior(model: Model, prior: Array) -> Model:
 
 
 def _change(a: Noise, b: Noise) -> float:
-    return max(abs(a.gauge / b.gauge - 1), abs(a.joints / b.joints - 1))
+    return max(abs(float(x) / float(y) - 1) for x, y in zip(astuple(a), astuple(b), strict=True))
 
 
 HUBER = 1.5  # in standard deviations: 95 % as sharp as least squares where the noise is normal

@@ -85,6 +85,6 @@ def _moved(problem: Problem, errors: Array, shift: Array, split: Split) -> Array
 
     def one(part: slice) -> Array:
         linear = problem.model.linear(problem.samples.take(part), problem.targets.take(part), errors)
-        return linear.residual - np.einsum("nrp,np->nr", linear.rows, shift[split.fold[part]])
+        return np.asarray(linear.residual - np.einsum("nrp,np->nr", linear.rows, shift[split.fold[part]]))
 
     return np.concatenate(list(problem.over_pieces(one)))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from planner.model import Model
 from planner.run import Samples
@@ -16,14 +16,16 @@ ENOUGH = 60  # degrees of freedom below which the declared ratio of the componen
 
 @dataclass(frozen=True)
 class Noise:
-    """Covariance of a reading: ``gauge``² times the declared gauge part plus ``joints``² times the repeatability part."""
+    """How large the parts of the noise are, as multiples of what is declared.
+
+    Attributes:
+        gauge: of the gauge's noise; ``angle`` the same for a probe's orientation.
+        joints: of the joints' repeatability.
+    """
 
     gauge: float = 1.0
     joints: float = 1.0
-
-    def scaled(self, factor: float) -> "Noise":
-        """Return the noise with both parts ``factor`` times as large."""
-        return Noise(self.gauge * factor, self.joints * factor)
+    angle: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,9 @@ class Whitener:
 
     def covariance(self, part: slice) -> Array:
         """Covariance of the readings of ``part``, (n, r, r)."""
-        return self.noise.joints**2 * self.shaken[part] + self.noise.gauge**2 * np.diag(self.declared)
+        noise = self.noise
+        gauge = np.array([noise.gauge] * min(3, len(self.declared)) + [noise.angle] * (len(self.declared) - 3))
+        return noise.joints**2 * self.shaken[part] + np.diag(gauge**2 * self.declared)
 
     def white(self, part: slice, values: Array) -> Array:
         """Return L⁻¹ values for the readings of ``part``, with L Lᵀ their covariance; values (n, r, m)."""
@@ -72,12 +76,24 @@ def estimated(white: Whitener, residual: Array, parameters: int) -> Noise:
     dof = residual.size - parameters
     if dof < 1:
         return white.noise
-    spread = _Spread.of(white, residual * np.sqrt(residual.size / dof))
+    residual = residual * np.sqrt(residual.size / dof)
+    spread = _Spread.of(white, residual, slice(0, 3))
     one = float(np.sqrt((spread.square / (1 + spread.ratio)).mean()))
     if dof < ENOUGH:
-        return Noise(one, one)
+        return Noise(one, one, one)
+    joints = _two(spread, one)
+    if residual.shape[1] <= 3:
+        return joints
+    turns = _Spread.of(white, residual, slice(3, 6))
+    return Noise(joints.gauge, joints.joints, turns.gauge_beside(joints.joints))
+
+
+def _two(spread: "_Spread", one: float) -> Noise:
+    """Gauge and joints with sizes of their own, where that is clearly likelier than one size for both."""
     start = np.log([one, one])
-    found = minimize(spread.minus_twice_log, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2)
+    found = minimize(
+        spread.minus_twice_log, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2
+    )
     better = found.fun < spread.minus_twice_log(start)[0] - LIKELIER
     return Noise(*(float(v) for v in np.exp(found.x))) if better else Noise(one, one)
 
@@ -93,11 +109,12 @@ class _Spread:
     ratio: Array
 
     @classmethod
-    def of(cls, white: Whitener, residual: Array) -> "_Spread":
+    def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
+        """Split the numbers ``block`` of every reading."""
         which = np.unique(np.linspace(0, len(residual) - 1, min(len(residual), SAMPLE)).astype(int))
-        unit = 1 / np.sqrt(white.declared)
-        ratio, axes = np.linalg.eigh(white.shaken[which] * unit[:, None] * unit)
-        turned = np.einsum("nij,ni->nj", axes, residual[which] * unit)
+        unit = 1 / np.sqrt(white.declared[block])
+        ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, None] * unit)
+        turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
         return cls((turned**2).ravel(), np.maximum(ratio, 0.0).ravel())
 
     def minus_twice_log(self, logs: Array) -> tuple[float, Array]:
@@ -107,3 +124,12 @@ class _Spread:
         value = float((self.square / variance + np.log(variance)).sum())
         slope = (1 - self.square / variance) / variance
         return value, 2 * np.array([a * slope.sum(), b * (self.ratio * slope).sum()])
+
+    def gauge_beside(self, joints: float) -> float:
+        """Likeliest size of the gauge's part when the joints' is known."""
+        low, high = np.log(1e-3), 0.5 * np.log(self.square.mean() + 1e-300) + 1
+
+        def cost(log: float) -> float:
+            return self.minus_twice_log(np.array([log, np.log(joints)]))[0]
+
+        return float(np.exp(minimize_scalar(cost, bounds=(low, max(high, low + 1)), method="bounded").x))

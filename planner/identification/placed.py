@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.errors import InputError, nearest
-from planner.placing import place_lengths, place_points, place_sockets
+from planner.placing import place_lengths, place_points, place_poses, place_sockets
 from planner.rig import Rig, rig_of
 from planner.run import Run
 from planner.units import MM, Array
@@ -26,7 +26,10 @@ def rig_for(cell: Cell, run: Run) -> Rig:
     if rig.kind == "length" and cell.fixtures:
         which = [_index(run, name, rig.place_names, "fixture", cell) for name in run.places]
         rig = replace(
-            rig, p_BX=rig.p_BX[which], place_prior=rig.place_prior[which], place_names=tuple(rig.place_names[k] for k in which)
+            rig,
+            p_BX=rig.p_BX[which],
+            place_prior=rig.place_prior[which],
+            place_names=tuple(rig.place_names[k] for k in which),
         )
     else:
         n = len(run.places)
@@ -35,10 +38,14 @@ def rig_for(cell: Cell, run: Run) -> Rig:
     if run.balls:
         balls = tuple(b.name for b in cell.balls)
         rig = replace(rig, p_GS=rig.p_GS[[_index(run, name, balls, "ball", cell) for name in run.balls]])
+    if run.readings.rotation is not None:
+        rig = replace(rig, kind="pose")
     many = len(run.points)
     p_FM = np.broadcast_to(rig.p_FM, (many, 3))
     prior = rig.tool_prior if cell.tool.known and many == 1 else FOUND
-    return replace(rig, point_names=run.points, p_FM=p_FM, R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)), tool_prior=prior)
+    return replace(
+        rig, point_names=run.points, p_FM=p_FM, R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)), tool_prior=prior
+    )
 
 
 def placed(rig: Rig, run: Run) -> Rig:
@@ -50,7 +57,7 @@ def placed(rig: Rig, run: Run) -> Rig:
     p_BF, R_BF = flanges(rig, run.samples.q)
     place, point = run.samples.place, run.samples.point
     point = np.zeros(len(run), dtype=int) if point is None else point
-    known = None if rig.tool_prior >= FOUND else rig.p_FM
+    known = None if rig.tool_prior >= FOUND else np.asarray(rig.p_FM)
     readings = run.readings
     if readings.length is not None:
         if len(rig.p_BX) and known is not None:
@@ -58,11 +65,16 @@ def placed(rig: Rig, run: Run) -> Rig:
         bar = place_lengths(p_BF, R_BF, readings.length, place, point, known, rig.p_BX if len(rig.p_BX) else None)
         prior = rig.place_prior if len(rig.p_BX) else np.full(len(bar.p_BX), FOUND)
         return replace(rig, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
+    if readings.position is not None and readings.rotation is not None:
+        probe = place_poses(p_BF, R_BF, readings.position, readings.rotation, place, point, known)
+        return replace(rig, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
     if readings.position is not None:
         seen = place_points(p_BF, R_BF, readings.position, place, point, known)
         return replace(rig, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
     assert readings.ball is not None
-    plate = place_sockets(p_BF, R_BF, readings.ball, rig.p_GS, place, point, readings.offset, known)
+    plate = place_sockets(
+        p_BF, R_BF, readings.ball, place, point, rig.p_GS, offset=readings.offset, p_FM=known
+    )
     return replace(rig, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
 
@@ -81,7 +93,9 @@ def _check_kind(cell: Cell, run: Run) -> None:
     if wanted != there:
         raise InputError(f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{wanted}'")
     if run.robot is not None and run.robot != cell.robot.name:
-        raise InputError(f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'")
+        raise InputError(
+            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
+        )
     if readings.ball is not None and not cell.balls:
         raise InputError(f"{cell.path}: a gauge '{kind}' needs [[balls]] with their positions in the plate's frame")
 
@@ -92,7 +106,9 @@ def _index(run: Run, name: str, known: tuple[str, ...], what: str, cell: Cell) -
     if name == "" and len(known) == 1:
         return 0
     if name == "":
-        raise InputError(f"{run.name}: the column '{what}' is missing, and {cell.path} has several ({', '.join(known)})")
+        raise InputError(
+            f"{run.name}: the column '{what}' is missing, and {cell.path} has several ({', '.join(known)})"
+        )
     raise InputError(
         f"{run.name}: {what} '{name}' is not in {cell.path}{nearest(name, list(known))} (there: {', '.join(known)})"
     )

@@ -46,9 +46,11 @@ class Problem:
     weight: Array
 
     @classmethod
-    def of(cls, model: Model, run: Run, noise: Noise | None = None) -> "Problem":
-        """Set up the fit of a model to a run."""
+    def of(cls, model: Model, run: Run, noise: Noise | None = None, even: bool = False) -> "Problem":
+        """Set up the fit of a model to a run; ``even`` gives every sample the same noise, for a model known to be off."""
         white = Whitener.of(model, run.samples, noise)
+        if even:
+            white = replace(white, shaken=np.zeros_like(white.shaken))
         return cls(model, run.samples, model.rig.targets(run.samples, run.readings), white, np.ones(len(run)))
 
     def __len__(self) -> int:

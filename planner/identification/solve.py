@@ -10,8 +10,8 @@ from planner.identification.problem import Problem
 from planner.units import Array
 
 WARM = 3_000  # samples of a long run that find the minimum before all of them polish it
-STEPS = 30
-CONVERGED = 1e-3  # a step this small in every parameter's own standard deviation ends the fit
+STEPS = 50
+CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,9 @@ class _Triangle:
         if damping == 0.0:
             return np.asarray(solve_triangular(self.factor, self.right))
         brake = np.sqrt(damping) * np.linalg.norm(self.factor, axis=0)
-        return np.asarray(np.linalg.lstsq(np.vstack([self.factor, np.diag(brake)]), np.append(self.right, 0 * brake))[0])
+        return np.asarray(
+            np.linalg.lstsq(np.vstack([self.factor, np.diag(brake)]), np.append(self.right, 0 * brake))[0]
+        )
 
 
 def _upper(tall: Array) -> Array:
@@ -87,11 +89,13 @@ def _upper(tall: Array) -> Array:
 
 def _descend(problem: Problem, errors: Array) -> Solution:
     here, damping = _Triangle.about(problem, errors), 0.0
+    readings = len(problem) * problem.model.width
     for step in range(1, STEPS + 1):
         z = here.step(damping)
         trial = errors + problem.prior * z
         there = _Triangle.about(problem, trial)
-        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED
+        sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
+        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED * sigma
         if there.cost <= here.cost * (1 + 1e-9):
             errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
         else:
@@ -99,5 +103,6 @@ def _descend(problem: Problem, errors: Array) -> Solution:
         if small:
             return Solution(errors, here.factor, here.cost, step)
     raise NoSolutionError(
-        f"the fit did not come to rest in {STEPS} steps: the start is too far off, or the readings contradict each other"
+        f"the fit did not come to rest in {STEPS} steps: the start is too far off, or the readings contradict "
+        "each other"
     )

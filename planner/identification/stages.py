@@ -33,7 +33,8 @@ def fitted(
     """Fit a model to a run and judge it on held-out poses and on the validation run."""
     start = None if before is None else _start(model, before)
     noise = None if before is None else before.problem.whitener.noise
-    found = fit(Problem.of(model, run, noise), robust, start)
+    rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
+    found = fit(Problem.of(model, run, noise, even=rough), robust, start)
     held = held_out(found, split)
     residual = found.problem.residual(found.errors)
     effects = tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in ("gauge", "geometry"))

@@ -46,7 +46,7 @@ def _calibrated_tool(rig: Rig, found: Fit) -> Rig:
     for t, name in enumerate(rig.point_names):
         label = f"map_{name}" if name else "map"
         p_FM[t] += [shift.get(f"{label}_{axis}", 0.0) for axis in "xyz"]
-    return replace(rig, p_FM=p_FM)
+    return replace(rig, p_FM=p_FM, tool_prior=0.0)
 
 
 def _with_frames(model: Model, found: Fit) -> Model:

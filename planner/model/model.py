@@ -117,7 +117,7 @@ class Model:
         return Linear(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
-        """Standard deviation of one reading, (n,) [m]: gauge and the joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
+        """Standard deviation of one reading, (n,) [m]: gauge and joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
         samples = Samples(q, np.broadcast_to(fixture, (len(q),)))
         shaken = self.joint_rows(samples)
         return np.asarray(np.sqrt(self.rig.noise**2 + self.rig.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
@@ -171,7 +171,9 @@ class Model:
     def _moved(self) -> tuple[np.ndarray, list[int]]:
         """Transforms that any parameter moves, and for each parameter which of these."""
         which = sorted({p.index for p in self.parameters if p.on == "transform"})
-        return np.array(which, dtype=int), [which.index(p.index) if p.on == "transform" else -1 for p in self.parameters]
+        return np.array(which, dtype=int), [
+            which.index(p.index) if p.on == "transform" else -1 for p in self.parameters
+        ]
 
     def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""

@@ -83,7 +83,7 @@ def _tool(rig: Rig) -> Iterator[Parameter]:
     for t, name in enumerate(rig.point_names):
         label = f"map_{name}" if name else "map"
         phi = AtPoint(t) if len(rig.point_names) > 1 else ONE
-        for a, axis in enumerate("xyz"):
+        for axis in "xyz":
             what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
             yield Parameter(
                 f"{label}_{axis}", "m", rig.tool_prior, what, "transform", rig.chain.index(f"map_{axis}"), phi, "gauge"

@@ -2,14 +2,19 @@
 
 from planner.plan.course import Course, Waypoints, axis_limits, course, is_continuous, settled, tool_speed
 from planner.plan.file import identity, plan_content, plan_text
+from planner.plan.header import DriveFile, PlanFile, PoseFile, WaypointFile, read_plan
 from planner.plan.types import Drive, Plan, Role, Visit, signs
 
 __all__ = [
     "Course",
     "Drive",
+    "DriveFile",
     "Plan",
+    "PlanFile",
+    "PoseFile",
     "Role",
     "Visit",
+    "WaypointFile",
     "Waypoints",
     "axis_limits",
     "course",
@@ -17,6 +22,7 @@ __all__ = [
     "is_continuous",
     "plan_content",
     "plan_text",
+    "read_plan",
     "settled",
     "signs",
     "tool_speed",

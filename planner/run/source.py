@@ -1,6 +1,5 @@
 """Where a row of a table came from, so that a message can name file, line and column."""
 
-import re
 from dataclasses import dataclass, field
 
 from planner.run.types import IntArray
@@ -14,8 +13,10 @@ class Source:
         file: its path as the person gave it.
         body: the text from the first row on, as read; ``None`` where the file has no lines (Parquet).
         skipped: lines before ``body``.
-        comment: how a comment line begins.
-        lines: number of the line of each row, where it is not just counted.
+        comment: how a comment line begins; empty where there are none.
+        separator: between fields.
+        lines: number of the line of each row of the file, where it is not just counted.
+        rows: row of the file that each row of the table is, where some were left out.
         headers: names of the columns as they stand in the file, by quantity.
     """
 
@@ -23,11 +24,14 @@ class Source:
     body: bytes | None = None
     skipped: int = 0
     comment: str = "#"
+    separator: str = ","
     lines: IntArray | None = None
+    rows: IntArray | None = None
     headers: tuple[tuple[str, str], ...] = field(default=())
 
     def at(self, row: int) -> str:
         """Return ``"run.csv, line 12"`` for row 0, 1, …"""
+        row = row if self.rows is None else int(self.rows[row])
         if self.lines is not None:
             return f"{self.file}, line {self.lines[row]}"
         if self.body is None:
@@ -38,10 +42,14 @@ class Source:
         """Return the number of a row's line and its text."""
         seen = -1
         for number, line in enumerate((self.body or b"").split(b"\n"), start=self.skipped + 1):
-            seen += not (is_blank(line) or line.startswith(self.comment.encode()))
+            seen += self.is_row(line)
             if seen == row:
                 return number, line.decode("utf-8", "replace").rstrip("\r")
         raise IndexError(row)
+
+    def is_row(self, line: bytes) -> bool:
+        """Return whether a line of the body is neither blank nor a comment."""
+        return not (is_blank(line) or (self.comment and line.startswith(self.comment.encode())))
 
     def header(self, key: str) -> str:
         """Return what the file calls a quantity."""
@@ -54,7 +62,7 @@ def is_blank(line: bytes) -> bool:
 
 
 def without_blank_lines(body: bytes) -> bytes:
-    """Return the text without its empty lines; the same object where there are none."""
-    if re.search(rb"(?:\A|\n)[ \t]*\r?\n", body) is None:
+    """Return the text without its empty lines."""
+    if not any(mark in body for mark in (b"\n\n", b"\n\r\n", b"\n ", b"\n\t")) and not is_blank(body[:1]):
         return body
     return b"\n".join(line for line in body.split(b"\n") if not is_blank(line))

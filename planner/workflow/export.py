@@ -1,45 +1,16 @@
 """``edbb export``: a program in any dialect, later, from ``plan.json`` and the cell beside it."""
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from planner.cell import Cell
 from planner.cell.reading import read_cell
 from planner.errors import InputError
-from planner.plan import Course, Waypoints, course, settled
+from planner.plan import Course, DriveFile, WaypointFile, Waypoints, course, read_plan, settled
 from planner.program import ProgramFile, info, write_program
-from planner.schema import read_json, validate
 from planner.repeatable import single_threaded
 from planner.workflow.session import session
-
-
-class _Loose(BaseModel):
-    """A part of plan.json: only what an export needs is checked, the rest is passed over."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class _Waypoint(_Loose):
-    q_deg: tuple[float, ...]
-    visit: int
-    blend_mm: float = Field(ge=0)
-
-
-class _Drive(_Loose):
-    fixture: str
-    travel: tuple[_Waypoint, ...]
-    waypoints: tuple[_Waypoint, ...]
-
-
-class PlanFile(_Loose):
-    """The keys of ``plan.json`` that an export reads."""
-
-    schema_: Literal["edbb-plan/1"] = Field(alias="schema")
-    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
-    drives: tuple[_Drive, ...] = Field(min_length=1)
 
 
 @single_threaded
@@ -50,7 +21,7 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
     chosen = info(dialect)
-    file = validate(read_json(path), PlanFile, str(path))
+    file = read_plan(path)
     beside = path.parent / "cell.toml"
     if not beside.is_file():
         raise InputError(f"{beside} is missing: a plan is exported together with the cell that was planned")
@@ -60,7 +31,7 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     return write_program(program, dialect, name)
 
 
-def _course(path: Path, cell: Cell, drive: _Drive) -> Course:
+def _course(path: Path, cell: Cell, drive: DriveFile) -> Course:
     names = [f.name for f in cell.fixtures]
     if drive.fixture not in names:
         raise InputError(f"{path}: fixture '{drive.fixture}' is not one of the cell beside it ({', '.join(names)})")
@@ -68,7 +39,7 @@ def _course(path: Path, cell: Cell, drive: _Drive) -> Course:
     return course(cell, names.index(drive.fixture), way, measuring)
 
 
-def _waypoints(path: Path, cell: Cell, points: tuple[_Waypoint, ...]) -> Waypoints:
+def _waypoints(path: Path, cell: Cell, points: tuple[WaypointFile, ...]) -> Waypoints:
     wrong = [len(p.q_deg) for p in points if len(p.q_deg) != cell.robot.n_joints]
     if wrong or len(points) < 2:
         found = f"{wrong[0]} angles" if wrong else f"{len(points)} waypoints"

@@ -38,10 +38,11 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
             write_report(plan, draft)
             write_text(draft / "plan.json", plan_text(plan))
         write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
-        return _move(draft, folder)
+        return move_all(draft, folder)
 
 
-def _move(draft: Path, folder: Path) -> list[Path]:
+def move_all(draft: Path, folder: Path) -> list[Path]:
+    """Move every file of ``draft`` into ``folder``, which is made where it is not there."""
     folder.mkdir(exist_ok=True)
     moved = []
     for path in sorted(p for p in draft.rglob("*") if p.is_file()):

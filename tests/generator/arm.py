@@ -84,13 +84,19 @@ class Arm:
     def _between_axes(self, name):
         return 0 < int(name[5:]) < self.n_joints
 
+    def reference_torque(self, joint=0):
+        """Weight beyond a joint (0: beyond the base), payload too, at half of what is left of the reach [N m]."""
+        first = self.names.index(f"theta{joint}") if joint else 0
+        reach = sum(abs(s.nominal) for s in self.slots[first:] if not s.turns)
+        return GRAVITY * (self.mass[max(joint - 1, 0) :].sum() + self.payload) * reach / 2
+
     def flange(self, q, errors=None):
         """Flange R (n, 3, 3) and p (n, 3) [m] for controller angles q (n, N) [rad]."""
         stance = self.walk(q, errors or {})
         return np.moveaxis(stance.R, 2, 0), stance.p.T
 
     def walk(self, q, errors: Mapping, keep: Iterable[str] = ()) -> Stance:
-        """Forward pass; ``errors`` maps slot names to numbers or (n,) arrays, axes of the slots in ``keep`` are kept."""
+        """Forward pass; ``errors`` maps slots to numbers or (n,) arrays, axes of the slots in ``keep`` are kept."""
         unknown = set(errors) - set(self.names)
         if unknown:
             raise KeyError(f"no such slot: {sorted(unknown)}")
@@ -147,7 +153,9 @@ def _arm(data):
     slots += [Slot("base_r" + "xyz"[k], True, k) for k in range(3)]
     ends = []
     for i, j in enumerate(joints, 1):
-        slots += make(i, deg(j["alpha_deg"]), j["a_mm"] / 1e3, j["d_mm"] / 1e3, deg(j["theta_deg"]), deg(j.get("beta_deg", 0)))
+        slots += make(
+            i, deg(j["alpha_deg"]), j["a_mm"] / 1e3, j["d_mm"] / 1e3, deg(j["theta_deg"]), deg(j.get("beta_deg", 0))
+        )
         ends.append(len(slots))
     flange = data.get("flange", {})
     slots += [Slot("flange_" + "xyz"[k], False, k, v / 1e3) for k, v in enumerate(flange.get("position_mm", (0, 0, 0)))]
@@ -171,7 +179,13 @@ def _arm(data):
 def _dh_row(i, alpha, a, d, theta, beta):
     tilts = [Slot(f"tilt_x{i}", True, 0), Slot(f"tilt_y{i}", True, 1)]
     turn = [Slot(f"theta{i}", True, 2, theta, i - 1), Slot(f"d{i}", False, 2, d)]
-    return [*tilts, *turn, Slot(f"a{i}", False, 0, a), Slot(f"alpha{i}", True, 0, alpha), Slot(f"beta{i}", True, 1, beta)]
+    return [
+        *tilts,
+        *turn,
+        Slot(f"a{i}", False, 0, a),
+        Slot(f"alpha{i}", True, 0, alpha),
+        Slot(f"beta{i}", True, 1, beta),
+    ]
 
 
 def _mdh_row(i, alpha, a, d, theta, beta):

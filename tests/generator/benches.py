@@ -37,5 +37,13 @@ BENCHES = {
     "abb-irb120": Bench((0, 0, 0, 0, 90, 0), (300, 250, 60), (200, 420), (30, 0, 80), 0.5, (8, 0, 35), (380, 0, 120)),
 }
 
+# gear ratios that the robot file states where strain-wave gears are planted: nobody published any for these arms
+RATIOS = (121.0, 160.0, 101.0, 100.0, 80.0, 50.0)
+
 # the four 1-inch balls of the TriCal paper's artifact (its Table 1)
-BALLS_MM = ((-79.539, -330.141, 17.531), (-79.193, 287.805, 18.740), (-79.650, -21.958, 276.388), (26.379, -21.676, 170.489))
+BALLS_MM = (
+    (-79.539, -330.141, 17.531),
+    (-79.193, 287.805, 18.740),
+    (-79.650, -21.958, 276.388),
+    (26.379, -21.676, 170.489),
+)

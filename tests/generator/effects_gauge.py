@@ -1,6 +1,8 @@
 """Effects of the gauge on its reading (n, k): k is 1 for a bar, 3 for a tracker."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from tests.generator.kinds import Kind
 
@@ -26,17 +28,17 @@ def _bow(scene, e, reading, bar):
 
 
 def _lag(scene, e, reading, bar):
-    early = scene.t - e.size
-    return np.stack([np.interp(early, scene.t, column) for column in reading.T], axis=1)
+    return CubicSpline(scene.t, reading)(scene.t - e.size)
 
 
 def _filter(scene, e, reading, bar):
-    """First-order low-pass with time constant ``size`` on the even clock of a continuous run."""
-    step = np.diff(scene.t, prepend=scene.t[0] - (scene.t[1] - scene.t[0]))
-    keep, out = np.exp(-step / max(e.size, 1e-12)), reading.copy()
-    for k in range(1, len(out)):
-        out[k] = reading[k] + keep[k] * (out[k - 1] - reading[k]) if e.size > 0 else reading[k]
-    return out
+    """First-order low-pass with time constant ``size``, exact for readings that are straight between samples."""
+    if e.size <= 0:
+        return reading
+    step = np.median(np.diff(scene.t))
+    keep = np.exp(-step / e.size)
+    slope = np.diff(reading, axis=0, prepend=reading[:1]) / step
+    return reading - lfilter([e.size * (1 - keep)], [1.0, -keep], slope, axis=0)
 
 
 def _ball_centre(scene, e, reading, bar):
@@ -58,16 +60,16 @@ def _step(scene, e, reading, bar):
     return reading + e.size * steps[scene.session % 4, None]
 
 
-def _direction(rng, arm):
+def _direction(rng, arm, joint):
     e = rng.normal(size=3)
     return dict(zip(("ex", "ey", "ez"), e / np.linalg.norm(e), strict=True))
 
 
-def _period(rng, arm):
+def _period(rng, arm, joint):
     return {"period": float(rng.choice([1e-3, 2e-3, 5e-3])), "phase": rng.uniform(0, 2 * np.pi)}
 
 
-def _steps(rng, arm):
+def _steps(rng, arm, joint):
     s = rng.choice([-1.0, 1.0], 3) * rng.uniform(0.4, 1.0, 3)
     return {f"step{k + 1}": v for k, v in enumerate(s)}
 

@@ -38,7 +38,7 @@ def _two_warm_ups(scene, e):
     return {f"theta{e.joint}": e.size * rise}
 
 
-def _somewhere(rng, arm):
+def _somewhere(rng, arm, joint):
     e = rng.normal(size=3)
     return dict(zip(("ex", "ey", "ez"), e / np.linalg.norm(e), strict=True))
 
@@ -51,12 +51,12 @@ KINDS = (
     Kind("base-drift", "m/h", (5e-6, 1e-3), _base_drift, inner=_somewhere, right=("drift",)),
     Kind(
         "warm-up", "rad", (2e-5, 1e-3), _warm_up, joints="all", right=("joint-drift", "drift"),
-        inner=lambda rng, arm: {"tau": rng.uniform(300.0, 2400.0)},
+        inner=lambda rng, arm, joint: {"tau": rng.uniform(300.0, 2400.0)},
     ),
     Kind(
         "warm-up-two", "rad", (2e-5, 1e-3), _two_warm_ups, joints="all", in_catalogue=False,
         right=("warm-up", "joint-drift", "drift"),
-        inner=lambda rng, arm: {
+        inner=lambda rng, arm, joint: {
             "fast": rng.uniform(120.0, 600.0), "slow": rng.uniform(1800.0, 5400.0), "back": rng.uniform(0.5, 1.5),
         },
     ),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tests.generator.benches import RATIOS
 from tests.generator.kinds import Kind
 
 TAU = 2 * np.pi
@@ -61,17 +62,26 @@ def _wobble(scene, e):
     return {f"tilt_x{e.joint}": e.size * np.cos(angle), f"tilt_y{e.joint}": e.size * e["oval"] * np.sin(angle)}
 
 
-def _phase(rng, arm):
+def _phase(rng, arm, joint):
     return {"phase": rng.uniform(0, TAU)}
 
 
-def _tone(rng, arm):
+def _tone(rng, arm, joint):
     return {"phase": rng.uniform(0, TAU), "frequency": np.round(rng.uniform(2.6, 30.0), 3)}
 
 
-# which axis's motor also drives which: the hand of a six-axis arm, or the forearm behind a parallelogram
-def _by(rng, arm):
-    return {"by": float(rng.integers(1, arm.n_joints + 1))}
+def _strain_wave(rng, arm, joint):
+    """The wave generator of a strain-wave gear runs over the teeth twice in each of its turns."""
+    return {"frequency": 2 * RATIOS[joint - 1], **_phase(rng, arm, joint)}
+
+
+def _by(rng, arm, joint):
+    """The axis whose motor also drives this one: a neighbour, as in hands and behind parallelograms."""
+    return {"by": float(rng.choice([k for k in (joint - 1, joint + 1) if 1 <= k <= arm.n_joints]))}
+
+
+def _oval(rng, arm, joint):
+    return {"turns": float(rng.integers(1, 4)), "oval": rng.uniform(-1, 1), **_phase(rng, arm, joint)}
 
 
 MICRO = (2e-5, 1e-3)  # [rad]
@@ -79,6 +89,10 @@ KINDS = (
     Kind("encoder-once", "rad", MICRO, _wave(1), joints="all", inner=_phase, right=("encoder-1", "encoder")),
     Kind("encoder-twice", "rad", MICRO, _wave(2), joints="all", inner=_phase, right=("encoder-2", "encoder")),
     Kind("reducer-ripple", "rad", MICRO, _ripple, joints="all", inner=_tone, right=("gear-ripple", "harmonic")),
+    Kind(
+        "strain-wave", "rad", MICRO, _ripple, joints="all", inner=_strain_wave, logs=("ratios",),
+        right=("reducer-ripple", "gear-ripple", "harmonic"),
+    ),
     Kind("reduction-ratio", "rad/rad", (2e-5, 2e-3), _ratio, joints="all"),
     Kind("coupling", "rad/rad", (2e-5, 2e-3), _coupling, joints="all", inner=_by),
     Kind(
@@ -93,16 +107,16 @@ KINDS = (
     Kind("unsettled", "1", (0.05, 1.0), _unsettled, motion=("static",), logs=("command",)),
     Kind(
         "servo-lag", "s", (5e-5, 2e-2), _lag, joints="all", motion=("continuous",), gauges=("edbb", "tracker"),
-        right=("lag",), right_anywhere=(),
+        right=("lag",),
     ),
     Kind(
         "hysteresis", "rad", MICRO, _hysteresis, joints="all", in_catalogue=False, logs=("direction",),
-        gauges=("edbb", "tracker"), inner=lambda rng, arm: {"width": np.radians(rng.uniform(1.0, 30.0))},
+        gauges=("edbb", "tracker"), inner=lambda rng, arm, joint: {"width": np.radians(rng.uniform(1.0, 30.0))},
         right=("backlash", "backlash-approach", "backlash-speed"),
     ),
     Kind(
         "wobble", "rad", MICRO, _wobble, joints="all", in_catalogue=False, right=("axis-wobble", "bearing"),
-        inner=lambda rng, arm: {"turns": float(rng.integers(1, 4)), "oval": rng.uniform(-1, 1), **_phase(rng, arm)},
+        inner=_oval,
     ),
     Kind(
         "sawtooth", "rad", MICRO, _sawtooth, joints="all", in_catalogue=False, inner=_tone,

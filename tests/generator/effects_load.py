@@ -40,31 +40,35 @@ def _wrong_payload(scene, e):
     return {slot: e.size * c * scene.moments(slot, "payload") for slot, c in yields.items()}
 
 
+def _soft_joints(rng, arm, joint):
+    return {f"compliance{j}": rng.uniform(0.5, 2.0) * 1e-3 / arm.reference_torque() for j in (2, 3)}
+
+
 KINDS = (
-    Kind("joint-compliance", "rad/Nm", (2e-8, 5e-6), _joint, joints="loaded", right=("payload-compliance",)),
+    Kind("joint-compliance", "rad/Nm", (1e-4, 3e-3), _joint, joints="loaded", right=("payload-compliance",)),
     Kind(
-        "payload-compliance", "rad/Nm", (2e-8, 2e-5), _payload_joint, joints="loaded", logs=("payload",),
+        "payload-compliance", "rad/Nm", (1e-4, 3e-3), _payload_joint, joints="loaded", logs=("payload",),
         motion=("static",), right=("joint-compliance",),
     ),
     Kind(
-        "force-compliance", "rad/Nm", (2e-8, 2e-5), _joint, joints="all", logs=("force",), gauges=("edbb",),
+        "force-compliance", "rad/Nm", (1e-4, 3e-3), _joint, joints="all", logs=("force",), gauges=("edbb",),
         motion=("static",), right=("joint-compliance",),
     ),
-    Kind("link-bending", "rad/Nm", (2e-8, 5e-6), _bending, joints="loaded"),
-    Kind("soft-base", "rad/Nm", (1e-9, 1e-6), _floor),
-    Kind("tool-compliance", "rad/Nm", (1e-7, 2e-4), _tool, right=("flange-compliance",)),
+    Kind("link-bending", "rad/Nm", (1e-4, 3e-3), _bending, joints="loaded"),
+    Kind("soft-base", "rad/Nm", (1e-5, 2e-3), _floor),
+    Kind("tool-compliance", "rad/Nm", (2e-3, 0.5), _tool, right=("flange-compliance",)),
     Kind(
-        "wrong-payload", "kg", (0.2, 20.0), _wrong_payload,
-        inner=lambda rng, arm: {f"compliance{j}": rng.uniform(0.5, 2.0) * 1e-6 for j in (2, 3)},
+        "wrong-payload", "kg", (0.02, 0.5), _wrong_payload,
+        inner=_soft_joints,
         right_anywhere=("joint-compliance", "payload-compliance", "payload-mass"),
     ),
     Kind(
-        "soft-floor-xy", "rad/Nm", (1e-9, 1e-6), _floor_xy, in_catalogue=False,
-        inner=lambda rng, arm: {"ratio": rng.choice([0.2, 0.4, 2.5, 5.0])},
+        "soft-floor-xy", "rad/Nm", (1e-5, 2e-3), _floor_xy, in_catalogue=False,
+        inner=lambda rng, arm, joint: {"ratio": rng.choice([0.2, 0.4, 2.5, 5.0])},
         right=("soft-base",), right_anywhere=("soft-base",),
     ),
     Kind(
-        "link-twist", "rad/Nm", (2e-8, 5e-6), _twist, joints="loaded", in_catalogue=False,
+        "link-twist", "rad/Nm", (1e-4, 3e-3), _twist, joints="loaded", in_catalogue=False,
         right=("link-bending", "link-compliance"),
     ),
 )  # fmt: skip

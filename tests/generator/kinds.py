@@ -33,9 +33,11 @@ class Kind:
     """One row of the table.
 
     ``moves(scene, effect)``: slot → (n,) motion; ``reads(scene, effect, reading, bar)``: the new reading (n, k), where
-    ``bar`` (n, 3) [m] goes from the fixture to the measured point. ``likely``: plausible sizes, ``most``: beyond it no
-    real arm goes. ``right``: labels that count as naming it, besides its own; those in ``right_anywhere`` on any joint.
-    ``absorbed``: lies in the span of geometry and frames, so that no fit can show it.
+    ``bar`` (n, 3) [m] goes from the fixture to the measured point. ``likely``: plausible sizes, for a compliance in rad
+    at the joint's reference torque, for a mass in parts of the rated payload. ``inner(rng, arm, joint)`` draws the
+    inner numbers. ``right``: labels that count as naming it, besides its own; those in ``right_anywhere`` on any
+    joint. ``logs``: what a run must carry to show it. ``absorbed``: lies in the span of geometry and frames, so that
+    no fit can show it.
     """
 
     name: str
@@ -44,7 +46,7 @@ class Kind:
     moves: Callable | None = None
     reads: Callable | None = None
     joints: str = "none"  # none | all | loaded
-    inner: Callable[[np.random.Generator, object], dict] = lambda rng, arm: {}
+    inner: Callable[[np.random.Generator, object, int], dict] = lambda rng, arm, joint: {}
     in_catalogue: bool = True
     right: tuple[str, ...] = ()
     right_anywhere: tuple[str, ...] = ()
@@ -53,9 +55,10 @@ class Kind:
     logs: tuple[str, ...] = ()
     absorbed: bool = False
 
-    @property
-    def most(self):
-        return 10.0 * self.likely[1]
+    def sizes(self, arm, joint=0):
+        """Smallest and largest size that is plausible at a joint of an arm, in the kind's unit."""
+        scale = {"rad/Nm": 1 / arm.reference_torque(joint), "kg": arm.payload}.get(self.unit, 1.0)
+        return float(self.likely[0] * scale), float(self.likely[1] * scale)
 
     def places(self, arm):
         """Joints (from 1) where it may sit; joint 0 means nowhere in particular."""

@@ -14,24 +14,23 @@ def rms(residual):
     return float(np.sqrt(np.mean(np.sum(np.asarray(residual) ** 2, axis=1))))
 
 
-def fit(columns, y, sigma):
-    """Parameters (P,) for residuals y (n, k) by columns (n, k, P), each held to ``WIDE`` by a soft prior."""
+def fit(columns, y, sigma, wide=WIDE):
+    """Parameters (P,) for residuals y (n, k) by columns (n, k, P), each held softly to ``wide``, a number or (P,)."""
     A, b = columns.reshape(-1, columns.shape[2]), y.ravel()
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    hold = np.diag(sigma / WIDE / size)
-    hold[size <= 1e-300] = 0.0
-    found = np.linalg.lstsq(np.vstack([A / size, hold]), np.concatenate([b, np.zeros(len(size))]), rcond=1e-13)[0]
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-30)
+    hold = np.diag(sigma / (wide * size))
+    found = np.linalg.lstsq(np.vstack([A / size, hold]), np.concatenate([b, np.zeros(len(size))]), rcond=None)[0]
     return found / size
 
 
-def left_over(columns, y, sigma):
+def left_over(columns, y, sigma, wide=WIDE):
     """What is left (n, k) of y when the columns have taken what they can."""
-    return y - columns @ fit(columns, y, sigma)
+    return y - columns @ fit(columns, y, sigma, wide)
 
 
-def held_out(columns, y, folds, sigma):
+def held_out(columns, y, folds, sigma, wide=WIDE):
     """Residuals (n, k) of samples that the fit never saw; ``folds`` (n,) tells which are left out together."""
     out = np.empty_like(y)
     for f in np.unique(folds):
-        out[folds == f] = y[folds == f] - columns[folds == f] @ fit(columns[folds != f], y[folds != f], sigma)
+        out[folds == f] = y[folds == f] - columns[folds == f] @ fit(columns[folds != f], y[folds != f], sigma, wide)
     return out

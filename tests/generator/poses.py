@@ -77,7 +77,7 @@ def _some(x, target, near, rng, count=3):
     return rng.choice(close, count, replace=False)
 
 
-def shell_points(centre, lengths, count, rng, cone=np.radians(80.0)):
+def shell_points(centre, lengths, count, rng, cone):
     """Points (count, 3) between two radii about ``centre``, bar within ``cone`` of the upright."""
     z = 1 - (1 - np.cos(cone)) * rng.random(count)
     turn = 2 * np.pi * rng.random(count)

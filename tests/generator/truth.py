@@ -28,10 +28,8 @@ class Noise:
 
     def draw(self, rng, n, k, memory=None):
         """Samples (n, k) of unit variance."""
-        if self.shape == "heavy":
-            white = rng.standard_t(3, (n, k)) / np.sqrt(3)
-        else:
-            white = rng.standard_normal((n, k))
+        heavy = self.shape == "heavy"
+        white = rng.standard_t(3, (n, k)) / np.sqrt(3) if heavy else rng.standard_normal((n, k))
         memory = memory if memory is not None else (self.memory if self.shape == "correlated" else 0.0)
         return remembering(white, memory)
 
@@ -82,7 +80,7 @@ def draw_errors(arm, rng, length=4e-4, angle=5e-4, tool=4e-4, place=2e-3):
     return MappingProxyType(errors)
 
 
-def draw_truth(arm, seed, effects=(), noise=Noise(), mass_spread=0.0):  # noqa: B008 (frozen)
+def draw_truth(arm, seed, effects=(), noise=Noise(), mass_spread=0.0):
     """Random geometry with given effects and noise; link masses off by ``mass_spread`` of themselves (1 sigma)."""
     rng = np.random.default_rng([seed, 1])
     errors = draw_errors(arm, rng)

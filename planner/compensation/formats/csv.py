@@ -1,4 +1,4 @@
-"""Tables of targets: ``q1_deg`` … ``qN_deg``, or ``x_mm, y_mm, z_mm, a_deg, b_deg, c_deg`` with joint angles to start from."""
+"""Tables of targets: ``q1_deg`` … ``qN_deg``, or poses (``x_mm`` … ``c_deg``) with joint angles to start from."""
 
 import re
 
@@ -80,7 +80,9 @@ def _row(number: int, start: int, line: str, separator: str, columns: _Columns, 
     for k, unit in columns.pose + columns.joints:
         match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", cells[k])
         if match is None:
-            reading.refusals.add(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed")
+            reading.refusals.add(
+                number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed"
+            )
             return
         place = int(places[k]) + len(match[1])
         slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _DECIMALS[unit]))

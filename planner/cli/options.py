@@ -1,0 +1,27 @@
+"""What the commands share: options, and how they print."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from planner.errors import InputError
+
+Index = Literal["O1", "O2", "O3", "O4", "O5"]
+CellArgument = Annotated[str, typer.Argument(metavar="CELL", help="a cell file, or robot/cell for a shipped one")]
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder to write to")]
+Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same bytes")]
+
+
+def check_folder(output: Path) -> None:
+    """Refuse a file where a folder is to be written."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output} is a file; -o needs a folder")
+
+
+def print_json(content: object) -> None:
+    """Print the machine-readable summary."""
+    sys.stdout.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")

@@ -1,0 +1,88 @@
+"""The commands of planning: plan, study, export, and what is there."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from planner.cell import load_cell, shipped_cells
+from planner.cli.options import CellArgument, Index, Json, Output, Seed, check_folder, print_json
+from planner.cli.screen import Screen, errors
+from planner.cli.summary import dialect_table, plan_summary, robot_table
+from planner.errors import InputError
+from planner.files import write_text
+from planner.plan import plan_content
+from planner.workflow import Options, export_plan, plan, write_plan
+
+
+def plan_command(
+    cell: CellArgument,
+    output: Output,
+    poses: Annotated[
+        int | None, typer.Option(min=1, help="number of poses (default: where the index curve bends)")
+    ] = None,
+    index: Annotated[Index | None, typer.Option(help="observability index to select by")] = None,
+    seed: Seed = 0,
+    dialect: Annotated[list[str] | None, typer.Option(help="robot language; may be repeated")] = None,
+    tsp: Annotated[Literal["auto", "exact", "concorde"], typer.Option(help="tour solver")] = "auto",
+    as_json: Json = False,
+) -> None:
+    """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
+    options = Options(poses, index, seed, tuple(dialect or ()), tsp)
+    check_folder(output)
+    with Screen() as stages:
+        result = plan(load_cell(cell), options, stages)
+        write_plan(result, output, stages)
+    if as_json:
+        print_json(plan_content(result))
+    else:
+        plan_summary(result, output)
+
+
+def study_command(
+    cell: CellArgument,
+    output: Output,
+    index: Annotated[Index | None, typer.Option(help="observability index")] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Observability offline: what can be seen, with how many poses, from which fixture."""
+    from planner.study import study  # matplotlib: other commands start quicker without
+
+    check_folder(output)
+    with Screen() as stages:
+        summary = study(load_cell(cell), output, index, seed, stages.say)
+    if as_json:
+        print_json(summary.content())
+    else:
+        errors.print(summary.text(), markup=False)
+
+
+def export_command(
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan with its cell.toml beside it")],
+    dialect: Annotated[str, typer.Option(help="robot language")],
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
+    ],
+) -> None:
+    """Write the robot program of a plan in any dialect."""
+    files = export_plan(plan_file, dialect, "-" if output == "-" else Path(output).name)
+    if output == "-":
+        if len(files) > 1:
+            names = ", ".join(f.name for f in files)
+            raise InputError(f"dialect '{dialect}' writes {len(files)} files ({names}); give a file name with -o")
+        sys.stdout.write(files[0].text)
+        return
+    for file in files:
+        write_text(Path(output).parent / file.name, file.text, file.encoding)
+
+
+def robots_command(as_json: Json = False) -> None:
+    """List the robots and cells that come with the planner."""
+    robot_table(shipped_cells(), as_json)
+
+
+def dialects_command(as_json: Json = False) -> None:
+    """List the robot languages that programs can be written in."""
+    dialect_table(as_json)

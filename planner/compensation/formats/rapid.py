@@ -1,0 +1,222 @@
+"""ABB RAPID: jointtarget and robtarget, declared by name or written at the move."""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.compensation.dialects import DialectWords
+from planner.compensation.formats.rapid_values import (
+    JOINT_TARGET,
+    ROB_TARGET,
+    UNUSED,
+    ConfData,
+    numbers,
+    tool_of,
+    transform,
+    work_object_of,
+)
+from planner.compensation.targets import Pose, Reading, Target
+from planner.compensation.text import Lines, Slot, masked
+from planner.units import DEG, MM, Array, frozen
+
+MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 4, 5, 8
+_DECLARED = re.compile(
+    r"\b(?P<how>CONST|PERS|VAR)\s+(?P<type>robtarget|jointtarget|tooldata|wobjdata)\s+(?P<name>\w+)\s*"
+    r"(?P<array>\{[^}]*\})?\s*:=\s*(?P<value>.*)",
+    re.IGNORECASE | re.DOTALL,
+)
+_MOVE = re.compile(
+    r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|ExtJ|J|L|C)\w*|Search[LC]\w*)\b(?P<rest>.*)", re.IGNORECASE | re.DOTALL
+)
+_ASSIGNED = re.compile(r"(?:^|\s)(?P<name>\w+)\s*(?:\{[^}]*\}\s*)?(?:\.[\w.]+\s*)?:=", re.IGNORECASE)
+_DISPLACED = re.compile(r"\b(ConfJ|ConfL)\s*\\\s*Off\b|\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
+Frames = tuple[Array | None, Array | None]
+
+
+@dataclass
+class _Point:
+    """A robtarget in the file, with tool and work object of the moves that use it."""
+
+    line: int
+    place: int
+    value: str
+    frames: list[tuple[str, str]] = field(default_factory=list)
+
+
+def read(text: str, _words: DialectWords, reading: Reading) -> None:
+    """Note the targets of one module."""
+    _Module(text, reading).run()
+
+
+class _Module:
+    """Declarations and moves of a module; statements end with a semicolon."""
+
+    def __init__(self, text: str, reading: Reading) -> None:
+        self.reading = reading
+        self.plain = text
+        self.text = masked(text, r"![^\r\n]*")
+        self.lines = Lines.of(text)
+        self.points: dict[str, _Point] = {}
+        self.known: set[str] = set()
+        self.used: dict[str, int] = {}
+        self.assigned: dict[str, int] = {}
+        self.tools: dict[str, Array | None] = {"tool0": np.eye(4)}
+        self.objects: dict[str, Array | None] = {"wobj0": np.eye(4)}
+        self.displaced: tuple[int, str] | None = None
+
+    def run(self) -> None:
+        self._frames_of(masked(self.reading.frames.data, r"![^\r\n]*", ""))
+        for match in re.finditer(r"[^;]*;", self.text):
+            self._statement(match.start(), match[0][:-1])
+        for name in self.used.keys() & self.assigned.keys():
+            self._refuse(self.used[name], f"{name} is computed while the program runs (line {self.assigned[name]})")
+        for name, number in sorted(self.used.items(), key=lambda item: item[1]):
+            if name not in self.known and name not in self.assigned:
+                self.reading.notes.append(
+                    (number, f"{name} is declared elsewhere: compensate the module that declares it too")
+                )
+        for point in self.points.values():
+            self._pose(point)
+
+    def _refuse(self, line: int, sentence: str) -> None:
+        self.reading.refusals.add(line, sentence)
+
+    def _statement(self, place: int, statement: str) -> None:
+        if match := _DECLARED.search(statement):
+            self._declared(place, match)
+        elif match := _MOVE.search(statement):
+            self._move(place, match)
+        elif match := _ASSIGNED.search(statement):
+            self.assigned.setdefault(match["name"].lower(), self.lines.number(place + match.start("name")))
+        elif (match := _DISPLACED.search(statement)) and self.displaced is None:
+            self.displaced = self.lines.number(place + match.start()), match[0]
+
+    def _frames_of(self, text: str) -> None:
+        for statement in text.split(";"):
+            if match := _DECLARED.search(statement):
+                self._frame(match, match["value"].strip())
+
+    def _frame(self, match: re.Match[str], value: str) -> bool:
+        kind, name = match["type"].lower(), match["name"].lower()
+        if kind == "tooldata":
+            self.tools[name] = tool_of(value)
+        elif kind == "wobjdata":
+            self.objects[name] = work_object_of(value)
+        return kind in ("tooldata", "wobjdata")
+
+    def _declared(self, place: int, match: re.Match[str]) -> None:
+        value, start = match["value"].rstrip(), place + match.start("value")
+        number, name = self.lines.number(start), match["name"].lower()
+        if self._frame(match, self.plain[start : start + len(value)]):
+            return
+        self.known.add(name)
+        if match["array"]:
+            self._refuse(
+                number, f"an array of targets found ({match['name']}{match['array']}); single targets are allowed"
+            )
+        elif JOINT_TARGET.fullmatch(value) and match["type"].lower() == "jointtarget":
+            self._joints(number, start, value)
+        elif ROB_TARGET.fullmatch(value) and match["type"].lower() == "robtarget":
+            self.points[name] = _Point(number, start, value)
+        else:
+            self._refuse(number, f"{match['name']} := {value[:60]} found; plain numbers in brackets are allowed")
+
+    def _move(self, place: int, match: re.Match[str]) -> None:
+        word, rest, start = match["word"].lower(), match["rest"], place + match.start("rest")
+        number = self.lines.number(place + match.start("word"))
+        arguments = [(a, start + at) for a, at in _arguments(rest) if not a.strip().startswith("\\")]
+        count = 2 if re.match(r"(move|trigg|search)c", word) else 1
+        if word.startswith("search"):
+            count += 1
+        tool = next((a for a, _ in reversed(arguments) if not _is_value(a)), "")
+        named = re.match(r"\s*(\w+)(?:\s*\\\s*WObj\s*:=\s*(\w+))?", tool, re.IGNORECASE)
+        frames = ("", "") if named is None else (named[1].lower(), (named[2] or "wobj0").lower())
+        for text, at in arguments[1:count] if word.startswith("search") else arguments[:count]:
+            self._argument(number, at, text, frames)
+
+    def _argument(self, number: int, place: int, text: str, frames: tuple[str, str]) -> None:
+        value, place = text.strip(), place + len(text) - len(text.lstrip())
+        name = re.match(r"(\w+)\s*(?:\\\s*NoEOffs|\\\s*ID\s*:=\s*\w+)?\s*$", value, re.IGNORECASE)
+        if JOINT_TARGET.fullmatch(value):
+            self._joints(number, place, value)
+        elif ROB_TARGET.fullmatch(value):
+            self.points[f"at {place}"] = _Point(number, place, value, [frames])
+        elif name:
+            self.used.setdefault(name[1].lower(), number)
+            if name[1].lower() in self.points:
+                self.points[name[1].lower()].frames.append(frames)
+        else:
+            self._refuse(number, f"'{value[:60]}' found as a target; a name or plain numbers in brackets are allowed")
+
+    def _joints(self, line: int, place: int, value: str) -> None:
+        found = numbers(value, place)[: self.reading.robot.n_joints]
+        if any(n.value > UNUSED for n in found):
+            self._refuse(line, f"an axis without a number (9E9) found; the robot has {len(found)} joints")
+            return
+        slots = tuple(Slot(n.start, n.end, DEG, DEG_DECIMALS) for n in found)
+        self.reading.targets.append(Target(line, slots, q=frozen([n.value * DEG for n in found])))
+
+    def _pose(self, point: _Point) -> None:
+        found = numbers(point.value, point.place)
+        values = [n.value for n in found]
+        conf = [round(v) for v in values[7:11]]
+        refused = self._why_not(point, values, conf)
+        T_FT, T_WB = self._frames_at(point)
+        if refused is None and (T_FT is None or T_WB is None):
+            names = ", ".join(sorted({f"{t} and {w}" for t, w in point.frames})) or "no move of this file"
+            refused = (
+                f"tool and work object of this target are not known ({names}): declare them in the module, give a "
+                "module that does, or name tool and work object yourself"
+            )
+        if refused is not None or T_FT is None or T_WB is None:
+            self._refuse(point.line, refused or "")
+            return
+        slots = [Slot(n.start, n.end, MM, MM_DECIMALS) for n in found[:3]]
+        slots += [Slot(n.start, n.end, 1.0, QUATERNION_DECIMALS) for n in found[3:7]]
+        slots += [Slot(n.start, n.end, 1.0, 0) for n in found[7:11]]
+        pose = Pose(
+            transform(values),
+            "quaternion",
+            frozen(values[3:7]),
+            T_WB,
+            T_FT,
+            ConfData((conf[0], conf[1], conf[2]), conf[3]),
+        )
+        self.reading.targets.append(Target(point.line, tuple(slots), pose=pose))
+
+    def _why_not(self, point: _Point, values: list[float], conf: list[int]) -> str | None:
+        size = float(np.linalg.norm(values[3:7]))
+        if abs(size - 1.0) > 1e-3:
+            return f"the quaternion has the length {size:.4f}; 1 is allowed"
+        if not 0 <= conf[3] <= 3:
+            return f"cfx = {conf[3]} found; 0 … 3 are allowed (the wrist in front of axis 1), or a jointtarget"
+        if self.displaced is not None:
+            return f"{self.displaced[1]} in line {self.displaced[0]} makes the meaning of this target uncertain"
+        return None
+
+    def _frames_at(self, point: _Point) -> Frames:
+        given = self.reading.frames
+        frames = [(self.tools.get(t, given.T_FT), self.objects.get(w, given.T_WB)) for t, w in point.frames]
+        if not frames:
+            return given.T_FT, given.T_WB
+        for one, other in ((frames[0][k], f[k]) for f in frames for k in (0, 1)):
+            if one is None or other is None or not np.array_equal(one, other):
+                return None, None
+        return frames[0]
+
+
+def _is_value(argument: str) -> bool:
+    """Return whether an argument is in brackets or a switch, and so not the name of a tool."""
+    return argument.strip().startswith(("[", "\\"))
+
+
+def _arguments(text: str) -> list[tuple[str, int]]:
+    """Return the arguments of a call with their places, cut at the commas outside of brackets."""
+    found, depth, start = [], 0, 0
+    for k, char in enumerate(text):
+        depth += (char in "[({") - (char in "])}")
+        if char == "," and depth == 0:
+            found.append((text[start:k], start))
+            start = k + 1
+    return [*found, (text[start:], start)]

@@ -1,0 +1,145 @@
+"""Joint angles at which the nominal robot reaches the poses of a file, in the configuration that the file says."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.stats import qmc
+
+from planner.compensation.poser import NominalPoser
+from planner.compensation.rotations import inverse
+from planner.compensation.shapes import agrees, shape_of
+from planner.compensation.solving import solve
+from planner.compensation.targets import Pose, Target
+from planner.robot import Robot
+from planner.units import Array
+
+SEEDS = 15  # log2 of how many arm positions are kept to start from
+STARTS = 8  # positions that the search of one pose starts from
+ROUNDS = 40  # iterations with the numeric Jacobian
+FOUND = 1e-7  # [m and rad] of a pose that is reached
+Problem = tuple[int, str]
+
+
+def nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Problem]]:
+    """Return the angles (n, N) [rad] of the targets of a file, NaN where there are none, and (line, why) of those."""
+    q = np.full((len(targets), robot.n_joints), np.nan)
+    problems: list[Problem] = []
+    for i, target in enumerate(targets):
+        if target.q is not None:
+            q[i] = target.q
+    _from_start(robot, targets, q, problems)
+    _from_configuration(robot, targets, q, problems)
+    return q, problems
+
+
+def flange_of(poses: list[Pose]) -> Array:
+    """Return the flange in the robot's own frame, (n, 4, 4) [m]."""
+    T_WB, T_BT = np.array([p.T_WB for p in poses]), np.array([p.T_BT for p in poses])
+    return np.asarray(T_WB @ T_BT @ inverse(np.array([p.T_FT for p in poses])))
+
+
+def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+    rows = [(i, t.pose, t.pose.start) for i, t in enumerate(targets) if t.pose is not None and t.pose.start is not None]
+    if not rows:
+        return
+    T = flange_of([pose for _, pose, _ in rows])
+    found, ok = _reach(robot, np.array([start for _, _, start in rows]), T)
+    for (i, _, _), solution, good in zip(rows, found, ok, strict=True):
+        if good:
+            q[i] = solution
+        else:
+            problems.append((targets[i].line, "the pose is not reached from its starting angles"))
+
+
+def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+    rows = [i for i, t in enumerate(targets) if t.pose is not None and t.pose.start is None]
+    if not rows:
+        return
+    shapes = np.zeros(len(targets), dtype=int)
+    given = ~np.isnan(q[:, 0])
+    if given.any():
+        shapes[given] = shape_of(robot, q[given])
+    poses = []
+    for i in rows:
+        pose, follows = targets[i].pose, targets[i].follows
+        assert pose is not None
+        wanted = None if pose.configuration is None else pose.configuration.shape
+        shapes[i] = shapes[follows] if wanted is None and follows is not None else wanted or 0
+        poses.append(pose)
+    found, ok = _search(robot, flange_of(poses), shapes[rows])
+    for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
+        lifted = _lifted(robot, pose, solution, q, targets[i].follows) if good else None
+        if lifted is not None:
+            q[i] = lifted
+        elif good:
+            problems.append((targets[i].line, "no joint angles within the limits have the turns that are said"))
+        else:
+            problems.append((targets[i].line, "the nominal robot does not reach the pose in the shape that is said"))
+
+
+def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarray]:
+    """Return angles (n, 6) in the shapes (n,) that reach T (n, 4, 4), and which were found."""
+    q, ok = np.zeros((len(T), robot.n_joints)), np.zeros(len(T), dtype=bool)
+    seeds, scale = _seeds(robot)
+    kinds = shape_of(robot, seeds)
+    features = _features(T[:, :3, 3], T[:, :3, :3], scale)
+    pool = _features(*NominalPoser(robot).flange(seeds), scale)
+    for shape in np.unique(shapes):
+        rows, own = np.flatnonzero(shapes == shape), np.flatnonzero(kinds == shape)
+        if not own.size:
+            continue
+        count = min(STARTS, own.size)
+        near = KDTree(pool[own]).query(features[rows], k=count)[1].reshape(len(rows), count)
+        starts = seeds[own[near]].reshape(-1, robot.n_joints)
+        found, good = _reach(robot, starts, np.repeat(T[rows], count, axis=0))
+        good &= agrees(robot, found, np.full(len(found), shape))
+        good = good.reshape(len(rows), count)
+        q[rows] = found.reshape(len(rows), count, -1)[np.arange(len(rows)), good.argmax(axis=1)]
+        ok[rows] = good.any(axis=1)
+    return q, ok
+
+
+def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
+    nominal = NominalPoser(robot)
+    q, _ = solve(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
+    p, R = nominal.flange(q)
+    far = np.abs(p - T[:, :3, 3]).max(axis=1)
+    if robot.n_joints == 5:
+        off = np.abs(R[:, :, 2] - T[:, :3, 2]).max(axis=1)
+    else:
+        off = np.abs(R - T[:, :3, :3]).max(axis=(1, 2))
+    return q, (far < FOUND) & (off < FOUND)
+
+
+def _lifted(robot: Robot, pose: Pose, solution: Array, q: Array, follows: int | None) -> Array | None:
+    """Add the whole turns that the configuration says, or that bring the angles nearest to those before."""
+    options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None]
+    allowed = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
+    if pose.configuration is not None:
+        allowed &= pose.configuration.turns(options)
+        distance = np.abs(options)
+    elif follows is not None and not np.isnan(q[follows]).any():
+        distance = np.abs(options - q[follows])
+    else:
+        return None
+    if not allowed.any(axis=0).all():
+        return None
+    best = np.where(allowed, distance, np.inf).argmin(axis=0)
+    return np.asarray(options[best, np.arange(robot.n_joints)])
+
+
+def _seeds(robot: Robot) -> tuple[Array, float]:
+    """Return arm positions (n, N) [rad] spread over the joints' limits, one turn at most, and the reach [m]."""
+    lower, upper = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
+    q = lower + _unit_points(robot.n_joints) * (upper - lower)
+    return q, float(sum(abs(t.nominal) for t in robot.transforms if t.kind == "translation"))
+
+
+@lru_cache(maxsize=4)
+def _unit_points(dimension: int) -> Array:
+    return np.asarray(qmc.Sobol(dimension, scramble=False).random_base2(SEEDS))
+
+
+def _features(p: Array, R: Array, scale: float) -> Array:
+    return np.concatenate([2.0 * p / scale, 0.5 * R.reshape(len(p), 9)], axis=1)

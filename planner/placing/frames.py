@@ -1,0 +1,163 @@
+"""Where a tracker stands and where its targets sit on the tool, from any start."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.placing.frame_problem import FrameProblem, unpacked
+from planner.placing.frame_starts import frame_starts
+from planner.placing.inputs import IntArray, Stand, rows, stand
+from planner.placing.open import Unknown, demand
+from planner.placing.rotations import log3
+from planner.placing.solver import best_first, cut_of, refine, scale_of
+from planner.units import Array, frozen
+
+FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
+KEPT = 4
+PER_RADIAN = 1.0  # [m] an angle of 1 mrad counts like 1 mm: what a joint's error does at a metre's reach
+_FIRST = ((8, "huber"), (8, "huber"))
+LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+
+
+@dataclass(frozen=True)
+class PointPlacing:
+    """Where the gauge's frames G stand.
+
+    Attributes:
+        R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
+        p_FM: targets on the flange, (T, 3) [m].
+        rms: of the distances that are not outliers [m].
+        outlier: readings beyond about 5.6 robust standard deviations, (n,) bool.
+    """
+
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    rms: float
+    outlier: np.ndarray
+
+
+@dataclass(frozen=True)
+class PosePlacing:
+    """Where the gauge's frames G stand, and how the probes M sit on the flange.
+
+    Attributes:
+        R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
+        p_FM, R_FM: probes on the flange, (T, 3) [m] and (T, 3, 3).
+        rms: of the distances that are not outliers [m]; ``rms_angle`` of their angles [rad].
+        outlier: readings beyond about 6.4 robust standard deviations, (n,) bool.
+    """
+
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    R_FM: Array
+    rms: float
+    rms_angle: float
+    outlier: np.ndarray
+
+
+def place_points(
+    p_BF: Array, R_BF: Array, p_GM: Array, place: IntArray, point: IntArray, p_FM: Array | None = None
+) -> PointPlacing:
+    """Find frames and targets from positions: R_BG p_GM + p_BG = R_BF p_FM + p_BF.
+
+    Starts: readings are linear in (R_GB, R_GB ⊗ p_FM, t); and registration (Umeyama) for a grid of tool points. All
+    are refined at once and the one with the least robust residual is kept.
+
+    Args:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        p_GM: readings in the gauge's own frame, (n, 3) [m].
+        place, point: which station, which target on the tool, (n,) int.
+        p_FM: targets on the flange where known (then held), (T, 3) [m].
+
+    Raises:
+        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    s = stand(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
+    rows((("p_GM", p_GM, (len(s), 3)),))
+    free = np.concatenate([np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)])
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), None, free)
+    state = _solved(problem, p_FM, None)
+    f = unpacked(state, s)
+    error, outlier = judged(problem, state)
+    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
+    return PointPlacing(frozen(f.R_BG[0]), frozen(f.p_BG[0]), frozen(f.p_FM[0]), rms, outlier)
+
+
+def place_poses(
+    p_BF: Array,
+    R_BF: Array,
+    p_GM: Array,
+    R_GM: Array,
+    place: IntArray,
+    point: IntArray,
+    p_FM: Array | None = None,
+    R_FM: Array | None = None,
+    per_radian: float = PER_RADIAN,
+) -> PosePlacing:
+    """Find frames and probes from positions and orientations: also R_BG R_GM = R_BF R_FM.
+
+    Starts: as :func:`place_points`, and robot-world/hand-eye by singular vectors (Shah 2013). Then all together, an
+    angle of 1 rad counting ``per_radian`` metres.
+
+    Args:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3).
+        place, point: which station, which probe on the tool, (n,) int.
+        p_FM, R_FM: probes on the flange where known (then held), (T, 3) [m], (T, 3, 3).
+        per_radian: weight of the angles [m].
+
+    Raises:
+        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    known = p_FM if p_FM is not None else R_FM
+    s = stand(p_BF, R_BF, place, point, points=0 if known is None else len(known))
+    rows((("p_GM", p_GM, (len(s), 3)), ("R_GM", R_GM, (len(s), 3, 3))))
+    open_point, open_turn = np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_points, R_FM is None)
+    free = np.concatenate([np.full(6 * s.n_places, True), open_point, open_turn])
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), np.asarray(R_GM, dtype=float), free, per_radian)
+    state = _solved(problem, p_FM, R_FM)
+    f = unpacked(state, s)
+    _, outlier = judged(problem, state)
+    gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", f.R_BG[0, s.place], p_GM) - f.p_BG[0, s.place]
+    turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (f.R_BG[0, s.place] @ R_GM).swapaxes(-1, -2))
+    rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
+    placed = (frozen(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
+    return PosePlacing(*placed, rms, rms_angle, outlier)
+
+
+def _solved(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Array:
+    """Return the best state (1, D)."""
+    s, d = problem.stand, 3 if problem.R_GM is None else 6
+    if d * len(s) < problem.free.sum():
+        raise InputError(
+            f"{len(s)} readings of {d} numbers cannot place frames of {problem.free.sum()} unknowns; more poses would help"
+        )
+    few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
+    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).packed()
+    found = refine(few, starts, _FIRST)
+    found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)
+    best = best_first(found, d)[0]
+    demand(found.jacobian[best], found.error[best], unknowns(s, problem.free), many.stand)
+    return found.state[[best]]
+
+
+def unknowns(s: Stand, free: np.ndarray) -> tuple[Unknown, ...]:
+    """Return what each free column of a step belongs to."""
+    owner = [Unknown("rotation", k) for k in range(s.n_places) for _ in range(3)]
+    owner += [Unknown("position", k) for k in range(s.n_places) for _ in range(3)]
+    owner += [Unknown("point", t) for t in range(s.n_points) for _ in range(3)]
+    owner += [Unknown("turn", t) for t in range(s.n_points) for _ in range(3)]
+    return tuple(o for o, f in zip(owner, free, strict=False) if f)
+
+
+def judged(problem: FrameProblem, state: Array, chunk: int = 20000) -> tuple[Array, np.ndarray]:
+    """Return all rows' block norms (n,) [m] and which are outliers (n,), in chunks so that memory stays flat."""
+    n, d = len(problem.stand), 3 if problem.R_GM is None else 6
+    parts = [problem.take(np.arange(k, min(n, k + chunk))).evaluate(state)[0][0] for k in range(0, n, chunk)]
+    error = np.linalg.norm(np.concatenate(parts), axis=1)
+    return error, error > cut_of(d) * scale_of(error, d)[0]

@@ -1,0 +1,159 @@
+"""Two logs of one run, the gauge's and the controller's, brought onto the gauge's stamps or matched pose by pose."""
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+from scipy.interpolate import CubicHermiteSpline
+
+from planner.errors import InputError
+from planner.run.clock import DENSE
+from planner.run.clocks import edge_offset, rising_edges
+from planner.run.columns import NAMES, WHOLE, split_key
+from planner.run.table import Table
+from planner.run.types import IntArray
+from planner.units import Array
+
+SMOOTH = frozenset({"q", "cmd"})  # interpolated by cubics, as a drive's path is smooth; the rest by straight lines
+
+
+def synchronised(gauge: Table, axes: Table) -> Table:
+    """Return one table with the gauge's readings and the controller's angles.
+
+    With ``t_s`` in both and angles logged closely, the angles are interpolated at the gauge's stamps (cubic Hermite) on
+    the controller's clock; the clocks' offset comes from the marks in ``sync`` where both have them, else it is taken
+    for 0 with a warning. What is finer than that is the gauge's lag, a parameter of the fit. With ``pose`` in both and
+    one row a pose, rows are matched by it.
+
+    Raises:
+        InputError: the logs cannot be joined in either way, do not overlap, or a clock does not go forward.
+    """
+    both = f"{gauge.source.file} and {axes.source.file}"
+    timed = gauge.has("t") and axes.has("t") and _step(axes) < DENSE
+    if timed:
+        return _by_time(gauge, axes)
+    if gauge.has("pose") and axes.has("pose"):
+        return _by_pose(gauge, axes)
+    if gauge.has("t") and axes.has("t"):
+        raise InputError(
+            f"{axes.source.file}: joint angles stand {_step(axes):g} s apart, too far to be interpolated "
+            f"(less than {DENSE:g} s is needed, or a column pose in both files)"
+        )
+    raise InputError(f"{both} cannot be joined: both need a column t_s, or both a column pose")
+
+
+def _step(table: Table) -> float:
+    t = table.array("t")
+    return float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else np.inf
+
+
+def _by_time(gauge: Table, axes: Table) -> Table:
+    t_axes, t_gauge = _forward(axes), _forward(gauge)
+    offset, said = _offset(gauge, axes, t_gauge, t_axes)
+    t = t_gauge + offset
+    inside = np.flatnonzero((t >= t_axes[0]) & (t <= t_axes[-1]))
+    if len(inside) == 0:
+        raise InputError(
+            f"{gauge.source.file} lasts from {t[0]:g} s to {t[-1]:g} s, {axes.source.file} from {t_axes[0]:g} s to "
+            f"{t_axes[-1]:g} s: they do not overlap; a column sync in both would tell the offset of their clocks"
+        )
+    if len(inside) < len(t):
+        said.append(
+            f"{gauge.source.file}: {len(t) - len(inside)} of {len(t)} readings lie outside the time of "
+            f"{axes.source.file} and were left out"
+        )
+    frame = gauge.frame[inside].with_columns(pl.Series("t", t[inside]))
+    others = [key for key in axes.frame.columns if key not in (*gauge.frame.columns, "t", "sync")]
+    frame = frame.with_columns(_at(axes, key, t_axes, t[inside]) for key in others)
+    return _merged(gauge, axes, frame, inside, said)
+
+
+def _forward(table: Table) -> Array:
+    t = table.array("t")
+    back = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise InputError(
+            f"{table.source.at(row)}, column '{table.source.header('t')}': the clock goes from {t[row - 1]:g} s to "
+            f"{t[row]:g} s; logs are joined by time only where it goes forward"
+        )
+    return t
+
+
+def _offset(gauge: Table, axes: Table, t_gauge: Array, t_axes: Array) -> tuple[float, list[str]]:
+    """Return what is to be added to the gauge's clock [s], and a sentence on where it comes from."""
+    both = f"{gauge.source.file} and {axes.source.file}"
+    if not (gauge.has("sync") and axes.has("sync")):
+        return 0.0, [
+            f"{both}: the clocks are taken for the same, as there is no column sync in both; "
+            "a small offset is found by the fit as the gauge's lag, a large one is not"
+        ]
+    g, a = (rising_edges(t, table.array("sync")) for t, table in ((t_gauge, gauge), (t_axes, axes)))
+    try:
+        found = edge_offset(g, a, _step(gauge) + _step(axes))
+    except InputError as err:
+        raise InputError(f"{both}: {err}") from err
+    return found.seconds, [
+        f"{both}: {found.seconds:.6f} s was added to the gauge's clock; {found.marks} sync marks agree on it "
+        f"(RMS {1e3 * found.rms:.3f} ms)"
+    ]
+
+
+def _at(axes: Table, key: str, t_axes: Array, t: Array) -> pl.Series:
+    """Return a column of the controller at the stamps ``t`` [s] (all within its time)."""
+    stem = split_key(key)[0]
+    if stem in NAMES | WHOLE:
+        return axes.frame[key].gather(np.searchsorted(t_axes, t, side="right") - 1)
+    values = axes.array(key)
+    if stem not in SMOOTH or len(values) < 3:
+        return pl.Series(key, np.interp(t, t_axes, values))
+    return pl.Series(key, CubicHermiteSpline(t_axes, values, np.gradient(values, t_axes, edge_order=2))(t))
+
+
+def _by_pose(gauge: Table, axes: Table) -> Table:
+    """Match rows by the number of the pose, visits of one pose in their order."""
+    g, a = (
+        table.frame.with_columns(
+            pl.int_range(pl.len()).over("pose").alias("#visit"), pl.int_range(pl.len()).alias("#row")
+        )
+        for table in (gauge, axes)
+    )
+    twice = (
+        g.group_by("pose")
+        .len("g")
+        .join(a.group_by("pose").len("a"), on="pose")
+        .filter(pl.col("g") != pl.col("a"))
+        .sort("pose")
+    )
+    if twice.height:
+        pose, in_g, in_a = twice.row(0)
+        raise InputError(
+            f"pose {pose:g} stands {in_g} times in {gauge.source.file} and {in_a} times in {axes.source.file}; "
+            "which reading belongs to which angles cannot be told"
+        )
+    others = [key for key in axes.frame.columns if key not in gauge.frame.columns]
+    frame = g.join(a.select("pose", "#visit", *others), on=["pose", "#visit"], how="inner").sort("#row")
+    if frame.height == 0:
+        raise InputError(f"{gauge.source.file} and {axes.source.file} have no pose in common")
+    said = [
+        f"{table.source.file}: {table.frame.height - frame.height} rows without a partner of their pose were left out"
+        for table in (gauge, axes)
+        if table.frame.height > frame.height
+    ]
+    return _merged(gauge, axes, frame.drop("#visit", "#row"), frame["#row"].to_numpy(), said)
+
+
+def _merged(gauge: Table, axes: Table, frame: pl.DataFrame, rows: IntArray, said: list[str]) -> Table:
+    source = replace(gauge.source, rows=rows, headers=gauge.source.headers + axes.source.headers)
+    twice = sorted((set(gauge.frame.columns) & set(axes.frame.columns)) - {"t", "sync", "pose"})
+    if twice:
+        said.append(
+            f"{axes.source.file}: {', '.join(twice)} stand in both files; those of {gauge.source.file} are used"
+        )
+    return Table(
+        source,
+        frame,
+        tuple({**dict(axes.units), **dict(gauge.units)}.items()),
+        tuple({**dict(axes.notes), **dict(gauge.notes)}.items()),
+        (*gauge.warnings, *axes.warnings, *said),
+    )

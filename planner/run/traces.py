@@ -1,0 +1,159 @@
+"""A trace as a controller or a gauge wrote it, read through its map into a table of a run."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from planner.errors import InputError, nearest
+from planner.run.columns import NAMES, Column
+from planner.run.map_file import TraceMap
+from planner.run.rows import numbers_in, parse_rows
+from planner.run.source import Source
+from planner.run.table import Table, in_si
+from planner.run.text import read_bytes
+from planner.units import Array
+
+PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
+
+
+@dataclass(frozen=True)
+class _Text:
+    """A trace as text: its lines, and how many of them stand before the rows."""
+
+    file: str
+    lines: list[str]
+    skipped: int
+    headers: list[str]
+
+
+def read_trace(path: Path, trace: TraceMap, notes: tuple[tuple[str, str], ...] = ()) -> Table:
+    """Read a trace through its map.
+
+    Raises:
+        InputError: the file does not have what the map says, or a field is no number; with line and column.
+    """
+    try:
+        text = read_bytes(path).decode(trace.encoding).removeprefix("\ufeff")
+    except UnicodeError as err:
+        raise InputError(f"{path}: the text is not {trace.encoding}, as the map says ({err})") from err
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    plan = PLAN_ID.search(text)
+    notes = notes if plan is None or "plan_id" in dict(notes) else (*notes, ("plan_id", plan[1]))
+    source, frame = _matched(str(path), lines, trace) if trace.pattern else _separated(str(path), lines, trace)
+    columns = [trace.column_of(name) for name in trace.names]
+    frame = frame.select(_changed(name, c, trace).alias(c.header) for name, c in zip(trace.names, columns, strict=True))
+    constants = [trace.column_of(name) for name in trace.constants]
+    frame = frame.with_columns(_constant(c, v) for c, v in zip(constants, trace.constants.values(), strict=True))
+    table = in_si(source, frame, [*columns, *constants], notes, [])
+    return _without_unwritten(table) if trace.pattern else table
+
+
+def _changed(name: str, target: Column, trace: TraceMap) -> pl.Expr:
+    if trace.pattern is not None or target.stem in NAMES:
+        return pl.col(name)
+    picked = trace.picked(name)
+    value = pl.col(name) if picked.factor == 1.0 else pl.col(name) * picked.factor
+    return value if picked.offset == 0.0 else value + picked.offset
+
+
+def _constant(target: Column, value: float | str) -> pl.Expr:
+    if target.stem in NAMES:
+        return pl.lit(str(value)).alias(target.header)
+    if isinstance(value, str):
+        raise InputError(f"[constants] {target.header} = {value!r} is no number")
+    return pl.lit(float(value)).alias(target.header)
+
+
+def _numbers(trace: TraceMap) -> frozenset[str]:
+    return frozenset(name for name in trace.names if trace.column_of(name).stem not in NAMES)
+
+
+def _matched(file: str, lines: list[str], trace: TraceMap) -> tuple[Source, pl.DataFrame]:
+    """Read the lines that the map's pattern matches."""
+    found = [(number, match) for number, line in enumerate(lines, 1) if (match := re.search(trace.pattern or "", line))]
+    if not found:
+        raise InputError(f"{file}: no line of {len(lines)} matches the map's pattern {trace.pattern!r}")
+    source = Source(file, lines=np.array([number for number, _ in found]))
+    text = pl.DataFrame({n: pl.Series([m[n] for _, m in found], dtype=pl.String) for n in trace.names})
+    return source, numbers_in(text, source, _numbers(trace), trace.decimal)
+
+
+def _separated(file: str, lines: list[str], trace: TraceMap) -> tuple[Source, pl.DataFrame]:
+    """Read separated columns by their position or by the text above them."""
+    text = _headed(file, lines, trace)
+    where = {name: _position(text, name, trace) for name in trace.names}
+    by_position = {position: name for name, position in where.items()}
+    if len(by_position) < len(where):
+        twice = next(p for p in by_position if list(where.values()).count(p) > 1)
+        raise InputError(f"{file}: the map takes column {twice + 1} for more than one quantity")
+    names = [by_position.get(i, f"#{i + 1}") for i in range(len(text.headers))]
+    body = "\n".join(_squeezed(line, trace) for line in lines[text.skipped :]).encode()
+    keys = (trace.column_of(by_position[i]).key if i in by_position else names[i] for i in range(len(names)))
+    source = Source(
+        file, body, text.skipped, trace.comment, trace.separator, headers=tuple(zip(keys, text.headers, strict=True))
+    )
+    return source, parse_rows(source, names, _numbers(trace), trace.decimal)
+
+
+def _headed(file: str, lines: list[str], trace: TraceMap) -> _Text:
+    """Find the names of the columns, or count the columns of the first row where there are none."""
+    for number, line in enumerate(lines[trace.skip_rows :], start=trace.skip_rows):
+        if not line.strip() or (trace.comment and line.startswith(trace.comment)):
+            continue
+        fields = [field.strip().strip('"') for field in _squeezed(line, trace).split(trace.separator)]
+        if trace.header:
+            return _Text(file, lines, number + 1, fields)
+        return _Text(file, lines, number, [str(i + 1) for i in range(len(fields))])
+    raise InputError(f"{file}: there is nothing below the {trace.skip_rows} lines that the map skips")
+
+
+def _squeezed(line: str, trace: TraceMap) -> str:
+    """Return the line with one blank between fields where these are set apart by any number of them."""
+    return re.sub(r"[ \t]+", " ", line.strip()) if trace.separator == " " else line
+
+
+def _position(text: _Text, name: str, trace: TraceMap) -> int:
+    """Return which column of the trace (from 0) the map means."""
+    wanted = trace.picked(name).column
+    if isinstance(wanted, int):
+        if 1 <= wanted <= len(text.headers):
+            return wanted - 1
+        raise InputError(
+            f"{text.file}: the map takes {name} from column {wanted}, but there are columns 1 to {len(text.headers)} "
+            f"(line {text.skipped + 1 - trace.header}: {text.lines[text.skipped - trace.header]!r})"
+        )
+    if not trace.header:
+        raise InputError(
+            f"{text.file}: the map takes {name} from column '{wanted}', but says header = false; give a position"
+        )
+    if wanted not in text.headers:
+        found = ", ".join(f"'{h}'" for h in text.headers)
+        raise InputError(
+            f"{text.file}: there is no column '{wanted}' for {name}{nearest(wanted, text.headers)} (found: {found})"
+        )
+    if text.headers.count(wanted) > 1:
+        raise InputError(
+            f"{text.file}: '{wanted}' stands above {text.headers.count(wanted)} columns; give {name} a position"
+        )
+    return text.headers.index(wanted)
+
+
+def _without_unwritten(table: Table) -> Table:
+    """Leave out rows in which every axis is exactly 0: a list in a controller is declared so, then filled."""
+    keys = [key for key in table.frame.columns if re.fullmatch(r"(q|cmd)\d+", key)]
+    if not keys:
+        return table
+    angles: Array = table.arrays(keys)
+    written = np.flatnonzero(np.any(angles != 0.0, axis=1))
+    lost = table.frame.height - len(written)
+    if lost == 0:
+        return table
+    file = table.source.file
+    if len(written) == 0:
+        raise InputError(f"{file}: all {lost} rows hold 0 for every axis; the controller has not written them")
+    source = Source(file, lines=table.source.lines[written] if table.source.lines is not None else None)
+    said = f"{file}: {lost} rows hold 0 for every axis, so the controller never wrote them; they were left out"
+    return Table(source, table.frame[written], table.units, table.notes, (*table.warnings, said))

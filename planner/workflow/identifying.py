@@ -1,0 +1,92 @@
+"""``identify()``: from the log of a run to a calibrated robot, and its folder."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.calibrated import calibrated_files
+from planner.cell import Cell, load_cell
+from planner.errors import InputError
+from planner.files import write_text
+from planner.identification import Calibration, Settings, identify
+from planner.identification.results import identification_text, residuals_csv
+from planner.plan import PlanFile, read_plan
+from planner.run import Run, load_runs
+from planner.workflow.planning import Stages
+from planner.workflow.writing import move_all
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What was identified, and the cell that it stands in."""
+
+    cell: Cell
+    calibration: Calibration
+
+
+def identify_runs(
+    runs: Sequence[Path],
+    cell: str,
+    stages: Stages,
+    plan: Path | None = None,
+    validate: Path | None = None,
+    settings: Settings | None = None,
+) -> Identification:
+    """Identify the robot of one or more measured runs.
+
+    With a plan its validation poses are kept out of the fit and judged, unless ``validate`` names a run for that.
+
+    Raises:
+        InputError: a file is wrong, or run, cell and plan do not belong together.
+        NoSolutionError: the fit does not come to rest.
+    """
+    where = load_cell(cell, planning=False)
+    with stages.stage("reading"):
+        run = load_runs(runs, where.robot.n_joints)
+        other = None if validate is None else load_runs([validate], where.robot.n_joints)
+        if plan is not None:
+            run, kept_out = _by_plan(run, plan, read_plan(plan))
+            other = other or kept_out
+    with stages.stage("identification") as progress:
+        done = iter(range(1, 100))
+        found = identify(run, where, other, settings, lambda _: progress(next(done), 6))
+    return Identification(where, found)
+
+
+def _by_plan(run: Run, path: Path, plan: PlanFile) -> tuple[Run, Run | None]:
+    """Return the run without the plan's validation poses, and these."""
+    if run.plan_id is not None and run.plan_id != plan.plan_id:
+        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+    if run.samples.pose is None:
+        return run, None
+    aside = np.isin(run.samples.pose, plan.ids("validate"))
+    strange = np.setdiff1d(run.samples.pose, plan.ids())
+    if len(strange):
+        raise InputError(f"{run.name}: pose {strange[0]} is not in {path} (there: 0 … {max(plan.ids())})")
+    if not aside.any() or aside.all():
+        return run, None
+    return run.take(~aside), replace(run.take(aside), name=f"{run.name}, validation poses")
+
+
+def write_identification(done: Identification, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``identification.json``, ``residuals.csv``, ``report.html`` and, where the fit may be used, the robot.
+
+    A fit that failed its own checks is reported with the reasons, but no robot is written.
+    """
+    from planner.report.calibration import write_calibration_report  # plotting: other commands start quicker without
+
+    found = done.calibration
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
+        draft = Path(name)
+        write_text(draft / "identification.json", identification_text(found))
+        write_text(draft / "residuals.csv", residuals_csv(found))
+        write_calibration_report(found, draft)
+        for file, text in () if found.problems else calibrated_files(found):
+            write_text(draft / file, text)
+        if found.problems:
+            (folder / "robot.toml").unlink(missing_ok=True)
+        return move_all(draft, folder)

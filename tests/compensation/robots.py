@@ -1,0 +1,70 @@
+"""Robots with errors: ours through the chain, and the same once more through pinocchio."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from planner.chain import Chain
+from planner.robot import load_robot
+from planner.robot.model import elementary
+
+
+@dataclass(frozen=True)
+class BentRobot:
+    """Geometric errors, and joints 2 and 3 that give way under a weight whose lever depends on the pose."""
+
+    robot: object
+    delta: np.ndarray
+    give: float = 0.0
+
+    def values(self, q):
+        delta = [np.full(len(q), d) for d in self.delta]
+        for k, t in enumerate(self.robot.transforms):
+            if t.joint in (1, 2):
+                delta[k] = delta[k] + self.give * np.cos(q[:, 1] + 0.5 * q[:, 2])
+        return delta
+
+    def flange(self, q):
+        motion = Chain(self.robot.transforms).forward(self.robot.theta(q), self.values(q))
+        return motion.x.T, np.moveaxis(motion.R, 2, 0)
+
+
+def bent(name, seed=0, size=5e-4, give=1e-3):
+    robot = load_robot(name)
+    delta = np.random.default_rng(seed).normal(0.0, size, len(robot.transforms))
+    return robot, BentRobot(robot, delta, give)
+
+
+def exact(robot):
+    return BentRobot(robot, np.zeros(len(robot.transforms)))
+
+
+def pin_flange(bent_robot, q):
+    """One pose, (4, 4), by multiplying pinocchio's own placements."""
+    robot = bent_robot.robot
+    theta, delta = robot.theta(q[None])[0], bent_robot.values(q[None])
+    T = pin.SE3.Identity()
+    for t, d in zip(robot.transforms, delta, strict=True):
+        T = T * elementary(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint]))
+    return T.homogeneous
+
+
+def regular_angles(robot, n, seed=0, margin=0.05):
+    """Random angles away from limits and from singular positions of arm and wrist (six joints)."""
+    rng = np.random.default_rng(seed)
+    low, up = np.maximum(robot.q_lower, -np.pi) + margin, np.minimum(robot.q_upper, np.pi) - margin
+    model = robot.pin_model()[0]
+    data, kept = model.createData(), []
+    while len(kept) < n:
+        q = rng.uniform(low, up)
+        J = pin.computeJointJacobians(model, data, robot.theta(q[None])[0])
+        if np.linalg.cond(J) < 40.0:
+            kept.append(q)
+    return np.array(kept)
+
+
+def unlimited(robot):
+    return replace(robot, q_lower=np.full(robot.n_joints, -7.0), q_upper=np.full(robot.n_joints, 7.0))
+
+
