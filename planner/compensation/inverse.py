@@ -15,8 +15,8 @@ from planner.robot import Robot
 from planner.units import Array
 
 SEEDS = 15  # log2 of how many arm positions are kept to start from
-STARTS = 8  # positions that the search of one pose starts from
-ROUNDS = 40  # iterations with the numeric Jacobian
+STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
+ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
 FOUND = 1e-7  # [m and rad] of a pose that is reached
 Problem = tuple[int, str]
 
@@ -89,14 +89,18 @@ def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarr
         rows, own = np.flatnonzero(shapes == shape), np.flatnonzero(kinds == shape)
         if not own.size:
             continue
-        count = min(STARTS, own.size)
-        near = KDTree(pool[own]).query(features[rows], k=count)[1].reshape(len(rows), count)
-        starts = seeds[own[near]].reshape(-1, robot.n_joints)
-        found, good = _reach(robot, starts, np.repeat(T[rows], count, axis=0))
-        good &= agrees(robot, found, np.full(len(found), shape))
-        good = good.reshape(len(rows), count)
-        q[rows] = found.reshape(len(rows), count, -1)[np.arange(len(rows)), good.argmax(axis=1)]
-        ok[rows] = good.any(axis=1)
+        tree = KDTree(pool[own])
+        for count in STARTS:
+            rows = rows[~ok[rows]]
+            if not rows.size:
+                break
+            near = tree.query(features[rows], k=range(1, min(count, own.size) + 1))[1]
+            found, good = _reach(
+                robot, seeds[own[near]].reshape(-1, robot.n_joints), np.repeat(T[rows], near.shape[1], 0)
+            )
+            good = (good & agrees(robot, found, np.full(len(found), shape))).reshape(near.shape)
+            q[rows] = found.reshape(*near.shape, -1)[np.arange(len(rows)), good.argmax(axis=1)]
+            ok[rows] = good.any(axis=1)
     return q, ok
 
 

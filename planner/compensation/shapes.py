@@ -1,7 +1,7 @@
 """The eight shapes in which an arm with a spherical wrist reaches a pose, told apart by three signs.
 
 Bit 0: the wrist's centre is behind axis 1. Bit 1: joint 3 is above the angle at which the arm is stretched.
-Bit 2: joint 5 is negative. These are the bits of KUKA's status; RAPID's cfx counts the same three signs.
+Bit 2: joint 5 is negative. KUKA's status and RAPID's cfx count the same three signs.
 """
 
 import numpy as np

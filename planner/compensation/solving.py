@@ -17,7 +17,7 @@ from planner.units import Array, frozen
 TOLERANCE = 1e-9  # [m and rad] of a solved target
 STEP_LIMIT = 0.1  # [rad] of any joint in one iteration
 MOVE_LIMIT = np.deg2rad(10.0)  # a calibration that moves a joint by more is no small correction
-NOMINAL_ROUNDS, OWN_ROUNDS = 12, 20  # iterations with the nominal Jacobian, and then with the own one
+ROUNDS = (12, 20)  # iterations with the nominal Jacobian, and then with the own one
 DIFFERENCE = 1e-6  # [rad] of the numeric Jacobian
 PIVOT = 1e-7  # singular values below this part of the largest are directions that the arm has lost
 
@@ -87,14 +87,16 @@ def deviation(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> tuple
     return np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1)
 
 
-def solve(robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: int = OWN_ROUNDS) -> tuple[Array, int]:
+def solve(
+    robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
+) -> tuple[Array, int]:
     """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3), and the iterations made.
 
     All targets step together; those that have arrived rest. A target that cannot be met ends at the best angles seen.
     """
     q, best = start.copy(), np.full(len(start), np.inf)
     q_best = start.copy()
-    last = NOMINAL_ROUNDS + rounds
+    first, last = rounds[0], sum(rounds)
     for count in range(last + 1):
         e = _error(robot, poser, q, p, R)
         size = np.abs(e).max(axis=1, initial=0.0)
@@ -103,10 +105,10 @@ def solve(robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: 
         todo = np.flatnonzero(best > TOLERANCE)
         if not todo.size or count == last:
             return q_best, count
-        if count < NOMINAL_ROUNDS:
+        if count < first:
             J = flange_jacobian(robot, q[todo])
         else:
-            q[todo] = q_best[todo] if count == NOMINAL_ROUNDS else q[todo]
+            q[todo] = q_best[todo] if count == first else q[todo]
             e[todo] = _error(robot, poser, q[todo], p[todo], R[todo])
             J = _own_jacobian(poser, q[todo])
         q[todo] += _step(robot, J, e[todo], R[todo])

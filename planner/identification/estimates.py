@@ -46,12 +46,12 @@ def _takes_part(dropped: Dropped, name: str, size: dict[str, float]) -> bool:
 
 def _nominal(rig: Rig, p: Parameter) -> float:
     """Value before the fit: of the elementary transform, the fixture, the tool point, the zero."""
-    if p.on == "reading":
+    if p.main.on == "reading":
         return rig.zero if p.name == "zero" else 0.0
     if p.name.startswith("fixture"):
         place = [n for n in range(len(rig.place_names)) if p.name.startswith(f"fixture_{rig.place_names[n]}_")]
-        return float(rig.p_BX[place[0] if place else 0, p.index])
+        return float(rig.p_BX[place[0] if place else 0, p.main.index])
     if p.name.startswith("map_"):
         point = [n for n in range(len(rig.point_names)) if p.name.startswith(f"map_{rig.point_names[n]}_")]
         return float(rig.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
-    return rig.chain.transforms[p.index].nominal if p.group == "geometry" else 0.0
+    return rig.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0

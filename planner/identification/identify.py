@@ -50,10 +50,11 @@ def identify(
     settings = settings or Settings()
     say("placing the gauge")
     rig = placed(rig_for(cell, run), run)
+    bare = None if validation is None else rig_for(cell, validation)
     parts = split(run, settings.hold_out, settings.seed)
 
     def judge(found: Fit) -> Metrics | None:
-        return None if validation is None else judged(found, validation)
+        return None if validation is None or bare is None else judged(found, validation, bare)
 
     whole = Model.of(rig, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
     model, seen = seen_by(whole, run.samples)

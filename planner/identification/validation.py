@@ -13,15 +13,17 @@ from planner.rig import Rig
 from planner.run import Run
 
 
-def judged(found: Fit, run: Run) -> Metrics:
-    """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so)."""
+def judged(found: Fit, run: Run, bare: Rig) -> Metrics:
+    """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so).
+
+    ``bare`` is the rig of that run with nothing placed yet.
+    """
     rig = found.model.rig
     model = found.model.fixing(found.errors)
     if not new_frames(rig, run):
-        problem = Problem.of(replace(model, rig=rig), _renamed(run, rig))
+        problem = Problem.of(model, _renamed(run, rig))
         return Metrics.of(problem.residual(np.zeros(0)))
-    known = _calibrated_tool(rig, found)
-    model = _with_frames(replace(model, rig=placed(known, run)), found)
+    model = _with_frames(replace(model, rig=placed(_calibrated_tool(bare, found), run)))
     here = fit(Problem.of(model, run, found.problem.whitener.noise))
     return Metrics.of(here.problem.residual(here.errors))
 
@@ -39,17 +41,18 @@ def _renamed(run: Run, rig: Rig) -> Run:
     return replace(run, samples=replace(run.samples, place=order[run.samples.place]))
 
 
-def _calibrated_tool(rig: Rig, found: Fit) -> Rig:
+def _calibrated_tool(bare: Rig, found: Fit) -> Rig:
     """Return the rig with the tool points as fitted, so that placing the new frames does not touch them."""
+    rig = found.model.rig
     shift = dict(zip(found.model.names, found.errors, strict=True))
     p_FM = np.array(rig.p_FM)
     for t, name in enumerate(rig.point_names):
         label = f"map_{name}" if name else "map"
         p_FM[t] += [shift.get(f"{label}_{axis}", 0.0) for axis in "xyz"]
-    return replace(rig, p_FM=p_FM, tool_prior=0.0)
+    return replace(bare, p_FM=p_FM, R_FM=rig.R_FM, point_names=rig.point_names, tool_prior=0.0)
 
 
-def _with_frames(model: Model, found: Fit) -> Model:
+def _with_frames(model: Model) -> Model:
     """Free the frames of the new run, everything else fixed as fitted; the tool's shift now stands in the rig."""
     fixed = tuple((p, v) for p, v in model.fixed if p.group != "gauge")
     frames = [p for p in Model.of(model.rig, frozenset()).parameters if p.group == "gauge"]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell import Cell
 from planner.chain import ForwardPass
-from planner.effects import Context
+from planner.effects import Context, Phi
 from planner.gauge import bar_state
 from planner.model.parameters import Parameter, gauge_parameters, robot_parameters
 from planner.rig import Rig, Targets, rig_of
@@ -145,35 +145,41 @@ class Model:
         shown = np.zeros((len(context.samples), self.width))
         free = () if errors is None else zip(self.parameters, errors, strict=True)
         moved = [(p, float(value)) for p, value in (*free, *self.fixed) if value != 0.0]
-        for (p, value), phi in zip(moved, phis([p for p, _ in moved], context), strict=True):
-            if p.on == "transform":
-                delta[p.index] = delta[p.index] + value * phi
-            else:
-                shown[:, p.index] += value * phi
+        known = phis([p for p, _ in moved], context)
+        for p, value in moved:
+            for m in p.moves:
+                if m.on == "transform":
+                    delta[m.index] = delta[m.index] + value * known[m.phi]
+                else:
+                    shown[:, m.index] += value * known[m.phi]
         return self.rig.chain.forward(context.theta, delta), shown
 
     def _linear(self, samples: Samples, targets: Targets | None, errors: Array | None) -> Linear:
         context = Context(self.rig, samples)
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
-        which, column = self._moved
+        which = self._moved
         projected = self._projected(context, motion, which)
+        place = {int(k): i for i, k in enumerate(which)}
+        known = phis(self.parameters, context)
         rows = np.empty((len(samples), self.width, len(self.parameters)))
-        for j, (p, phi) in enumerate(zip(self.parameters, phis(self.parameters, context), strict=True)):
-            if p.on == "transform":
-                rows[:, :, j] = (projected[column[j]] * phi).T
-            else:
-                rows[:, :, j] = 0.0
-                rows[:, p.index, j] = phi
+        for j, p in enumerate(self.parameters):
+            first = p.main
+            if len(p.moves) == 1 and first.on == "transform":
+                rows[:, :, j] = (projected[place[first.index]] * known[first.phi]).T
+                continue
+            rows[:, :, j] = 0.0
+            for m in p.moves:
+                if m.on == "transform":
+                    rows[:, :, j] += (projected[place[m.index]] * known[m.phi]).T
+                else:
+                    rows[:, m.index, j] += known[m.phi]
         return Linear(residual, rows)
 
     @cached_property
-    def _moved(self) -> tuple[np.ndarray, list[int]]:
-        """Transforms that any parameter moves, and for each parameter which of these."""
-        which = sorted({p.index for p in self.parameters if p.on == "transform"})
-        return np.array(which, dtype=int), [
-            which.index(p.index) if p.on == "transform" else -1 for p in self.parameters
-        ]
+    def _moved(self) -> np.ndarray:
+        """Transforms that any parameter moves."""
+        return np.array(sorted({m.index for p in self.parameters for m in p.moves if m.on == "transform"}), dtype=int)
 
     def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""
@@ -198,10 +204,9 @@ class Model:
         return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
 
 
-def phis(parameters: Sequence[Parameter], context: Context) -> list[Array]:
-    """φ of every parameter, (n,) or (1,) each; equal ones are computed once."""
-    known = {phi: phi(context) for phi in dict.fromkeys(p.phi for p in parameters)}
-    return [known[p.phi] for p in parameters]
+def phis(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:
+    """Every basis function that the parameters use, (n,) or (1,) each, computed once."""
+    return {phi: phi(context) for phi in dict.fromkeys(m.phi for p in parameters for m in p.moves)}
 
 
 def chunks(n: int) -> Iterator[slice]:

@@ -14,7 +14,16 @@ PRIOR_LENGTH = 1.0 * MM  # an industrial robot misses by 1–4 mm before calibra
 PRIOR_ANGLE = 1e-3  # [rad], about 1 mm at a metre
 PRIOR_ZERO = 1.0 * MM
 PRIOR_COMPLIANCE = 2e-6  # [rad/Nm]; TriCal paper, Table 8: 0.01 … 0.2 · 10⁻³ °/Nm for a 6 kg class robot
-Unit = Literal["m", "rad", "rad/Nm", "1"]
+Unit = str  # m, rad, s, or a product such as rad/Nm
+
+
+@dataclass(frozen=True)
+class Move:
+    """What a parameter moves, an elementary transform of the rig's chain or a number of the reading, times ``phi``."""
+
+    on: Literal["transform", "reading"]
+    index: int
+    phi: Phi = ONE
 
 
 @dataclass(frozen=True)
@@ -26,9 +35,7 @@ class Parameter:
         unit: of its value.
         prior: one-sigma size expected before any measurement, in that unit.
         what: what it is, in a mechanic's words.
-        on: what it moves, an elementary transform of the rig's chain or the reading itself.
-        index: the transform, or the reading's component.
-        phi: what multiplies it, sample by sample.
+        moves: all that it moves; most parameters move one thing.
         group: ``gauge`` (it places the gauge), ``geometry``, or the effect it belongs to.
     """
 
@@ -36,10 +43,23 @@ class Parameter:
     unit: Unit
     prior: float
     what: str
-    on: Literal["transform", "reading"]
-    index: int
-    phi: Phi = ONE
+    moves: tuple[Move, ...]
     group: str = "geometry"
+
+    @property
+    def main(self) -> Move:
+        """The first thing it moves."""
+        return self.moves[0]
+
+
+def transform(index: int, phi: Phi = ONE) -> tuple[Move, ...]:
+    """Move one transform."""
+    return (Move("transform", index, phi),)
+
+
+def reading(phi: Phi = ONE, index: int = 0) -> tuple[Move, ...]:
+    """Move one number of the reading."""
+    return (Move("reading", index, phi),)
 
 
 def gauge_parameters(rig: Rig, free: frozenset[str]) -> Iterator[Parameter]:
@@ -52,7 +72,7 @@ def gauge_parameters(rig: Rig, free: frozenset[str]) -> Iterator[Parameter]:
     if "tool" in free:
         yield from _tool(rig)
     if rig.kind == "length" and "zero" in free:
-        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", "reading", 0, group="gauge")
+        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading(), "gauge")
 
 
 def _fixtures(rig: Rig) -> Iterator[Parameter]:
@@ -62,7 +82,7 @@ def _fixtures(rig: Rig) -> Iterator[Parameter]:
         prior = float(rig.place_prior[s])
         for a, axis in enumerate("xyz"):
             what = f"place of fixture {name} along {axis}"
-            yield Parameter(f"{label}_{axis}", "m", prior, what, "transform", a, AtPlace(s, -1.0), "gauge")
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform(a, AtPlace(s, -1.0)), "gauge")
 
 
 def _frames(rig: Rig) -> Iterator[Parameter]:
@@ -73,10 +93,10 @@ def _frames(rig: Rig) -> Iterator[Parameter]:
         prior = float(rig.place_prior[s])
         for a, axis in enumerate("xyz"):
             what = f"place of the base along {axis}{whose}"
-            yield Parameter(f"{label}_{axis}", "m", prior, what, "transform", a, phi, "gauge")
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform(a, phi), "gauge")
         for a, axis in enumerate("xyz"):
             what = f"tilt of the base about {axis}{whose}"
-            yield Parameter(f"{label}_r{axis}", "rad", rig.turn_prior, what, "transform", 3 + a, phi, "gauge")
+            yield Parameter(f"{label}_r{axis}", "rad", rig.turn_prior, what, transform(3 + a, phi), "gauge")
 
 
 def _tool(rig: Rig) -> Iterator[Parameter]:
@@ -86,13 +106,13 @@ def _tool(rig: Rig) -> Iterator[Parameter]:
         for axis in "xyz":
             what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
             yield Parameter(
-                f"{label}_{axis}", "m", rig.tool_prior, what, "transform", rig.chain.index(f"map_{axis}"), phi, "gauge"
+                f"{label}_{axis}", "m", rig.tool_prior, what, transform(rig.chain.index(f"map_{axis}"), phi), "gauge"
             )
     if rig.kind == "pose":
         for axis in "xyz":
             k = rig.chain.index(f"probe_r{axis}")
             what = f"turn of the probe about {axis}"
-            yield Parameter(f"probe_r{axis}", "rad", rig.turn_prior, what, "transform", k, group="gauge")
+            yield Parameter(f"probe_r{axis}", "rad", rig.turn_prior, what, transform(k), "gauge")
 
 
 def robot_parameters(rig: Rig) -> list[Parameter]:
@@ -112,7 +132,7 @@ def robot_parameters(rig: Rig) -> list[Parameter]:
             link = int(np.searchsorted(robot.link_end, k, side="right"))
             what = f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
         prior = PRIOR_LENGTH if t.kind == "translation" else PRIOR_ANGLE
-        parameter = Parameter(t.name, "m" if t.kind == "translation" else "rad", prior, what, "transform", HEAD + k)
+        parameter = Parameter(t.name, "m" if t.kind == "translation" else "rad", prior, what, transform(HEAD + k))
         (last if t.joint == robot.n_joints - 1 else out).append(parameter)
     return out + last
 
@@ -126,9 +146,7 @@ def compliance_parameters(rig: Rig) -> list[Parameter]:
             "rad/Nm",
             PRIOR_COMPLIANCE,
             f"compliance of joint {i + 1}",
-            "transform",
-            k,
-            LoadTorque(i),
+            transform(k, LoadTorque(i)),
             "joint compliance",
         )
         for k, i in sorted(joints, key=lambda pair: pair[1])

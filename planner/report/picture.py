@@ -22,6 +22,8 @@ class Series:
         mark: how it is drawn.
         hover: one text a point, shown under the pointer.
         texts: one text a point, written beside it.
+        size: diameter of a point [px]; opacity: 0 … 1.
+        filled: whether the area below a line is tinted.
     """
 
     name: str
@@ -33,6 +35,22 @@ class Series:
     width: float = 1.5
     hover: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
+    size: float = 7.0
+    opacity: float = 1.0
+    filled: bool = False
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A field of coloured squares from −1 (red) over 0 (white) to 1 (blue).
+
+    Attributes:
+        values: (rows, columns), the first row on top.
+        x_names: one a column; the panel's ``y_names`` are one a row.
+    """
+
+    values: Array
+    x_names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -55,24 +73,28 @@ class Panel:
     series: tuple[Series, ...]
     limits: tuple[Limit, ...] = ()
     log_x: bool = False
+    log_y: bool = False
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     y_names: tuple[str, ...] = ()
     height: int = 250
+    cells: Cells | None = None
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Panels one above the other.
+    """Panels in rows, row by row.
 
     Attributes:
         name: stem of the file, and name of the place in the page.
         title: what it shows, in a few words.
         caption: what to look at.
-        panels: from the top down.
+        panels: from the top left.
+        columns: how many stand side by side.
     """
 
     name: str
     title: str
     caption: str
     panels: tuple[Panel, ...]
+    columns: int = 1

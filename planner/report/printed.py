@@ -2,13 +2,15 @@
 
 from contextlib import AbstractContextManager
 from io import BytesIO
+from typing import Any
 
 import matplotlib.style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from planner.report.picture import Limit, Panel, Picture, Series
+from planner.report.picture import BLUE, RED, Cells, Limit, Panel, Picture, Series
 
 WIDTH, DPI, PX = 8.0, 160, 1 / 80  # [inch], dots an inch, inch a pixel of the page
 RULE = "#666666"
@@ -43,14 +45,18 @@ def png(figure: Figure) -> bytes:
 
 
 def picture_png(picture: Picture) -> bytes:
-    """Return the PNG of a picture: panels one above the other."""
-    heights = [p.height * PX for p in picture.panels]
+    """Return the PNG of a picture: panels in rows."""
+    many = picture.columns
+    rows = [picture.panels[k : k + many] for k in range(0, len(picture.panels), many)]
+    heights = [max(p.height for p in row) * PX for row in rows]
     with style():
         figure = Figure(figsize=(WIDTH, sum(heights) + 0.75 * len(heights) + 0.1), layout="constrained")
-        axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+        axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False).ravel()
         named: set[str] = set()
-        for ax, panel in zip(axes, picture.panels, strict=True):
+        for ax, panel in zip(axes, picture.panels, strict=False):
             _draw(ax, panel, named)
+        for ax in axes[len(picture.panels) :]:
+            ax.set_axis_off()
         return png(figure)
 
 
@@ -60,6 +66,10 @@ def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
     ax.set_ylabel(panel.y_label)
     if panel.log_x:
         ax.set_xscale("log")
+    if panel.log_y:
+        ax.set_yscale("log")
+    if panel.cells is not None:
+        _field(ax, panel.cells)
     for series in panel.series:
         _series(ax, series, "" if series.name in named else series.name)
         named.add(series.name)
@@ -72,7 +82,7 @@ def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
         ax.set_ylim(len(panel.y_names) - 0.4, -0.6)
     elif panel.y_range is not None:
         ax.set_ylim(*panel.y_range)
-    ax.grid(visible=True, axis="x" if panel.y_names else "y")
+    ax.grid(visible=panel.cells is None, axis="x" if panel.y_names else "y")
     labels = ax.get_legend_handles_labels()[1]
     if len(panel.series) > 1 and labels:
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels), borderaxespad=0.1, columnspacing=1.2)
@@ -85,10 +95,33 @@ def _series(ax: Axes, series: Series, name: str) -> None:
         for x, y, text in zip(series.x, series.y, series.texts, strict=True):
             ax.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center")
     elif series.mark == "points":
-        ax.plot(series.x, series.y, "o", color=series.colour, markersize=4.5, label=label)
+        ax.plot(
+            series.x,
+            series.y,
+            "o",
+            color=series.colour,
+            markersize=series.size * 4.5 / 7,
+            label=label,
+            **_faint(series),
+        )
     else:
         dash = "--" if series.dashed else "-"
         ax.plot(series.x, series.y, dash, color=series.colour, linewidth=series.width * 0.8, label=label)
+        if series.filled:
+            ax.fill_between(series.x, series.y, color=series.colour, alpha=0.2, linewidth=0)
+
+
+def _faint(series: Series) -> dict[str, Any]:
+    return {} if series.opacity == 1.0 else {"alpha": series.opacity, "markeredgewidth": 0}
+
+
+def _field(ax: Axes, cells: Cells) -> None:
+    colours = LinearSegmentedColormap.from_list("signed", [RED, "#FFFFFF", BLUE])
+    field = ax.imshow(cells.values, cmap=colours, vmin=-1, vmax=1, aspect="auto")
+    ax.set_xticks(range(len(cells.x_names)), cells.x_names, rotation=90)
+    figure = ax.get_figure()
+    if figure is not None:
+        figure.colorbar(field, ax=ax, shrink=0.5, aspect=25)
 
 
 def _limit(ax: Axes, limit: Limit) -> None:

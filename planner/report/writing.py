@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jinja2
 from plotly.offline import get_plotlyjs
 
 from planner.files import write_bytes, write_text
@@ -16,9 +15,8 @@ from planner.report.printed import picture_png
 from planner.report.stage import Stage, build_stage
 from planner.report.stage_print import view_png
 from planner.report.stage_web import player_json, view_json
+from planner.report.template import HERE, embedded, template
 from planner.report.web import figure_json
-
-HERE = Path(__file__).parent
 
 
 def write_report(plan: Plan, folder: Path) -> list[Path]:
@@ -37,12 +35,12 @@ def write_report(plan: Plan, folder: Path) -> list[Path]:
     sections = tuple(_section(plan, k) for k in range(len(plan.drives)))
     pictures = (*overview, *(p for s in sections for p in s.pictures))
     stage = build_stage(plan)
-    page = _template().render(
+    page = template("report.html.j2").render(
         page=build_page(plan, rows, sections),
         overview={p.name: p for p in overview},
-        figures=[(p.name, _embedded(figure_json(p))) for p in pictures],
-        view=_embedded(view_json(stage)),
-        player_data=_embedded(player_json(stage)),
+        figures=[(p.name, embedded(figure_json(p))) for p in pictures],
+        view=embedded(view_json(stage)),
+        player_data=embedded(player_json(stage)),
         player=(HERE / "player.js").read_text(encoding="utf-8"),
         plotly=get_plotlyjs(),
     )
@@ -74,16 +72,3 @@ def _section(plan: Plan, k: int) -> Section:
         bar=bar(cell, way, drive, suffix),
         speeds=speeds(cell, way, drive, suffix),
     )
-
-
-def _template() -> jinja2.Template:
-    loader = jinja2.FileSystemLoader(HERE)
-    settings = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return settings.get_template("report.html.j2")
-
-
-def _embedded(json_text: str) -> str:
-    """Make JSON safe inside a script element: a name from a file cannot end it."""
-    return json_text.replace("<", "\\u003c")

@@ -26,7 +26,26 @@ def load_runs(paths: Sequence[Path], n_joints: int) -> Run:
     """
     if not paths:
         raise InputError("no run was given; name one or more files, .csv or .parquet")
-    return joined([run_of(table, n_joints) for table in paired([read_table(Path(p), n_joints) for p in paths])])
+    files = [Path(path) for path in paths]
+    for i, file in enumerate(files):
+        if file.resolve() in (other.resolve() for other in files[:i]):
+            raise InputError(f"{file} is given twice; the same samples would count as new ones")
+    runs = [run_of(table, n_joints) for table in paired([read_table(file, n_joints) for file in files])]
+    return joined(_apart(runs, files))
+
+
+def _apart(runs: Sequence[Run], files: Sequence[Path]) -> list[Run]:
+    """Return runs whose files have one name in different folders under the names of both, so that placements differ."""
+    names = [run.name for run in runs]
+    folders = {file.stem: [f.resolve().parent.name for f in files if f.stem == file.stem] for file in files}
+    result = []
+    for i, run in enumerate(runs):
+        if names.count(run.name) == 1:
+            result.append(run)
+            continue
+        name = f"{folders[run.name][names[:i].count(run.name)]}/{run.name}"
+        result.append(replace(run, name=name, places=(name,) if run.places == (run.name,) else run.places))
+    return result
 
 
 def joined(runs: Sequence[Run]) -> Run:

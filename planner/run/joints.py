@@ -3,6 +3,7 @@
 import numpy as np
 
 from planner.errors import InputError
+from planner.run.clock import DENSE
 from planner.run.columns import spellings
 from planner.run.table import Table
 from planner.units import Array, to_deg
@@ -75,3 +76,26 @@ def _radians_as_degrees(table: Table, stem: str, q: Array) -> list[str]:
         f"{table.source.file}: no joint moves by more than {spread:.3g} degrees ({name}); "
         f"if these are radians, call them {stem}1_rad"
     ]
+
+
+def check_jumps(table: Table, n_joints: int) -> None:
+    """Check that no joint jumps between samples that follow each other closely: it cannot, but a wrapped angle does.
+
+    Raises:
+        InputError: with the line where an angle changes by more than half a turn within `DENSE`.
+    """
+    t = table.array("t")
+    close = np.abs(np.diff(t)) < DENSE
+    if table.has("session"):
+        close &= np.diff(table.array("session")) == 0.0
+    for key in (f"{stem}{joint}" for stem in ("q", "cmd") for joint in range(1, n_joints + 1)):
+        if not table.has(key):
+            continue
+        jumps = np.flatnonzero((np.abs(np.diff(table.array(key))) > np.pi) & close)
+        if len(jumps):
+            row = int(jumps[0]) + 1
+            before, after = to_deg(table.array(key)[row - 1 : row + 1])
+            raise InputError(
+                f"{table.source.at(row)}, column '{table.source.header(key)}': the angle jumps from {before:.6g} to "
+                f"{after:.6g} degrees within {t[row] - t[row - 1]:.3g} s; angles that are wrapped at a full turn have to run on"
+            )

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.run.clock import check_order, looks_continuous, sessions
-from planner.run.joints import angles, joint_array
+from planner.run.joints import angles, check_jumps, joint_array
 from planner.run.reading import indexed, readings_of
 from planner.run.resting import marks_rests, rest
 from planner.run.table import Table, read_table
@@ -37,8 +37,10 @@ def run_of(table: Table, n_joints: int) -> Run:
     said = table.note("measure")
     if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
         return rest(run)
-    if run.continuous and run.samples.t is not None and run.samples.session is not None:
-        check_order(table.source, run.samples.t, run.samples.session)
+    t, session = run.samples.t, run.samples.session
+    if run.continuous and t is not None and session is not None:
+        check_order(table.source, t, session if table.has("session") else np.zeros_like(session))
+        check_jumps(table, n_joints)
     return run
 
 
@@ -59,7 +61,7 @@ def _as_logged(table: Table, n_joints: int) -> Run:
     readings, balls = readings_of(table)
     t = table.array("t") if table.has("t") else None
     continuous = _is_continuous(table, t, q)
-    session, said = _sessions(table, t, continuous)
+    session, said = _sessions(table, t)
     place, places = _names(table, "fixture", table.stem if readings.ball is not None else "")
     point, points = _names(table, "point", "")
     samples = Samples(
@@ -104,15 +106,13 @@ def _is_continuous(table: Table, t: Array | None, q: Array) -> bool:
     return said == "continuous"
 
 
-def _sessions(table: Table, t: Array | None, continuous: bool) -> tuple[IntArray, list[str]]:
+def _sessions(table: Table, t: Array | None) -> tuple[IntArray, list[str]]:
     """Return the session of each sample, and a warning where the clock decided it."""
     given = table.array("session") if table.has("session") else None
     session, back = sessions(t, given, table.frame.height)
     session.setflags(write=False)
-    if t is None:
+    if len(back) == 0:
         return session, []
-    if continuous or len(back) == 0:  # a continuous run is checked once it is known that it is one
-        return (session if given is not None or not continuous else np.zeros_like(session)), []
     lines = ", ".join(table.source.at(int(row)).rpartition(", ")[2] for row in back[:3])
     more = f" and {len(back) - 3} more" if len(back) > 3 else ""
     result = "a new session begins at each" if given is None else "within a session; its number was kept"

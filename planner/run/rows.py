@@ -27,7 +27,7 @@ def parse_rows(source: Source, headers: Sequence[str], numbers: frozenset[str], 
     if decimal == ".":
         schema: Schema = {h: pl.Float64 if h in numbers else pl.String for h in headers}
         with suppress(pl.exceptions.ComputeError):
-            return _read(body, source, schema)
+            return _stripped(_read(body, source, schema))
     try:
         text = _read(body, source, {h: pl.String for h in headers})
     except pl.exceptions.ComputeError as err:
@@ -45,14 +45,19 @@ def _read(body: bytes, source: Source, schema: Schema) -> pl.DataFrame:
     )
 
 
+def _stripped(frame: pl.DataFrame) -> pl.DataFrame:
+    """Return the table with the spaces around texts taken off, and null where nothing is left."""
+    text = pl.col(pl.String).str.strip_chars()
+    return frame.with_columns(pl.when(text != "").then(text).name.keep())
+
+
 def numbers_in(text: pl.DataFrame, source: Source, numbers: frozenset[str], decimal: str) -> pl.DataFrame:
     """Return a table of text with numbers in the columns ``numbers``, spaces around them forgiven.
 
     Raises:
         InputError: a field is no number.
     """
-    text = text.with_columns(pl.all().str.strip_chars())
-    text = text.with_columns(pl.when(pl.all() == "").then(None).otherwise(pl.all()).name.keep())
+    text = _stripped(text)
     hint = "" if decimal == "." else f" (the decimal sign is '{decimal}')"
     for name in (n for n in text.columns if n in numbers):
         field = text[name]
@@ -62,7 +67,9 @@ def numbers_in(text: pl.DataFrame, source: Source, numbers: frozenset[str], deci
         wrong = (value.is_null() & field.is_not_null()).to_numpy()
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise InputError(f"{source.at(row)}, column '{name}': {text[name][row]!r} is no number{hint}")
+            raise InputError(
+                f"{source.at(row)}, column '{source.header(name)}': {text[name][row]!r} is no number{hint}"
+            )
         text = text.with_columns(value.alias(name))
     return text
 
@@ -112,7 +119,7 @@ def whole(values: pl.Series, source: Source, allowed: Sequence[int] = ()) -> Non
 
 def _short_row(source: Source, row: int) -> str:
     """Return a hint where the row has fewer fields than the columns before it."""
-    if source.body is None or source.lines is not None:
+    if source.fields == 0:
         return ""
     fields = len(next(csv.reader([source.line_and_text(row)[1]], delimiter=source.separator)))
-    return f" (the line has {fields} fields of {len(source.headers)})" if fields < len(source.headers) else ""
+    return f" (the line has {fields} fields of {source.fields})" if fields < source.fields else ""

@@ -17,7 +17,8 @@ class Source:
         separator: between fields.
         lines: number of the line of each row of the file, where it is not just counted.
         rows: row of the file that each row of the table is, where some were left out.
-        headers: names of the columns as they stand in the file, by quantity.
+        fields: number of columns, 0 where lines are not told by it.
+        headers: what the file calls a column, by quantity and by what a map calls it.
     """
 
     file: str
@@ -27,6 +28,7 @@ class Source:
     separator: str = ","
     lines: IntArray | None = None
     rows: IntArray | None = None
+    fields: int = 0
     headers: tuple[tuple[str, str], ...] = field(default=())
 
     def at(self, row: int) -> str:

@@ -10,6 +10,7 @@ from planner.errors import InputError
 from planner.run.clock import DENSE
 from planner.run.clocks import edge_offset, rising_edges
 from planner.run.columns import NAMES, WHOLE, split_key
+from planner.run.joints import check_jumps
 from planner.run.table import Table
 from planner.run.types import IntArray
 from planner.units import Array
@@ -49,6 +50,7 @@ def _step(table: Table) -> float:
 
 def _by_time(gauge: Table, axes: Table) -> Table:
     t_axes, t_gauge = _forward(axes), _forward(gauge)
+    check_jumps(axes, axes.n_joints)
     offset, said = _offset(gauge, axes, t_gauge, t_axes)
     t = t_gauge + offset
     inside = np.flatnonzero((t >= t_axes[0]) & (t <= t_axes[-1]))

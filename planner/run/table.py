@@ -84,7 +84,8 @@ def read_table(path: Path, n_joints: int) -> Table:
         str(path),
         body,
         len(head) + 1,
-        headers=tuple((h if c is None else c.key, h) for h, c in zip(headers, columns, strict=True)),
+        fields=len(headers),
+        headers=tuple((c.key, c.header) for c in columns if c is not None),
     )
     numbers = frozenset(c.header for c in columns if c is not None and c.stem not in NAMES)
     names = _unique(headers)
@@ -130,6 +131,9 @@ def _parquet(path: Path, n_joints: int) -> Table:
         wanted = pl.String if c.stem in NAMES else pl.Float64
         if wanted == pl.Float64 and not (frame.schema[c.header].is_numeric() or frame.schema[c.header] == pl.Boolean):
             raise InputError(f"{path}: the column '{c.header}' holds {frame.schema[c.header]}, not numbers")
-        frame = frame.with_columns(pl.col(c.header).cast(wanted))
+        value = pl.col(c.header)
+        if wanted == pl.String and frame.schema[c.header].is_float() and (frame[c.header] % 1.0 == 0.0).all():
+            value = value.cast(pl.Int64)  # sockets numbered in floats are still called 1, 2
+        frame = frame.with_columns(value.cast(wanted))
     notes = tuple((k, v) for k, v in sorted(meta.items()) if k in NOTES)
     return in_si(source, frame, known, notes, warnings)

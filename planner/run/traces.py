@@ -91,10 +91,8 @@ def _separated(file: str, lines: list[str], trace: TraceMap) -> tuple[Source, pl
         raise InputError(f"{file}: the map takes column {twice + 1} for more than one quantity")
     names = [by_position.get(i, f"#{i + 1}") for i in range(len(text.headers))]
     body = "\n".join(_squeezed(line, trace) for line in lines[text.skipped :]).encode()
-    keys = (trace.column_of(by_position[i]).key if i in by_position else names[i] for i in range(len(names)))
-    source = Source(
-        file, body, text.skipped, trace.comment, trace.separator, headers=tuple(zip(keys, text.headers, strict=True))
-    )
+    above = [(called, text.headers[p]) for n, p in where.items() for called in (n, trace.column_of(n).key)]
+    source = Source(file, body, text.skipped, trace.comment, trace.separator, fields=len(names), headers=tuple(above))
     return source, parse_rows(source, names, _numbers(trace), trace.decimal)
 
 

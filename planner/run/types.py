@@ -26,6 +26,7 @@ class Samples:
         torque: measured joint torques, (n, N) [Nm].
         payload: (n,) [kg].
         direction: sign of each axis' last approach, (n, N).
+        speed: of the controller angles where the run is continuous, (n, N) [rad/s].
     """
 
     q: Array
@@ -41,6 +42,7 @@ class Samples:
     torque: Array | None = None
     payload: Array | None = None
     direction: Array | None = None
+    speed: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples n."""

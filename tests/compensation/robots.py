@@ -66,5 +66,3 @@ def regular_angles(robot, n, seed=0, margin=0.05):
 
 def unlimited(robot):
     return replace(robot, q_lower=np.full(robot.n_joints, -7.0), q_upper=np.full(robot.n_joints, 7.0))
-
-

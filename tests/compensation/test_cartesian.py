@@ -3,12 +3,14 @@
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from planner.compensation import Frames, compensate_file
 from planner.errors import InputError
+from planner.robot.model import elementary
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
 
 TOOL = np.array([30.0, -20.0, 180.0, 10.0, -35.0, 90.0])  # X Y Z [mm] A B C [deg]
@@ -49,7 +51,7 @@ def controller(robot, T, near):
 
 
 def krl(robot, q, word="PTP", with_status=True):
-    lines = ["&ACCESS RVP", "DEF PART ( )", "$TOOL=" + frame_text(TOOL), "$BASE={}".format(frame_text(BASE))]
+    lines = ["&ACCESS RVP", "DEF PART ( )", "$TOOL=" + frame_text(TOOL), f"$BASE={frame_text(BASE)}"]
     for row in q:
         pose = abc_of(np.linalg.inv(matrix(BASE)) @ pin_flange(exact(robot), row) @ matrix(TOOL))
         numbers = ",".join(f"{k} {v:.9f}" for k, v in zip("XYZABC", pose, strict=True))
@@ -131,7 +133,9 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     q = regular_angles(robot, 1, seed=7)
     point = re.search(r"\{X [^}]*S[^}]*\}", krl(robot, q))[0]
     path = tmp_path / "part.dat"
-    path.write_text(f"DEFDAT PART\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 3,BASE_NO 2,IPO_FRAME #BASE}}\nENDDAT\n")
+    path.write_text(
+        f"DEFDAT PART\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 3,BASE_NO 2,IPO_FRAME #BASE}}\nENDDAT\n"
+    )
     with pytest.raises(InputError, match=r"part\.dat:2: the file does not say the tool and base .*\$config\.dat"):
         compensate_file(path, robot, real)
     table = f"TOOL_DATA[3]={frame_text(TOOL)}\nBASE_DATA[2]={frame_text(BASE)}\n"
@@ -152,7 +156,7 @@ def test_turn_bits_follow_an_axis_over_zero(kuka, tmp_path):
 
 def rapid(robot, q):
     tool, base = matrix(TOOL), matrix(BASE)
-    lines = ["MODULE Part", f'  PERS tooldata tGrip:=[TRUE,{pose_text(tool)},[1,[0,0,1],[1,0,0,0],0,0,0]];']
+    lines = ["MODULE Part", f"  PERS tooldata tGrip:=[TRUE,{pose_text(tool)},[1,[0,0,1],[1,0,0,0],0,0,0]];"]
     lines.append(f'  PERS wobjdata wTable:=[FALSE,TRUE,"",{pose_text(base)},[[0,0,0],[1,0,0,0]]];')
     moves = []
     for k, row in enumerate(q):
@@ -171,20 +175,18 @@ def rapid(robot, q):
 
 def stretched_side(robot, row):
     """Positive where the wrist is on the side of the lower arm on which it is at zero."""
+
     def side(angles):
         p = [pin_flange_of_axis(robot, angles, j) for j in (1, 2)]
         wrist = pin_flange(exact(robot), angles)
         wrist = wrist[:3, 3] - 0.072 * wrist[:3, 2]
         return np.cross(p[1][:3, 3] - p[0][:3, 3], wrist - p[1][:3, 3]) @ p[1][:3, 2]
+
     return side(row) * side(np.zeros(6))
 
 
 def pin_flange_of_axis(robot, q, joint):
     """Frame whose z axis is a joint's axis: the row before the joint's rotation (standard DH)."""
-    import pinocchio as pin
-
-    from planner.robot.model import elementary
-
     T, theta = pin.SE3.Identity(), robot.theta(q[None])[0]
     for t in robot.transforms:
         if t.joint == joint:
@@ -195,7 +197,9 @@ def pin_flange_of_axis(robot, q, joint):
 
 def pose_text(T):
     x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
-    return "[[" + ",".join(f"{v * 1e3:.7f}" for v in T[:3, 3]) + "],[" + ",".join(f"{v:.10f}" for v in (w, x, y, z)) + "]]"
+    return (
+        "[[" + ",".join(f"{v * 1e3:.7f}" for v in T[:3, 3]) + "],[" + ",".join(f"{v:.10f}" for v in (w, x, y, z)) + "]]"
+    )
 
 
 def test_rapid_robtargets_with_confdata(tmp_path):

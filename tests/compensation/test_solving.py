@@ -72,7 +72,7 @@ def test_targets_that_cannot_be_corrected_are_marked():
 
 
 def test_seven_joints_move_as_little_as_possible():
-    robot, real = bent("comau-nj130")
+    robot, _ = bent("comau-nj130")
     seven = seven_joints(robot)
     q = np.hstack([regular_angles(robot, 100), np.full((100, 1), 0.3)])
     rng = np.random.default_rng(2)

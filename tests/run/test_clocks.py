@@ -34,8 +34,9 @@ def test_angles_come_to_the_gauges_stamps(tmp_path, order):
     true = logs(tmp_path)
     run = load_runs([tmp_path / name for name in order], 3)
     assert run.continuous
-    assert len(run) == np.sum(true <= 19.998)
-    np.testing.assert_allclose(run.samples.t, true[: len(run)], atol=1.9e-3)  # half a step of each log
+    first = int(np.argmin(np.abs(0.4 + 0.01 * np.sin(true[:9]) - run.readings.length[0])))
+    assert len(true) - len(run) <= 3  # those at either end that the controller's log just misses
+    np.testing.assert_allclose(run.samples.t, true[first : first + len(run)], atol=1.9e-3)  # half a step of each log
     q, speed = sine_path(run.samples.t)
     np.testing.assert_allclose(run.samples.q, q, atol=1e-9)  # at the stamps as joined: cubic, not straight lines
     assert np.abs(speeds(run.samples) - speed)[1:-1].max() < 1e-5

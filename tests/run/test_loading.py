@@ -93,6 +93,29 @@ def test_files_are_placements_of_a_ball_plate(tmp_path):
     assert run.readings.ball.tolist() == [0, 1, 0, 0, 1, 0]
 
 
+def test_files_of_one_name_in_two_folders_are_two_placements(tmp_path):
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        write(tmp_path / name / "run.csv", "q1_deg,ball\n10,2\n90,10\n")
+    run = load_runs([tmp_path / "left" / "run.csv", tmp_path / "right" / "run.csv"], 1)
+    assert run.places == ("left/run", "right/run")
+    assert run.samples.place.tolist() == [0, 0, 1, 1]
+    with pytest.raises(InputError, match="is given twice"):
+        load_runs([tmp_path / "left" / "run.csv", tmp_path / "right" / ".." / "left" / "run.csv"], 1)
+
+
+def test_names_lose_the_spaces_around_them(tmp_path):
+    run = load_run(write(tmp_path / "r.csv", "q1_deg,length_mm,fixture\n10,400,A \n90,410, A\n"), 1)
+    assert run.places == ("A",)
+    with pytest.raises(InputError, match=r"line 3, column 'fixture': the field is blank"):
+        load_run(write(tmp_path / "s.csv", "q1_deg,length_mm,fixture\n10,400,A\n90,410, \n"), 1)
+
+
+def test_sockets_counted_in_floats(tmp_path):
+    pl.DataFrame({"q1_deg": [1.0, 50.0], "ball": [1.0, 2.0]}).write_parquet(tmp_path / "r.parquet")
+    assert load_run(tmp_path / "r.parquet", 1).balls == ("1", "2")
+
+
 def test_lengths_have_fixtures_by_name_over_files(tmp_path):
     a = write(tmp_path / "a.csv", "q1_deg,length_mm,fixture\n10,400,B\n90,410,A\n")
     b = write(tmp_path / "b.csv", "q1_deg,length_mm,fixture\n20,400,C\n70,410,B\n")

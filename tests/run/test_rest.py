@@ -129,6 +129,19 @@ def test_loading_finds_the_rests_where_the_file_calls_for_it(tmp_path):
     assert (len(plain), plain.continuous) == (1400, True)
 
 
+def test_a_log_of_rests_may_begin_its_clock_anew(tmp_path):
+    run = log_of_holds()
+    t = run.samples.t.copy()
+    t[620:] -= 9.0  # early in the hold at pose 7
+    again = Run("log", Samples(q=run.samples.q, place=run.samples.place, t=t, pose=run.samples.pose), run.readings)
+    save_run(again, tmp_path / "log.csv")
+    text = (tmp_path / "log.csv").read_text().partition("\n")[2]
+    found = load_run(write(tmp_path / "again.csv", text), 2)
+    assert found.samples.session.tolist() == [0, 0, 1, 1, 1]
+    assert "a new session begins" in found.warnings[0]
+    assert found.samples.pose.tolist() == POSE
+
+
 def test_poses_in_passing_are_no_rests(tmp_path):
     t = np.arange(0, 20, 0.01)
     samples = path_samples(t)

@@ -72,8 +72,11 @@ class StatusTurn:
 
     @property
     def shape(self) -> int | None:
-        """Number of the arm's shape: KUKA's bits are those of :mod:`planner.compensation.shapes`."""
-        return self.status & 7
+        """Number of the arm's shape: bits 0 and 1 are KUKA's own; the sign of A5 is taken from the turn.
+
+        Manuals differ about the sense of status bit 2, none about the turn's.
+        """
+        return (self.status & 3) | (self.turn >> 4 & 1) << 2
 
     def turns(self, q: Array) -> np.ndarray:
         """Return whether the joints q (n, N) [rad] have the signs that are said; near zero either will do."""

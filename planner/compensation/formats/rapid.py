@@ -27,7 +27,7 @@ _DECLARED = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 _MOVE = re.compile(
-    r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|ExtJ|J|L|C)\w*|Search[LC]\w*)\b(?P<rest>.*)", re.IGNORECASE | re.DOTALL
+    r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|J|L|C(?!heck))\w*|Search[LC]\w*)\b(?P<rest>.*)", re.IGNORECASE | re.DOTALL
 )
 _ASSIGNED = re.compile(r"(?:^|\s)(?P<name>\w+)\s*(?:\{[^}]*\}\s*)?(?:\.[\w.]+\s*)?:=", re.IGNORECASE)
 _DISPLACED = re.compile(r"\b(ConfJ|ConfL)\s*\\\s*Off\b|\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
@@ -126,13 +126,16 @@ class _Module:
         word, rest, start = match["word"].lower(), match["rest"], place + match.start("rest")
         number = self.lines.number(place + match.start("word"))
         arguments = [(a, start + at) for a, at in _arguments(rest) if not a.strip().startswith("\\")]
-        count = 2 if re.match(r"(move|trigg|search)c", word) else 1
-        if word.startswith("search"):
-            count += 1
-        tool = next((a for a, _ in reversed(arguments) if not _is_value(a)), "")
-        named = re.match(r"\s*(\w+)(?:\s*\\\s*WObj\s*:=\s*(\w+))?", tool, re.IGNORECASE)
-        frames = ("", "") if named is None else (named[1].lower(), (named[2] or "wobj0").lower())
-        for text, at in arguments[1:count] if word.startswith("search") else arguments[:count]:
+        first = 0
+        if word.startswith("search"):  # signal, what is found, and then the targets
+            first = 2
+            self.assigned.setdefault(arguments[min(1, len(arguments) - 1)][0].strip().lower(), number)
+        last = first + (2 if re.match(r"(move|trigg|search)c", word) else 1)
+        tool = next((a for a, _ in reversed(arguments) if not a.strip().startswith("[")), "")
+        name = re.match(r"\s*(\w+)", tool)
+        work_object = re.search(r"\\\s*WObj\s*:=\s*(\w+)", tool, re.IGNORECASE)
+        frames = "" if name is None else name[1].lower(), "wobj0" if work_object is None else work_object[1].lower()
+        for text, at in arguments[first:last]:
             self._argument(number, at, text, frames)
 
     def _argument(self, number: int, place: int, text: str, frames: tuple[str, str]) -> None:
@@ -204,11 +207,6 @@ class _Module:
             if one is None or other is None or not np.array_equal(one, other):
                 return None, None
         return frames[0]
-
-
-def _is_value(argument: str) -> bool:
-    """Return whether an argument is in brackets or a switch, and so not the name of a tool."""
-    return argument.strip().startswith(("[", "\\"))
 
 
 def _arguments(text: str) -> list[tuple[str, int]]:

@@ -1,0 +1,66 @@
+"""``residuals.csv``: one row a sample, what was read and what the calibrated model leaves of it."""
+
+import numpy as np
+import polars as pl
+
+from planner.identification.types import Calibration
+from planner.run import Run
+from planner.units import Array, to_deg, to_mm
+
+DECIMALS = 7  # of a millimetre or degree: far below any gauge
+
+
+def residuals_csv(calibration: Calibration) -> str:
+    """Return the text of ``residuals.csv``.
+
+    ``residual_mm`` is reading less prediction, ``held_out_mm`` the same by the fit that did not see the sample's group
+    (three columns each, in the base frame, where a position is read); ``whitened`` is the residual's size in standard
+    deviations; ``outlier`` is 1 where the noise does not explain it.
+    """
+    run, fit, last = calibration.run, calibration.fit, calibration.stages[-1]
+    white = fit.problem.white_residual(fit.errors)
+    columns = _circumstances(run) | _reading(run)
+    columns |= _errors("residual", last.residual) | _errors("held_out", last.held_residual)
+    outlier = np.zeros(len(run), dtype=np.int8)
+    outlier[fit.outliers] = 1
+    columns |= {"whitened": _rounded(np.sqrt((white**2).mean(axis=1)), 4), "outlier": outlier}
+    return pl.DataFrame(columns).write_csv()
+
+
+def _circumstances(run: Run) -> dict[str, np.ndarray]:
+    s = run.samples
+    out: dict[str, np.ndarray] = {}
+    if s.t is not None:
+        out["t_s"] = _rounded(s.t, 9)
+    if s.pose is not None:
+        out["pose"] = s.pose
+    out["place"] = np.array(run.places)[s.place]
+    if s.point is not None:
+        out["point"] = np.array(run.points)[s.point]
+    return out | {f"q{j + 1}_deg": _rounded(to_deg(q)) for j, q in enumerate(s.q.T)}
+
+
+def _reading(run: Run) -> dict[str, np.ndarray]:
+    r = run.readings
+    if r.length is not None:
+        return {"length_mm": _rounded(to_mm(r.length))}
+    if r.position is not None:
+        return {f"{axis}_mm": _rounded(to_mm(v)) for axis, v in zip("xyz", r.position.T, strict=True)}
+    assert r.ball is not None
+    out: dict[str, np.ndarray] = {"ball": np.array(run.balls)[r.ball]}
+    if r.offset is None:
+        return out
+    return out | {f"d{axis}_mm": _rounded(to_mm(v)) for axis, v in zip("xyz", r.offset.T, strict=True)}
+
+
+def _errors(name: str, residual: Array) -> dict[str, np.ndarray]:
+    """Columns of residuals (n, r) [m, rad]: one length, or x, y, z and where the probe turns rx, ry, rz."""
+    if residual.shape[1] == 1:
+        return {f"{name}_mm": _rounded(to_mm(residual[:, 0]))}
+    out = {f"{name}_{axis}_mm": _rounded(to_mm(residual[:, k])) for k, axis in enumerate("xyz")}
+    turns = residual[:, 3:].T
+    return out | {f"{name}_r{axis}_deg": _rounded(to_deg(v)) for axis, v in zip("xyz", turns, strict=False)}
+
+
+def _rounded(values: Array, decimals: int = DECIMALS) -> Array:
+    return np.round(values, decimals) + 0.0

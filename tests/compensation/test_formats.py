@@ -1,0 +1,267 @@
+"""Every language keeps its text: nothing changed gives the same bytes back, a known change gives known numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.compensation import compensate_file
+from planner.errors import InputError, NoSolutionError
+from planner.program import dialects, read_back, write_program
+from planner.robot import load_robot
+from tests.compensation.robots import BentRobot, bent, exact, regular_angles, unlimited
+from tests.program import sessions
+
+HALF = np.radians(0.5)
+NAMES = [d.name for d in dialects()]
+HEAD = "# plan: ö; 1,2\nname;q1_deg;q2_deg;q3_deg;q4_deg;q5_deg;q6_deg\n"
+CSV = HEAD + "a; 10.5;-20;30.25;\t4.0;55;6e1\n\nb,c;1;2;3;4;35;6\n"
+
+
+def shifted(robot, joint=3, angle=HALF):
+    """A robot whose joint stands further by ``angle`` than its controller believes."""
+    delta = np.array([angle * robot.sense_matrix[joint, joint] if t.joint == joint else 0.0 for t in robot.transforms])
+    return BentRobot(robot, delta)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return unlimited(load_robot("kuka-kr6-r700"))
+
+
+def programs(folder, name):
+    files = write_program(sessions.mixed(6, 6), name, "session")
+    for file in files:
+        (folder / file.name).write_bytes(file.text.encode(file.encoding))
+    return files, folder / files[0].name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_changed_gives_the_same_bytes_back(name, robot, tmp_path):
+    files, path = programs(tmp_path, name)
+    done = compensate_file(path, robot, exact(robot))
+    assert done.text.encode(done.encoding) == path.read_bytes()
+    assert done.report.joint_targets == len(read_back(name, files).joint_path_deg)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_known_change_gives_known_numbers(name, robot, tmp_path):
+    files, path = programs(tmp_path, name)
+    done = compensate_file(path, robot, shifted(robot))
+    before = read_back(name, files)
+    after = read_back(name, [replace(files[0], text=done.text), *files[1:]])
+    expected = before.joint_path_deg - 0.5 * np.eye(6)[3]
+    np.testing.assert_allclose(after.joint_path_deg, expected, atol=1.1e-5)
+    assert (after.blends, after.speeds, after.dwells_s) == (before.blends, before.speeds, before.dwells_s)
+    kept = [line for line in files[0].text.splitlines() if "pose" in line.lower() and "1" in line]
+    assert kept
+    assert all(line in done.text for line in kept if "=" not in line)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_loop_closes_as_printed(name, robot, tmp_path):
+    _, path = programs(tmp_path, name)
+    _, real = bent("kuka-kr6-r700", size=1e-4, give=2e-4)
+    report = compensate_file(path, robot, real, keep_unsolved=True).report
+    assert report.left_m < 1e-6
+    assert report.left_rad < 1e-6
+    assert report.shift_max_m > 1e-4
+
+
+def test_a_table_keeps_what_is_not_a_target(robot, tmp_path):
+    path = tmp_path / "targets.csv"
+    path.write_bytes(CSV.replace("\n", "\r\n").encode("latin-1"))
+    done = compensate_file(path, robot, exact(robot))
+    assert done.text.encode(done.encoding) == path.read_bytes()
+    moved = compensate_file(path, robot, shifted(robot))
+    assert "\r\na; 10.5;-20;30.25;\t3.500000;55;6e1\r\n\r\n" in moved.text
+    assert moved.encoding == "latin-1"
+
+
+def krl(*lines):
+    return "\n".join(["DEF P ( )", *lines, "END", ""])
+
+
+def test_krl_axes_declared_by_name_and_in_columns(robot, tmp_path):
+    path = tmp_path / "p.dat"
+    path.write_text(
+        "DEFDAT P\n"
+        "DECL E6AXIS XA={A1 10,A2   -90.0,A3    90.0,A4     8.5,A5 45,A6 0,E1 77.0} ; {A1 10}\n"
+        "DECL GLOBAL ROW LOG[1]\nLOG[1]={POSE 1,AX {A1 0.0,A2 0.0,A3 0.0,A4 0.0,A5 0.0,A6 0.0}}\nENDDAT\n"
+    )
+    text = compensate_file(path, robot, shifted(robot)).text
+    assert "DECL E6AXIS XA={A1 10,A2   -90.0,A3    90.0,A4 8.00000,A5 45,A6 0,E1 77.0} ; {A1 10}\n" in text
+    assert "LOG[1]={POSE 1,AX {A1 0.0,A2 0.0,A3 0.0,A4 0.0,A5 0.0,A6 0.0}}" in text
+
+
+def test_blocks_that_leave_axes_out_get_them_all(robot, tmp_path):
+    path = tmp_path / "p.nc"
+    path.write_text("%P\nG90\nN10 G93 G1 A1=10 A2=-80 A3=90 A4=5 A5=40 A6=6 F20 (A1=3)\nN20 A5=50 F30\nM30\n")
+    _, real = bent("kuka-kr6-r700")
+    text = compensate_file(path, robot, real).text
+    whole = tmp_path / "whole.csv"
+    head = ",".join(f"q{i}_deg" for i in range(1, 7))
+    whole.write_text(f"{head}\n10,-80,90,5,40,6\n10,-80,90,5,50,6\n")
+    rows = [line.split(",") for line in compensate_file(whole, robot, real).text.splitlines()[1:]]
+    second = dict(w.split("=") for w in text.splitlines()[3].split() if "=" in w)
+    np.testing.assert_allclose([float(second[f"A{i}"]) for i in range(1, 7)], np.array(rows[1], float), atol=6e-6)
+    assert text.splitlines()[3].startswith("N20 A5=")
+    assert text.splitlines()[3].endswith(" F30")
+    assert text.splitlines()[2].endswith(" F20 (A1=3)")
+
+
+REFUSED = {
+    "relative.src": (krl("PTP_REL {A1 10}"), 2, "moves relative"),
+    "operator.src": (krl("PTP XP1:{X 10,Y 0,Z 0,A 0,B 0,C 0}"), 2, "a position in braces"),
+    "expression.src": (krl("PTP {A1 10+W,A2 0,A3 0,A4 0,A5 0,A6 0}"), 2, "plain numbers are allowed"),
+    "computed.src": (krl("XP1=$AXIS_ACT", "PTP XP1"), 3, "computed while the program runs"),
+    "partial.src": (krl("PTP {A1 10}"), 2, "A1, A2, A3, A4, A5, A6 are needed"),
+    "frames.src": (krl("LIN {X 1,Y 0,Z 0,A 0,B 0,C 0,S 2,T 2}"), 2, "does not say the tool and base"),
+    "initmov.src": (
+        krl("$TOOL=$NULLFRAME", "$BASE=$NULLFRAME", "BAS(#INITMOV,0)", "LIN {X 1,Y 0,Z 0,A 0,B 0,C 0,S 2,T 2}"),
+        5,
+        "does not say the tool and base",
+    ),
+    "branch.src": (
+        krl("$BASE=$NULLFRAME", "IF A THEN", "$TOOL=$NULLFRAME", "ENDIF", "PTP {X 1,Y 0,Z 0,A 0,B 0,C 0,S 2,T 2}"),
+        6,
+        "does not say the tool",
+    ),
+    "accurate.src": (
+        krl("$BASE=$NULLFRAME", "$TOOL=$NULLFRAME", "PTP {X 400,Y 0,Z 400,A 0,B 90,C 0,S 18,T 2}"),
+        4,
+        "would count twice",
+    ),
+    "offset.mod": ("MODULE M\nPROC main()\n  MoveL Offs(p1,0,0,5), v10, fine, tool0;\nENDPROC\nENDMODULE\n", 3, "Offs"),
+    "tool.mod": (
+        "MODULE M\nPROC main()\n"
+        "MoveL [[400,0,400],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1,z1,tGrip;\nENDPROC\n",
+        3,
+        "tgrip and wobj0",
+    ),
+    "computed.mod": (
+        "MODULE M\nVAR jointtarget j1:=[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\n"
+        "j1.robax.rax_1:=5;\nMoveAbsJ j1,v1,z1,tool0;\nENDPROC\n",
+        5,
+        "computed while the program runs",
+    ),
+    "incremental.nc": ("G91\nG1 A1=1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 1, "relative angles"),
+    "circle.nc": ("G2 A1=1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 1, "no joint move"),
+    "variable.MPF": ("G90\nG1 A1=R1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 2, "computes axis A1"),
+    "modal.nc": ("G1 A1=1 A2=2\nM30\n", 1, "A3, A4, A5, A6 is not known"),
+    "loop.ngc": (
+        "G90\nG53 G1 X1 Y2 Z3 A4 B5 C6 F1\no1 repeat [3]\nG53 G1 X5\no1 endrepeat\nM2\n",
+        4,
+        "Y, Z, A, B, C is not known",
+    ),
+    "expression.ngc": ("G53 G1 X[1+2] Y2 Z3 A4 B5 C6\nM2\n", 1, "computes axis X"),
+    "inches.ngc": ("G20\nG53 G1 X1 Y2 Z3 A4 B5 C6\nM2\n", 1, "inches"),
+    "named.pdl": ("PROGRAM p\nBEGIN\n  MOVE TO pnt1\nEND p\n", 3, "plain angles are allowed"),
+    "cartesian.pdl": ("PROGRAM p\nBEGIN\n  MOVE TO POS(1, 2, 3, 4, 5, 6, '')\nEND p\n", 3, "plain angles are allowed"),
+    "letters.csv": ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,3,x,5,6\n", 2, "'x' found in column 4"),
+    "short.csv": ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,3\n", 2, "3 cells found"),
+    "columns.csv": ("q1_deg,q2_deg\n1,2\n", 1, "q1_deg … q6_deg"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_understood_is_refused_with_its_line(name, robot, tmp_path):
+    text, line, words = REFUSED[name]
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        compensate_file(path, robot, exact(robot))
+    assert caught.value.exit_code == 2
+    found = [sentence for sentence in str(caught.value).splitlines() if sentence.startswith(f"{name}:{line}:")]
+    assert any(words in sentence for sentence in found), str(caught.value)
+
+
+def test_every_wrong_line_is_named(robot, tmp_path):
+    path = tmp_path / "many.src"
+    path.write_text(krl(*["PTP_REL {A1 1}"] * 30))
+    with pytest.raises(InputError) as caught:
+        compensate_file(path, robot, exact(robot))
+    assert str(caught.value).count("many.src:") == 21
+    assert "and 10 more lines" in str(caught.value)
+
+
+def test_unknown_and_empty_files_are_refused(robot, tmp_path):
+    (tmp_path / "a.xyz").write_text("hello")
+    with pytest.raises(InputError, match=r"neither the suffix '\.xyz' nor the content"):
+        compensate_file(tmp_path / "a.xyz", robot, exact(robot))
+    (tmp_path / "b.src").write_text(krl("PTP XHOME"))
+    with pytest.raises(InputError, match=r"holds no target .* line 2: XHOME is declared elsewhere"):
+        compensate_file(tmp_path / "b.src", robot, exact(robot))
+    with pytest.raises(InputError, match="cannot be read"):
+        compensate_file(tmp_path / "none.src", robot, exact(robot))
+    (tmp_path / "c.src").write_bytes(b"D\0E\0F\0")
+    with pytest.raises(InputError, match="zero bytes"):
+        compensate_file(tmp_path / "c.src", robot, exact(robot))
+
+
+def test_targets_without_a_solution_are_named_or_kept(tmp_path):
+    robot, real = bent("kuka-kr6-r700")
+    home = "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"
+    edge = "PTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 350}"
+    good = [
+        "PTP {" + ",".join(f"A{i} {v:.3f}" for i, v in enumerate(np.degrees(q), 1)) + "}"
+        for q in regular_angles(robot, 3)
+    ]
+    path = tmp_path / "p.src"
+    path.write_text(krl(home, *good, edge))
+    over = shifted(robot, 5, -HALF)
+    with pytest.raises(NoSolutionError, match=r"p\.src:6: joint 6 would have to stand at 350\.5000°; -350 … 350° are"):
+        compensate_file(path, robot, over)
+    path.write_text(krl(home, *good, good[0]))
+    with pytest.raises(NoSolutionError, match=r"1 of 5 targets[^\n]*\np\.src:2: .*singular") as caught:
+        compensate_file(path, robot, real)
+    assert caught.value.exit_code == 3
+    kept = compensate_file(path, robot, real, keep_unsolved=True)
+    assert home in kept.text
+    assert not any(line in kept.text for line in good)
+    assert [line for line, _ in kept.report.kept] == [2]
+
+
+TAUGHT = """\
+&ACCESS RVP
+DEF PART ( )
+;FOLD INI;%{{PE}}
+  BAS (#INITMOV,0 )
+;ENDFOLD (INI)
+;FOLD PTP P1 Vel=100 % PDAT1 Tool[1]:grip Base[0];%{{PE}}%R 8.3,%MKUKATPBASIS
+$BWDSTART=FALSE
+PDAT_ACT=PPDAT1
+FDAT_ACT=FP1
+BAS(#PTP_PARAMS,100)
+PTP XP1
+;ENDFOLD
+PTP {joints} C_PTP ; {{A1 0}}
+LIN XP2 C_DIS
+PTP $AXIS_ACT
+END
+"""
+
+
+def test_points_by_name_are_left_to_the_file_that_declares_them(robot, tmp_path):
+    path = tmp_path / "part.src"
+    path.write_text(TAUGHT.format(joints="{A1 10,A2 -80,A3 90,A4 5,A5 40,A6 6,E1 0}"))
+    done = compensate_file(path, robot, shifted(robot))
+    assert done.text == TAUGHT.format(joints="{A1 10,A2 -80,A3 90,A4 4.50000,A5 40,A6 6,E1 0}")
+    assert [(line, note.split()[0]) for line, note in done.report.notes] == [(11, "XP1"), (14, "XP2")]
+
+
+def test_rapid_targets_by_name_and_in_place(tmp_path):
+    robot = unlimited(load_robot("abb-irb120"))
+    text = (
+        "MODULE M\n  ! p1 := 3; a remark\n"
+        "  LOCAL CONST jointtarget jHome:=[[10,20,30,{},50,60],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        "  PROC main()\n    MoveAbsJ jHome \\NoEOffs, v100, fine, tool0;\n"
+        "    MoveAbsJ [[1, 2,\n      3, {}, 50, 6], [9E9,9E9,9E9,9E9,9E9,9E9]], v100, z10, tool0 \\WObj:=wobj0;\n"
+        '    TPWrite "MoveAbsJ [[1,2,3,4,5,6],[0,0,0,0,0,0]]";\n    MoveAbsJ jOther, v100, fine, tool0;\n'
+        "  ENDPROC\nENDMODULE\n"
+    )
+    path = tmp_path / "m.mod"
+    path.write_text(text.format("40", "4.0"))
+    done = compensate_file(path, robot, shifted(robot))
+    assert done.text == text.format("39.50000", "3.50000")
+    assert [line for line, _ in done.report.notes] == [9]

@@ -1,0 +1,85 @@
+"""Rigs of every kind of gauge, drawn at random, and samples for them."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell import load_cell
+from planner.model import Model
+from planner.model.parameters import compliance_parameters
+from planner.rig import Rig, Targets, rig_of
+from planner.robot import Robot, load_robot
+from planner.run import Readings, Samples
+
+KINDS = ("length", "position", "pose", "sockets")
+PLACES, POINTS, SOCKETS = 3, 2, 4
+ROBOTS = ("comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120", "abb-irb6700")
+
+
+def rig(robot_name: str, kind: str, rng: np.random.Generator) -> Rig:
+    """A rig with several places and points, its base and everything on it anyhow in space."""
+    robot = load_robot(robot_name)
+    turned = Rotation.random(PLACES, random_state=rng).as_matrix()
+    down = Rotation.random(random_state=rng).as_matrix()[2]
+    base = rig_of(load_cell("ur10/edbb"))
+    return replace(
+        base,
+        robot=robot,
+        kind="position" if kind == "sockets" else kind,
+        p_BX=rng.normal(0.0, 1.0, (PLACES, 3)) + [0.0, 0.0, 3.0],
+        R_BG=turned if kind != "length" else np.broadcast_to(np.eye(3), (PLACES, 3, 3)),
+        p_BG=rng.normal(0.0, 1.0, (PLACES, 3)) if kind != "length" else np.zeros((PLACES, 3)),
+        p_FM=rng.normal(0.0, 0.1, (POINTS, 3)),
+        R_FM=Rotation.random(POINTS, random_state=rng).as_matrix(),
+        p_GS=rng.normal(0.0, 0.2, (SOCKETS, 3)),
+        place_names=("A", "B", "C"),
+        point_names=("left", "right"),
+        place_prior=np.full(PLACES, 5e-3),
+        tool_prior=1e-3,
+        turn_prior=0.02,
+        gravity_B=9.80665 * down,
+        tool_mass=2.3,
+        com_F=rng.normal(0.0, 0.05, 3),
+        zero=1.7e-3,
+    )
+
+
+def samples(robot: Robot, n: int, rng: np.random.Generator, force: bool = True) -> Samples:
+    """Random samples over all joint angles, places and points, with payload and, if wished, the bar's pull."""
+    q = rng.uniform(robot.q_lower, robot.q_upper, (n, robot.n_joints))
+    return Samples(
+        q,
+        rng.integers(0, PLACES, n),
+        point=rng.integers(0, POINTS, n),
+        payload=rng.uniform(0.0, 8.0, n),
+        force=rng.uniform(50.0, 600.0, n) if force else None,
+    )
+
+
+def whole_model(r: Rig) -> Model:
+    """Every parameter there is: gauge, geometry, compliance."""
+    return Model.of(r, frozenset({"fixture", "tool", "zero"})).plus(compliance_parameters(r))
+
+
+def readings(r: Rig, kind: str, s: Samples, rng: np.random.Generator) -> Readings:
+    """Readings near what the nominal robot gives, off by millimetres and milliradians."""
+    n = len(s)
+    motion = r.chain.forward(r.robot.theta(s.q), r.offsets(s))
+    x = motion.x.T + rng.normal(0.0, 1e-3, (n, 3))
+    if kind == "length":
+        return Readings(length=np.linalg.norm(x - r.p_BX[s.place], axis=1) + r.zero)
+    p_GM = np.einsum("nji,nj->ni", r.R_BG[s.place], x - r.p_BG[s.place])
+    if kind == "position":
+        return Readings(position=p_GM)
+    if kind == "sockets":
+        ball = rng.integers(0, SOCKETS, n)
+        return Readings(ball=ball, offset=p_GM - r.p_GS[ball])
+    R_BM = np.moveaxis(motion.R, 2, 0) @ r.R_FM[s.point]
+    off = Rotation.from_rotvec(rng.normal(0.0, 1e-3, (n, 3))).as_matrix()
+    return Readings(position=p_GM, rotation=np.swapaxes(r.R_BG[s.place], 1, 2) @ off @ R_BM)
+
+
+def targets(r: Rig, kind: str, s: Samples, rng: np.random.Generator) -> Targets:
+    """The same in the base frame."""
+    return r.targets(s, readings(r, kind, s, rng))

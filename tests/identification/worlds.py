@@ -1,0 +1,148 @@
+"""One EDBB cell measured over and over: readings of ever new arms by the generator's own forward model, and fits.
+
+The truth is brought to the parameters that were fitted by the generator's own Jacobian: the errors, all others zero,
+that give the same readings at the same poses. What no reading shows is then part of neither.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from planner.cell import Cell, load_cell
+from planner.identification import Fit, Problem, fit
+from planner.identification.placed import placed, rig_for
+from planner.identification.seeing import seen_by
+from planner.identification.spread import parameter_covariance
+from planner.model import Model
+from planner.run import Readings, Run, load_run
+from tests.generator.arm import Arm
+from tests.generator.made import Made
+from tests.generator.runs import edbb_continuous, edbb_static
+from tests.generator.scene import total
+from tests.generator.station import Station
+from tests.generator.truth import Noise, draw_errors
+
+BUILD = {"static": edbb_static, "continuous": edbb_continuous}
+
+
+@cache
+def arm_of(name: str) -> Arm:
+    """A shipped robot as the generator reads it."""
+    return Arm.from_toml(name)
+
+
+def loaded(made: Made) -> tuple[Run, Cell]:
+    """The files of a made run, read by the planner."""
+    with TemporaryDirectory() as folder:
+        run, cell = made.write(Path(folder))
+        return load_run(run, made.scene.arm.n_joints), load_cell(str(cell), planning=False)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A cell, the poses (n, N) [rad] that are measured in it, and the model whose parameters they show."""
+
+    arm: Arm
+    q: np.ndarray
+    t: np.ndarray
+    fixture: np.ndarray
+    tool: np.ndarray
+    run: Run
+    cell: Cell
+    model: Model
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fitted parameters."""
+        return self.model.names
+
+    def read(self, errors, moved=None):
+        """Length (n,) [m] of an arm with these errors; ``moved`` adds angles (n,) to slots."""
+        arm_errors = {k: v for k, v in errors.items() if k in self.arm.names}
+        x = self.arm.walk(self.q, total(arm_errors, moved or {}))
+        tool = self.tool + [errors.get(f"map_{a}", 0.0) for a in "xyz"]
+        point = (x.p + np.einsum("ijn,j->in", x.R, tool)).T
+        return self._station(errors).read(point)[:, 0]
+
+    def _station(self, errors) -> Station:
+        place = self.fixture + [errors.get(f"fixture_A_{a}", 0.0) for a in "xyz"]
+        return Station("edbb", place, np.eye(3), errors.get("zero", 0.0))
+
+    def regrouped(self, errors):
+        """The fitted parameters' values (P,) that give what the arm with ``errors`` reads, and what is left (n,) [m]."""
+        wanted, x = self.read(errors), {n: errors[n] for n in self.names}
+        for _ in range(3):
+            arm_errors = {k: v for k, v in x.items() if k in self.arm.names}
+            tool = self.tool + [x.get(f"map_{a}", 0.0) for a in "xyz"]
+            J, names = self._station(x).columns(self.arm, self.q, arm_errors, tool)
+            J = J[:, 0, [names.index(n) for n in self.names]]
+            size = np.linalg.norm(J, axis=0)
+            left = wanted - self.read(x)
+            step = np.linalg.lstsq(J / size, left, rcond=None)[0] / size
+            x = {n: x[n] + d for n, d in zip(self.names, step, strict=True)}
+        return np.array([x[n] for n in self.names]), wanted - self.read(x)
+
+    def measured(self, errors, noise: Noise, rng) -> Run:
+        """A run of the arm with these errors."""
+        n, memory = len(self.q), None
+        if self.run.continuous:
+            memory = float(np.exp(-np.median(np.diff(self.t)) / noise.wander_s))
+        off = noise.joint * noise.draw(rng, n, self.arm.n_joints, memory)
+        length = self.read(errors, {f"theta{i + 1}": off[:, i] for i in range(self.arm.n_joints)})
+        return self.reading(length + noise.gauge * noise.draw(rng, n, 1)[:, 0])
+
+    def reading(self, length) -> Run:
+        """The run with other lengths (n,) [m]."""
+        return replace(self.run, readings=Readings(length=length))
+
+    def fitted(self, run: Run, robust=False) -> tuple[Fit, np.ndarray]:
+        """The fit of a run, and the covariance of its parameters."""
+        found = fit(Problem.of(self.model, run), robust)
+        return found, parameter_covariance(found, run.continuous)[0]
+
+
+@cache
+def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
+    """A cell of the generator with n poses or samples."""
+    arm = arm_of(name)
+    made = BUILD[motion](arm, n, seed=seed, logs=(), **({"repeats": 0.0} if motion == "static" else {"waypoints": 30}))
+    run, cell = loaded(made)
+    rig = placed(rig_for(cell, run), run)
+    model = seen_by(Model.of(rig, cell.plan.free), run.samples)[0]
+    fixture, tool = rig.p_BX[0], rig.p_FM[0]
+    return World(arm, made.scene.q, made.scene.t, fixture, tool, run, cell, model)
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Many fits: errors of the parameters over their stated standard deviations, (fits, P); joint χ² (fits,)."""
+
+    names: tuple[str, ...]
+    z: np.ndarray
+    square: np.ndarray
+    left: np.ndarray
+    freedom: np.ndarray
+
+    @property
+    def P(self) -> int:
+        """Number of parameters."""
+        return len(self.names)
+
+
+def trials(w: World, fits: int, noise: Noise = Noise(), seed=0, robust=False, length=4e-4, angle=5e-4) -> Trials:
+    """Fit ``fits`` arms, each with errors and noise of its own."""
+    z, square, left, freedom = [], [], [], []
+    for k in range(fits):
+        rng = np.random.default_rng([seed, k, 77])
+        errors = draw_errors(w.arm, rng, length, angle)
+        truth, rest = w.regrouped(errors)
+        found, covariance = w.fitted(w.measured(errors, noise, rng), robust)
+        off = found.errors - truth
+        z.append(off / np.sqrt(np.diag(covariance)))
+        square.append(off @ np.linalg.solve(covariance, off))
+        left.append(np.sqrt((rest**2).mean()))
+        freedom.append(len(w.q) - found.effective)
+    return Trials(w.names, np.array(z), np.array(square), np.array(left), np.array(freedom))
