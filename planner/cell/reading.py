@@ -14,7 +14,7 @@ from planner.schema import read_toml
 from planner.units import MM, MM_PER_MIN, UM, Array, from_deg, from_mm, frozen
 
 LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
-NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 50.0}
+NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 100.0}
 UNKNOWN = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
 
 

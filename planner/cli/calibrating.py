@@ -14,7 +14,7 @@ from planner.files import write_text
 from planner.identification import Settings
 from planner.identification.results import identification_content
 from planner.run import import_run, run_text, save_run
-from planner.workflow.compensating import compensate
+from planner.workflow.compensating import Choices, compensate
 from planner.workflow.identifying import identify_runs, write_identification
 from planner.workflow.simulating import simulate_plan
 
@@ -31,8 +31,12 @@ def simulate_command(
 ) -> None:
     """Simulate the measured run of a plan, on a robot with known or drawn errors."""
     run = simulate_plan(plan_file, truth, seed)
+    for warning in run.warnings:
+        errors.print(f"note: {warning}", markup=False)
     if output == "-":
-        sys.stdout.write(run_text(run))
+        sys.stdout.write(run.comments() + run_text(run))
+    elif output.lower().endswith(".csv"):
+        write_text(Path(output), run.comments() + run_text(run))
     else:
         save_run(run, Path(output))
 
@@ -83,9 +87,19 @@ def compensate_command(
     targets: Annotated[Path, typer.Argument(metavar="PROGRAM|TARGETS", help="a robot program, or targets as CSV")],
     model: Annotated[Path, typer.Option(metavar="DIR/robot.toml", help="the calibrated robot")],
     output: OutputFile,
+    dialect: Annotated[str | None, typer.Option(help="language of the file, or csv, where it does not tell")] = None,
+    tool: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="tool in the flange, mm and degrees")] = None,
+    base: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="base of poses, mm and degrees")] = None,
+    frames: Annotated[Path | None, typer.Option(metavar="FILE", help="tools and bases: $config.dat, a module")] = None,
+    keep_unsolved: Annotated[
+        bool, typer.Option("--keep-unsolved", help="leave targets without a correction as they are")
+    ] = False,
+    cell: Annotated[
+        str | None, typer.Option(metavar="CELL", help="the cell, to make sure that its controller does not correct too")
+    ] = None,
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
-    done = compensate(targets, model)
+    done = compensate(targets, model, Choices(dialect, tool, base, frames, keep_unsolved, cell))
     errors.print(done.summary, markup=False)
     if output == "-":
         sys.stdout.write(done.text)

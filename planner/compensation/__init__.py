@@ -7,8 +7,9 @@
 say where in a file the numbers of the targets stand.
 """
 
-from planner.compensation.file import CompensatedFile, CompensationReport, compensate_file
+from planner.compensation.file import CompensatedFile, compensate_file
 from planner.compensation.poser import NominalPoser, Poser
+from planner.compensation.report import CompensationReport
 from planner.compensation.solving import Correction, corrected_joints
 from planner.compensation.targets import Frames
 

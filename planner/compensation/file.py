@@ -1,16 +1,17 @@
 """One file in, the same file with corrected targets out."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.compensation.detection import dialect_of, read_targets
-from planner.compensation.inverse import Problem, flange_of, nominal_angles
+from planner.compensation.inverse import Problem, nominal_angles
 from planner.compensation.poser import NominalPoser, Poser
+from planner.compensation.report import CompensationReport, report_of, summary
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
 from planner.compensation.shapes import has_shapes, shape_of
-from planner.compensation.solving import MOVE_LIMIT, Correction, corrected_joints, deviation, solve
+from planner.compensation.solving import MOVE_LIMIT, Correction, corrected_joints
 from planner.compensation.targets import Frames, Reading, Target
 from planner.compensation.text import Refusals, Slot, listed, written
 from planner.errors import InputError, NoSolutionError
@@ -21,30 +22,6 @@ NO_FRAMES = Frames()
 
 
 @dataclass(frozen=True)
-class CompensationReport:
-    """What was done to a file.
-
-    Attributes:
-        joint_targets, poses: how many of each were corrected.
-        notes: (line, sentence) that the person should know.
-        shift_mean_m, shift_max_m: how far the nominal robot now stands from where the file said [m]: the error undone.
-        moved_max_rad: largest correction of a joint [rad].
-        left_m, left_rad: largest deviation of the calibrated robot as the numbers are printed [m, rad].
-        kept: (line, why) of targets that were left as they were.
-    """
-
-    joint_targets: int
-    poses: int
-    notes: tuple[tuple[int, str], ...]
-    shift_mean_m: float
-    shift_max_m: float
-    moved_max_rad: float
-    left_m: float
-    left_rad: float
-    kept: tuple[Problem, ...] = field(default=())
-
-
-@dataclass(frozen=True)
 class CompensatedFile:
     """The corrected text, in the encoding in which it was read, and the report."""
 
@@ -52,6 +29,11 @@ class CompensatedFile:
     text: str
     encoding: str
     report: CompensationReport
+
+    @property
+    def summary(self) -> str:
+        """What was done, for the person at the screen."""
+        return summary(self.name, self.report)
 
 
 def compensate_file(
@@ -92,7 +74,7 @@ def compensate_file(
     chosen = [targets[i] for i in done]
     text = written(text, _values(nominal, chosen, q[done], q_new))
     again, _ = _targets(path, text, nominal, dialect, frames)
-    report = _report(nominal, calibrated, chosen, [again[i] for i in done], q[done], q_new)
+    report = report_of(nominal, calibrated, chosen, [again[i] for i in done], q[done], q_new)
     report = replace(report, notes=tuple(notes), kept=tuple(sorted(problems)))
     return CompensatedFile(path.name, text, encoding, report)
 
@@ -188,30 +170,3 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
             numbers += q_new[i].tolist()
         out += zip(targets[i].slots, [float(v) for v in numbers], strict=True)
     return out
-
-
-def _report(
-    robot: Robot, calibrated: Poser, targets: list[Target], printed: list[Target], q: Array, q_new: Array
-) -> CompensationReport:
-    """Read the printed numbers back, and say where the calibrated robot stands with them."""
-    nominal = NominalPoser(robot)
-    p, R = nominal.flange(q)
-    q_printed = q_new.copy()
-    for i, t in enumerate(printed):
-        q_printed[i] = q_new[i] if t.q is None else t.q
-    at = [i for i, t in enumerate(printed) if t.pose is not None]
-    if at:
-        T = flange_of([pose for t in printed if (pose := t.pose) is not None])
-        q_printed[at], _ = solve(robot, nominal, q_new[at], T[:, :3, 3], T[:, :3, :3])
-    left, turned = deviation(robot, calibrated, q_printed, p, R)
-    shift = np.linalg.norm(nominal.flange(q_printed)[0] - p, axis=1)
-    return CompensationReport(
-        joint_targets=len(targets) - len(at),
-        poses=len(at),
-        notes=(),
-        shift_mean_m=float(shift.mean()) if len(shift) else 0.0,
-        shift_max_m=float(shift.max(initial=0.0)),
-        moved_max_rad=float(np.abs(q_new - q).max(initial=0.0)),
-        left_m=float(left.max(initial=0.0)),
-        left_rad=float(turned.max(initial=0.0)),
-    )

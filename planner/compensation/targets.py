@@ -9,6 +9,8 @@ from planner.compensation.text import Refusals, Slot
 from planner.robot import Robot
 from planner.units import Array
 
+EXTERNAL_NOTE = "external axes are moved: they are kept, and the robot's own base is taken as standing still"
+
 
 class Configuration(Protocol):
     """Which of the arm's ways to reach a pose is meant, as the language says it."""

@@ -5,8 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from planner.chain import ForwardPass
+from planner.effects.frames import Frames, Load, frames, moments
 from planner.effects.gravity import gravity_torque
-from planner.gauge import bar_state
+from planner.gauge import BarState, bar_state
 from planner.rig import Rig
 from planner.run import Samples
 from planner.units import Array
@@ -14,7 +16,11 @@ from planner.units import Array
 
 @dataclass(frozen=True)
 class Context:
-    """Some samples of a rig; derived quantities are computed once, when first asked for."""
+    """Some samples of a rig; derived quantities are computed once, when first asked for.
+
+    Frames of the robot are counted by stations: 0 is the base, i the frame in which joint i (from 1) turns, N + 1 the
+    flange.
+    """
 
     rig: Rig
     samples: Samples
@@ -25,23 +31,97 @@ class Context:
         return self.rig.robot.theta(self.samples.q)
 
     @cached_property
+    def motion(self) -> ForwardPass:
+        """Forward pass of the nominal rig."""
+        return self.rig.chain.forward(self.theta, self.rig.offsets(self.samples))
+
+    @cached_property
+    def bar(self) -> BarState:
+        """Length and direction of the bar on the nominal rig."""
+        return bar_state(self.motion.x.T, self.rig.p_BX[self.samples.place])
+
+    @property
+    def length_read(self) -> Array:
+        """Length as the gauge showed it, (n,) [m], where the samples carry it."""
+        shown = getattr(self.samples, "length", None)
+        assert shown is not None
+        return np.asarray(shown)
+
+    @cached_property
+    def ray(self) -> Array:
+        """From the origin of the gauge's frame to the measured point, in the base frame, (n, 3) [m]."""
+        return np.asarray(self.motion.x.T - self.rig.p_BG[self.samples.place])
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity of the measured point in the base frame, (n, 3) [m/s], from the joints' speeds."""
+        assert self.samples.speed is not None
+        rate = self.samples.speed @ self.rig.robot.sense_matrix.T
+        return np.asarray(np.einsum("jkn,nj->nk", self.motion.point_screws(self.joints), rate))
+
+    @cached_property
+    def joints(self) -> np.ndarray:
+        """Position of each joint's rotation in the rig's chain, (N,)."""
+        where = {t.joint: k for k, t in enumerate(self.rig.chain.transforms) if t.joint is not None}
+        return np.array([where[i] for i in range(self.rig.robot.n_joints)])
+
+    @cached_property
     def load_torque(self) -> Array:
         """Torque of gravity, payload and the bar's pull about each joint, (n, N) [Nm], sense of the kinematic rows."""
         robot = self.rig.robot
         links = [(end, m) for end, m in zip(robot.link_end[1:], robot.masses, strict=True) if m is not None]
         loads: list[tuple[int, Array | float, Array]] = [(end, m.mass, m.com) for end, m in links]
-        payload = self.samples.payload
-        loads.append((len(robot.transforms), self.rig.tool_mass if payload is None else payload, self.rig.com_F))
+        loads.append((len(robot.transforms), self._carried, self.rig.com_F))
         torque = gravity_torque(robot.chain, self.theta, self.rig.gravity_B, tuple(loads))
-        return torque if self.samples.force is None else torque + self._pull(self.samples.force)
+        if self.pull is None:
+            return torque
+        return np.asarray(torque + np.einsum("jkn,kn->nj", self.motion.point_screws(self.joints), self.pull))
 
-    def _pull(self, force: Array) -> Array:
-        """Torque of the bar's pull on the tool point, towards the fixture, (n, N) [Nm]."""
-        p_BX = self.rig.p_BX[self.samples.place]
-        chain = self.rig.chain
-        motion = chain.forward(self.theta, self.rig.offsets(self.samples))
-        direction = bar_state(motion.x.T, p_BX).direction
-        joints = [k for k, t in enumerate(chain.transforms) if t.joint is not None]
-        order = np.argsort([int(chain.transforms[k].joint or 0) for k in joints])
-        screws = motion.point_screws(np.array(joints)[order])
-        return np.asarray(np.einsum("jkn,nk,n->nj", screws, -direction, force))
+    @property
+    def _carried(self) -> Array | float:
+        """Mass on the flange, one number or (n,) [kg]."""
+        return self.rig.tool_mass if self.samples.payload is None else self.samples.payload
+
+    @cached_property
+    def pull(self) -> Array | None:
+        """Force of the bar on the tool point, towards the fixture, (3, n) [N] in the base frame, where logged."""
+        if self.samples.force is None or self.rig.kind != "length":
+            return None
+        return -self.samples.force * self.bar.direction.T
+
+    @cached_property
+    def _ends(self) -> tuple[int, ...]:
+        """Number of the robot's transforms before each station."""
+        robot = self.rig.robot
+        turns = sorted((t.joint, k) for k, t in enumerate(robot.transforms) if t.joint is not None)
+        return (0, *(k for _, k in turns), len(robot.transforms))
+
+    @cached_property
+    def stations(self) -> Frames:
+        """Frames of the stations."""
+        return frames(self.rig.robot.chain, self.theta, self._ends)
+
+    @cached_property
+    def centres(self) -> Array:
+        """Centres of mass of the links (unknown: the origin) and of what the flange carries, (N + 1, 3, n) [m]."""
+        robot, n = self.rig.robot, len(self.samples)
+        own = [np.zeros(3) if m is None else m.com for m in robot.masses]
+        at = frames(robot.chain, self.theta, (*robot.link_end[1:], len(robot.transforms)))
+        com = np.array([*own, self.rig.com_F])
+        return np.asarray(at.p + np.einsum("sijn,sj->sin", at.R, com)).reshape(-1, 3, n)
+
+    @cached_property
+    def moments(self) -> Array:
+        """Moments of weights and of the bar's pull about each station's own axes, (N + 2, 3, n) [Nm].
+
+        The flange bends under what it carries alone.
+        """
+        robot = self.rig.robot
+        tool = Load(len(robot.transforms) + 1, self._carried, self.centres[-1])
+        links = [
+            Load(min(end, len(robot.transforms) - 1), m.mass, centre)
+            for end, m, centre in zip(robot.link_end[1:], robot.masses, self.centres, strict=False)
+            if m is not None
+        ]
+        pull = None if self.pull is None else (self.motion.x, self.pull)
+        return moments(self.stations, self._ends, [*links, tool], self.rig.gravity_B, pull)

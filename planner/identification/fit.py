@@ -49,8 +49,8 @@ class Fit:
         return self.solution.errors
 
 
-def fit(problem: Problem, robust: bool = False, start: Array | None = None) -> Fit:
-    """Fit the model of ``problem``, its noise and the factors on its prior sizes.
+def fit(problem: Problem, robust: bool = False, start: Array | None = None, settle: bool = True) -> Fit:
+    """Fit the model of ``problem``, its noise and the factors on its prior sizes (not with ``settle`` false).
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -58,14 +58,12 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None) -> F
     long = len(problem) > 2 * LOOK
     few = problem.take(np.linspace(0, len(problem) - 1, LOOK).astype(int)) if long else problem
     prior, errors = problem.model.prior, start
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if settle else 0):
         solution = solve(few, errors)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _undecided(solution)
-        noise = estimated(
-            few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], round(float((1 - shrunk).sum()))
-        )
+        noise = estimated(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
         factors = _factors(few.model, prior, errors, shrunk)
         model = _with_prior(few.model, prior * factors)
         change = max(
@@ -74,11 +72,21 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None) -> F
         few = replace(few.with_noise(noise).with_model(model), weight=weight)
         if change < SETTLED:
             break
-    whole = few if not long else replace(problem.with_noise(few.whitener.noise).with_model(few.model))
+    whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
     if long and robust and errors is not None:
         whole = replace(whole, weight=_weights(whole, errors))
     solution = solve(whole, errors)
     return Fit(whole, solution, float((1 - _undecided(solution)).sum()), _outliers(whole, solution))
+
+
+def _leverage(problem: Problem, solution: Solution) -> Array:
+    """How much each reading holds its own prediction, (n, r), 0 … 1."""
+    root = np.linalg.inv(solution.factor)
+
+    def one(part: slice) -> Array:
+        return np.asarray(((problem.piece(part, solution.errors).rows @ root) ** 2).sum(axis=2))
+
+    return np.concatenate(list(problem.over_pieces(one)))
 
 
 def _undecided(solution: Solution) -> Array:

@@ -20,6 +20,8 @@ from planner.units import Array
 LEVEL = 0.01  # chance that any test of a clean residual calls
 HARMONICS = 3
 MOST = 20_000  # samples that the tests look at
+FEWEST = 10.0  # degrees of freedom of the correlation time, below which nothing is said
+TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
 SPARE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
 
 
@@ -83,10 +85,10 @@ def leftover(calibration: Calibration) -> Leftover:
     for harmonics in range(HARMONICS, 0, -1):
         rivals = {name: _summed(_white(problem, v), group) for name, v in _rivals(problem, harmonics).items()}
         widest = max(v.shape[1] for v in rivals.values())
-        if left.dof >= (SPARE + 1) * widest:
-            worth = _worth_one(left, rivals, problem.model.width) if c.run.continuous else 1.0
-            return _judged(left, rivals, worth, _metres(problem))
-    return Leftover((), (), 0.0, "There are too few readings beyond the parameters to tell what is left from chance.")
+        memory = _memory(left, rivals, problem.model.width) if c.run.continuous else _Memory(1.0, np.inf)
+        if left.dof / memory.time >= (SPARE + 1) * widest and memory.dof >= FEWEST:
+            return _judged(left, rivals, memory, _metres(problem) / np.sqrt(len(problem)))
+    return Leftover((), (), 0.0, TOO_FEW)
 
 
 def _left(problem: Problem, errors: Array, group: np.ndarray) -> _Left:
@@ -141,30 +143,50 @@ def _white(problem: Problem, columns: Array) -> Array:
     return problem.whitener.white(slice(None), columns)
 
 
-def _worth_one(left: _Left, rivals: dict[str, Array], width: int) -> float:
-    """How many samples are worth one, by the correlation of what no alternative explains."""
-    rest = left.white - left.part(np.concatenate(list(rivals.values()), axis=1))[0]
-    return max(correlation_time(of_one) for of_one in rest.reshape(-1, width).T)
+@dataclass(frozen=True)
+class _Memory:
+    """How long noise stays what it is: so many samples are worth one, known with so many degrees of freedom."""
+
+    time: float
+    dof: float
 
 
-def _judged(left: _Left, rivals: dict[str, Array], worth: float, metres: float) -> Leftover:
-    """Test each alternative; ``metres`` is the size of a whitened unit [m]."""
-    total = float(left.white @ left.white)
+def _memory(left: _Left, rivals: dict[str, Array], width: int) -> _Memory:
+    """Find the memory of what no alternative explains.
+
+    Model and alternatives change slowly along the drive and take their share of the slow part of the noise with them:
+    of the n / time independent pieces of the run, one for each of them is gone, so that what is seen of the time is
+    time·(1 − gone·time/n). It is a sum of 10·time correlations (Sokal's window, both ways), and scatters accordingly.
+    """
+    part, rank = left.part(np.concatenate(list(rivals.values()), axis=1))
+    rest = (left.white - part).reshape(-1, width)
+    seen = max(correlation_time(of_one) for of_one in rest.T)
+    share = (rank + left.count - left.dof) / left.count
+    inside = 1 - 4 * share * seen
+    if inside <= 0:
+        return _Memory(np.inf, 0.0)
+    time = (1 - np.sqrt(inside)) / (2 * share)
+    return _Memory(float(time), len(rest) / (10 * time + 1))
+
+
+def _judged(left: _Left, rivals: dict[str, Array], memory: _Memory, metres: float) -> Leftover:
+    """Test each alternative; the root of a sum of squares times ``metres`` is a root mean square [m]."""
+    total, worth = float(left.white @ left.white), memory.time
     trials = []
     for name, columns in rivals.items():
         part, rank = left.part(columns)
-        inner = float(part @ part)
-        dof = left.dof / worth - rank
-        if rank == 0 or dof < 1:
+        dof = min(left.dof / worth - rank, memory.dof)
+        if rank == 0:
             continue
+        inner = float(part @ part)
         ratio = inner / rank / worth / max((total - inner) / (left.dof - rank), 1e-300)
         p = min(1.0, float(fisher.sf(ratio, rank, dof)) * len(rivals))
-        trials.append(Trial(name, p, metres * np.sqrt(max(0.0, inner - rank * worth) / left.count)))
+        trials.append(Trial(name, p, metres * np.sqrt(max(0.0, inner - rank * worth))))
     found = tuple(sorted((t for t in trials if t.p_value < LEVEL), key=lambda t: (-t.rms, t.along)))
     share = 0.0
     if found:
         part, rank = left.part(np.concatenate([rivals[t.along] for t in found], axis=1))
-        share = metres * np.sqrt(max(0.0, float(part @ part) - rank * worth) / left.count)
+        share = metres * np.sqrt(max(0.0, float(part @ part) - rank * worth))
     return Leftover(tuple(trials), found, float(share), _sentence(tuple(trials), found, float(share)))
 
 
@@ -177,7 +199,7 @@ def _metres(problem: Problem) -> float:
 
 def _sentence(trials: tuple[Trial, ...], found: tuple[Trial, ...], rms: float) -> str:
     if not trials:
-        return "There are too few readings beyond the parameters to tell what is left from chance."
+        return TOO_FEW
     if not found:
         return f"What is left is chance, as far as {len(trials)} tests can tell."
     names = ", ".join(t.along for t in found)

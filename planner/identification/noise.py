@@ -9,7 +9,8 @@ from planner.model import Model
 from planner.run import Samples
 from planner.units import Array
 
-LIKELIER = 12.0  # twice the log likelihood ratio that two variance components must gain over one: p < 0.001
+RATIO = np.log(2.0)  # one sigma of the logarithm of gauge over joints: data sheets are good to a factor of two
+LEAST = 0.02  # share of its noise that is left in a residual which its own parameters follow
 SAMPLE = 20_000  # samples that the likelihood looks at
 ENOUGH = 60  # degrees of freedom below which the declared ratio of the components stands
 
@@ -68,15 +69,17 @@ class Whitener:
         return np.asarray(np.linalg.solve(np.linalg.cholesky(C), values))
 
 
-def estimated(white: Whitener, residual: Array, parameters: int) -> Noise:
-    """Estimate how large the noise really is from the residuals (n, r) of a fit with so many parameters.
+def estimated(white: Whitener, residual: Array, leverage: Array) -> Noise:
+    """Estimate how large the noise really is from the residuals (n, r) of a fit and their leverages h (n, r).
 
-    The declared ratio of gauge and joints is kept, unless two free components are clearly likelier.
+    A residual is as large as its noise times √(1 − h) (Cook and Weisberg 1982): without that the readings which hold
+    the fit most would seem the least noisy, whatever their noise. Few readings keep the declared ratio of gauge and
+    joints.
     """
-    dof = residual.size - parameters
+    dof = residual.size - float(leverage.sum())
     if dof < 1:
         return white.noise
-    residual = residual * np.sqrt(residual.size / dof)
+    residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST))
     spread = _Spread.of(white, residual, slice(0, 3))
     one = float(np.sqrt((spread.square / (1 + spread.ratio)).mean()))
     if dof < ENOUGH:
@@ -89,13 +92,16 @@ def estimated(white: Whitener, residual: Array, parameters: int) -> Noise:
 
 
 def _two(spread: "_Spread", one: float) -> Noise:
-    """Gauge and joints with sizes of their own, where that is clearly likelier than one size for both."""
+    """Gauge and joints with sizes of their own, at their likeliest; their ratio is known within a factor beforehand."""
+
+    def cost(logs: Array) -> tuple[float, Array]:
+        value, slope = spread.minus_twice_log(logs)
+        apart = (logs[1] - logs[0]) / RATIO
+        return value + apart**2, slope + 2 * apart / RATIO * np.array([-1.0, 1.0])
+
     start = np.log([one, one])
-    found = minimize(
-        spread.minus_twice_log, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2
-    )
-    better = found.fun < spread.minus_twice_log(start)[0] - LIKELIER
-    return Noise(*(float(v) for v in np.exp(found.x))) if better else Noise(one, one)
+    found = minimize(cost, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2)
+    return Noise(*(float(v) for v in np.exp(found.x)))
 
 
 @dataclass(frozen=True)

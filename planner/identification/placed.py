@@ -72,9 +72,7 @@ def placed(rig: Rig, run: Run) -> Rig:
         seen = place_points(p_BF, R_BF, readings.position, place, point, known)
         return replace(rig, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
     assert readings.ball is not None
-    plate = place_sockets(
-        p_BF, R_BF, readings.ball, place, point, rig.p_GS, offset=readings.offset, p_FM=known
-    )
+    plate = place_sockets(p_BF, R_BF, readings.ball, place, point, rig.p_GS, offset=readings.offset, p_FM=known)
     return replace(rig, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
 

@@ -87,7 +87,7 @@ def _unexplained(c: Calibration, left: Leftover) -> dict[str, object]:
 
 
 def _frames(frames: GaugeFrames) -> dict[str, object]:
-    out = {
+    out: dict[str, object] = {
         "fixtures": [{"name": n, "position_mm": _list(to_mm(p))} for n, p in frames.fixtures],
         "places": [
             {"name": n, "position_mm": _list(to_mm(p)), "rpy_deg": _list(to_deg(rpy))} for n, p, rpy in frames.places

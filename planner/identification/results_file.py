@@ -1,4 +1,4 @@
-"""What ``identification.json`` may hold: the contract's keys, millimetres and degrees, checked on the way out and in."""
+"""What ``identification.json`` may hold: the contract's keys in mm and degrees, checked on the way out and in."""
 
 from typing import Literal
 

@@ -10,6 +10,7 @@ from planner.identification.problem import Problem
 from planner.units import Array
 
 WARM = 3_000  # samples of a long run that find the minimum before all of them polish it
+FLAT = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
 STEPS = 50
 CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 
@@ -95,7 +96,8 @@ def _descend(problem: Problem, errors: Array) -> Solution:
         trial = errors + problem.prior * z
         there = _Triangle.about(problem, trial)
         sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
-        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED * sigma
+        fall = abs(here.cost - there.cost)
+        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED * sigma or fall < FLAT * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
             errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
         else:

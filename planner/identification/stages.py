@@ -28,7 +28,13 @@ class Fitted:
 
 
 def fitted(
-    name: str, model: Model, run: Run, split: Split, judge: Judge, robust: bool = False, before: Fit | None = None
+    name: str,
+    model: Model,
+    run: Run,
+    split: Split,
+    judge: Judge,
+    robust: bool = False,
+    before: Fit | None = None,
 ) -> Fitted:
     """Fit a model to a run and judge it on held-out poses and on the validation run."""
     start = None if before is None else _start(model, before)

@@ -60,27 +60,33 @@ def hand_eye(s: Stand, R_GM: Array) -> Array:
 def _completed(s: Stand, p_GM: Array, m: Array, R: Array) -> tuple[Array, Array, Array]:
     """Fill what is NaN in m (k, T, 3) and R (k, S, 3, 3): one place or point after the other, from those known."""
     t = np.full((*R.shape[:2], 3), np.nan)
-    while True:
-        known_m, known_R, known_t = np.isfinite(m[0, :, 0]), np.isfinite(R[0, :, 0, 0]), np.isfinite(t[0, :, 0])
-        if known_m.all() and known_t.all():
-            return R, t, m
+    known_m, known_R = np.isfinite(m[0, :, 0]), np.isfinite(R[0, :, 0, 0])
+    known_t = np.zeros(s.n_places, dtype=bool)
+    while not (known_m.all() and known_t.all()):
         place_next = _most(s.place, known_m[s.point] & ~known_t[s.place])
         point_next = _most(s.point, known_t[s.place] & ~known_m[s.point])
         if place_next is not None:
             k, at = place_next
             R[:, k], t[:, k] = _place(s.take(at), p_GM[at], m, R[:, k])
+            known_t[k] = True
         elif point_next is not None:
             k, at = point_next
             to = np.einsum("knij,nj->kni", R[:, s.place[at]], p_GM[at]) + t[:, s.place[at]] - s.p_BF[at]
             m[:, k] = np.median(np.einsum("nji,knj->kni", s.R_BF[at], to), axis=1)
+            known_m[k] = True
         elif (known_R & ~known_t).any():
             k = int(np.flatnonzero(known_R & ~known_t)[0])
             at = largest_pair(s)
             m[:, s.point[at[0]]], t[:, k] = _point_and_origin(s.take(at), p_GM[at], R[:, k])
+            known_m[s.point[at[0]]] = known_t[k] = True
         elif not known_m.all():
-            m[:, np.flatnonzero(~known_m)[0]] = 0.0
+            first = int(np.argmin(known_m))
+            m[:, first] = 0.0
+            known_m[first] = True
         else:
             R[:, ~known_t], t[:, ~known_t] = np.eye(3), 0.0
+            known_t[:] = True
+    return R, t, m
 
 
 def _most(index: IntArray, ready: np.ndarray) -> tuple[int, IntArray] | None:
@@ -104,7 +110,7 @@ def _place(s: Stand, p_GM: Array, m: Array, R: Array) -> tuple[Array, Array]:
             away = x - np.einsum("kij,nj->kni", R, p_GM)
             t = np.einsum("kn,kni->ki", weight, away) / weight.sum(axis=1)[:, None]
         r = np.linalg.norm(x - np.einsum("kij,nj->kni", R, p_GM) - t[:, None], axis=2)
-        weight = np.minimum(1.0, np.median(r, axis=1, keepdims=True) / np.maximum(r, 1e-12))
+        weight = np.minimum(1.0, (np.median(r, axis=1, keepdims=True) + 1e-9) / (r + 1e-9))
     return R, t
 
 

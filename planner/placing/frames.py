@@ -14,7 +14,7 @@ from planner.placing.solver import best_first, cut_of, refine, scale_of
 from planner.units import Array, frozen
 
 FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
-KEPT = 4
+TRIED, KEPT = 12, 3  # starts that are refined at all, and refined on many rows
 PER_RADIAN = 1.0  # [m] an angle of 1 mrad counts like 1 mm: what a joint's error does at a metre's reach
 _FIRST = ((8, "huber"), (8, "huber"))
 LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
@@ -126,8 +126,8 @@ def place_poses(
     gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", f.R_BG[0, s.place], p_GM) - f.p_BG[0, s.place]
     turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (f.R_BG[0, s.place] @ R_GM).swapaxes(-1, -2))
     rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
-    placed = (frozen(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
-    return PosePlacing(*placed, rms, rms_angle, outlier)
+    R_BG, p_BG, m, turns = (frozen(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
+    return PosePlacing(R_BG, p_BG, m, turns, rms, rms_angle, outlier)
 
 
 def _solved(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Array:
@@ -135,11 +135,12 @@ def _solved(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Ar
     s, d = problem.stand, 3 if problem.R_GM is None else 6
     if d * len(s) < problem.free.sum():
         raise InputError(
-            f"{len(s)} readings of {d} numbers cannot place frames of {problem.free.sum()} unknowns; more poses would help"
+            f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
         )
     few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
     starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).packed()
-    found = refine(few, starts, _FIRST)
+    promising = best_first(refine(few, starts, ()), d)[:TRIED]
+    found = refine(few, starts[promising], _FIRST)
     found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)
     best = best_first(found, d)[0]
     demand(found.jacobian[best], found.error[best], unknowns(s, problem.free), many.stand)

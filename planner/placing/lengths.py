@@ -72,7 +72,9 @@ def place_lengths(
     given = tuple(0 if v is None else len(v) for v in (p_BX, p_FM))
     s = stand(p_BF, R_BF, place, point, *given)
     rows((("length", length, (len(s),)),))
-    free = np.concatenate([np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [not zero_known]])
+    free = np.concatenate(
+        [np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [not zero_known]]
+    )
     if len(s) < free.sum():
         raise InputError(f"{len(s)} lengths cannot place a gauge of {free.sum()} unknowns; more poses would help")
     few, many = s.spread(FEW), s.spread(MANY)
@@ -128,25 +130,27 @@ def _starts(s: Stand, length: Array, p_FM: Array | None, p_BX: Array | None, zer
 
 def _completed(s: Stand, length: Array, m: Array, X: Array, zero: Array) -> Array:
     """Fill what is NaN in the seeds: fixtures from known tool points and tool points from known fixtures."""
-    while not (np.isfinite(m).all() and np.isfinite(X).all()):
-        ready = np.isfinite(m[0, s.point, 0]) & np.isnan(X[0, s.place, 0])
+    known_m, known_X = np.isfinite(m[0, :, 0]), np.isfinite(X[0, :, 0])
+    while not (known_m.all() and known_X.all()):
+        ready = known_m[s.point] & ~known_X[s.place]
         if ready.any():
             k = int(np.argmax(np.bincount(s.place[ready])))
             at = np.flatnonzero(ready & (s.place == k))
             X[:, k], zero = trilateration(s.take(at).carried(m), length[at], zero)
+            known_X[k] = True
             continue
-        ready = np.isnan(m[0, s.point, 0]) & np.isfinite(X[0, s.place, 0])
+        ready = ~known_m[s.point] & known_X[s.place]
         if ready.any():
             k = int(np.argmax(np.bincount(s.point[ready])))
             at = np.flatnonzero(ready & (s.point == k))
             to = X[:, s.place[at]] - s.p_BF[at]
             m[:, k], zero = trilateration(np.einsum("nji,knj->kni", s.R_BF[at], to), length[at], zero)
-            continue
-        opened = np.flatnonzero(np.isnan(m[0, :, 0]))
-        if len(opened):
-            m[:, opened[0]] = 0.0
+            known_m[k] = True
+        elif not known_m.all():
+            first = int(np.argmin(known_m))
+            m[:, first], known_m[first] = 0.0, True
         else:
-            X[np.isnan(X)] = 0.0
+            X[:, ~known_X], known_X[:] = 0.0, True
     if not np.isfinite(zero).all():
         distance = np.linalg.norm(s.carried(m) - X[:, s.place], axis=2)
         zero = np.median(length - distance, axis=1)

@@ -61,8 +61,12 @@ def demand(jacobian: Array, error: Array, unknowns: tuple[Unknown, ...], stand: 
     """
     missing = left_open(jacobian, error, unknowns)
     if missing:
-        names = " and ".join((", ".join(str(u) for u in missing[:-1]), str(missing[-1])) if missing[1:] else [str(missing[0])])
-        raise NoSolutionError(f"the {len(stand)} poses do not determine the {names}; {advice(missing, stand)} would help")
+        names = " and ".join(
+            (", ".join(str(u) for u in missing[:-1]), str(missing[-1])) if missing[1:] else [str(missing[0])]
+        )
+        raise NoSolutionError(
+            f"the {len(stand)} poses do not determine the {names}; {advice(missing, stand)} would help"
+        )
 
 
 def advice(missing: tuple[Unknown, ...], stand: Stand) -> str:

@@ -27,8 +27,10 @@ def fitted_shape(keys: IntArray, X: Array, counts: Array, distances: tuple[Dista
     """
     K = int(keys[:, 1].max()) + 1
     for a, b, length in distances:
-        if not (0 <= min(a, b) and max(a, b) < K and a != b):
-            raise InputError(f"a distance is given between sockets {a + 1} and {b + 1}, but the run names only {K} sockets")
+        if not (min(a, b) >= 0 and max(a, b) < K and a != b):
+            raise InputError(
+                f"a distance is given between sockets {a + 1} and {b + 1}, but the run names only {K} sockets"
+            )
         if not length > 0.0:
             raise InputError(f"the distance between sockets {a + 1} and {b + 1} is {length} m; it must be positive")
     return _own_axes(_held(_averaged(K, keys, X, counts), distances))
@@ -47,7 +49,9 @@ def _averaged(K: int, keys: IntArray, X: Array, counts: Array) -> Array:
         x, socket, w = X[at], keys[at, 1], counts[at]
         common = known[socket]
         if known.any() and not common.any():
-            raise NoSolutionError(f"plate {place + 1} shares no socket with the others; positions of the sockets would help")
+            raise NoSolutionError(
+                f"plate {place + 1} shares no socket with the others; positions of the sockets would help"
+            )
         if known.any():
             shape = total[socket[common]] / weight[socket[common], None]
             R, t = registration(shape, x[common], w[common])

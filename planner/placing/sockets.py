@@ -87,8 +87,9 @@ def place_sockets(
     error, outlier = judged(problem, found.state)
     missing = left_open(found.jacobian[0], found.error[0], unknowns(s, free))
     rms = float(np.sqrt((error[~outlier] ** 2).mean()))
-    placed = (frozen(v) for v in (f.R_BG[0], f.p_BG[0], f.p_FM[0], p_PS))
-    return SocketPlacing(*placed, rms, outlier, tuple(str(u).replace("gauge frame", "plate") for u in missing))
+    names = tuple(str(u).replace("gauge frame", "plate") for u in missing)
+    R_BP, p_BP, tool, plate = (frozen(v) for v in (f.R_BG[0], f.p_BG[0], f.p_FM[0], p_PS))
+    return SocketPlacing(R_BP, p_BP, tool, plate, rms, outlier, names)
 
 
 def _balls(ball: IntArray, n: int, p_PS: Array | None, distances: tuple[Distance, ...]) -> IntArray:
@@ -126,7 +127,7 @@ def _points(s: Stand, of_pair: IntArray, p_FM: Array | None) -> Array:
         m = V[:, seen] @ ((V[:, seen].T @ np.einsum("n,nij,ni->j", weight, C, b)) / values[seen])
         r = np.linalg.norm(b - C @ m, axis=1)
         weight = np.minimum(1.0, 1.5 * max(float(np.median(r)), 1e-9) / np.maximum(r, 1e-12))
-    return m.reshape(T, 3)
+    return np.asarray(m).reshape(T, 3)
 
 
 def _means(x: Array, of_pair: IntArray, pairs: int) -> tuple[Array, Array]:

@@ -5,11 +5,12 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.placing.inputs import IntArray
 from planner.units import Array
 
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
 _MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
-_SMALLEST = 2e-3  # [m] a nominal robot is wrong by this much: nothing near it is called an outlier
+_SMALLEST = 4e-3  # [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
 _HUBER, _TUKEY = 1.5, 4.7
 
 
@@ -78,7 +79,7 @@ def refine(problem: Problem, state: Array, schedule: tuple[tuple[int, str], ...]
     return Refined(state, np.linalg.norm(r, axis=2), J)
 
 
-def best_first(found: Refined, d: int) -> Array:
+def best_first(found: Refined, d: int) -> IntArray:
     """Return the order of the states, best first: squared residuals, each cut off at the smallest scale's limit."""
     limit = cut_of(d) * scale_of(found.error, d).min()
     cost = (np.minimum(found.error, limit) ** 2).sum(axis=1)

@@ -50,11 +50,15 @@ def picture_png(picture: Picture) -> bytes:
     rows = [picture.panels[k : k + many] for k in range(0, len(picture.panels), many)]
     heights = [max(p.height for p in row) * PX for row in rows]
     with style():
-        figure = Figure(figsize=(WIDTH, sum(heights) + 0.75 * len(heights) + 0.1), layout="constrained")
+        tall = sum(heights) + 0.75 * len(heights) + 0.1
+        figure = Figure(figsize=(WIDTH, tall), layout="constrained" if many == 1 else None)
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False).ravel()
         named: set[str] = set()
         for ax, panel in zip(axes, picture.panels, strict=False):
             _draw(ax, panel, named)
+        if many > 1:  # of one size each, so their room need not be found out
+            margin = {"left": 0.075, "right": 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
+            figure.subplots_adjust(**margin, wspace=0.2, hspace=0.68 * len(heights) / sum(heights))
         for ax in axes[len(picture.panels) :]:
             ax.set_axis_off()
         return png(figure)

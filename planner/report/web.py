@@ -45,9 +45,10 @@ def figure(picture: Picture) -> go.Figure:
         hoverlabel={"bgcolor": "white", "font": {"family": FONT, "size": 13}},
         bargap=0.35,
     )
-    if many == 1:
-        fig.update_annotations(x=0, xanchor="left", font_size=15)
-    fig.update_annotations(font_size=15)
+    titled = [k for k, panel in enumerate(picture.panels) if panel.title]  # plotly notes no empty titles
+    for k, note in zip(titled, fig.layout.annotations, strict=True):
+        left = 0 if many == 1 else next(fig.select_xaxes(row=k // many + 1, col=k % many + 1)).domain[0]
+        note.update(x=left, xanchor="left", font_size=15)
     named: set[str] = set()
     for k, panel in enumerate(picture.panels):
         _draw(fig, panel, k, many, named)
@@ -56,48 +57,44 @@ def figure(picture: Picture) -> go.Figure:
 
 def _draw(fig: go.Figure, panel: Panel, k: int, many: int, named: set[str]) -> None:
     """Draw panel number ``k`` of a picture with so ``many`` side by side."""
-    where = {"row": k // many + 1, "col": k % many + 1}
+    cell = {"row": k // many + 1, "col": k % many + 1}
     several = len(panel.series) > 1
     legend = "legend" if k == 0 else f"legend{k + 1}"
     for series in panel.series:
         show = several and bool(series.name) and series.name not in named
         named.add(series.name)
-        fig.add_trace(_trace(series, show).update(legend=legend), **where)
+        fig.add_trace(_trace(series, show).update(legend=legend), **cell)
     if panel.cells is not None:
-        fig.add_trace(_field(panel, panel.cells), **where)
-    top = next(fig.select_yaxes(**where)).domain[1]
-    right = next(fig.select_xaxes(**where)).domain[1]
-    place = {
-        "orientation": "h",
-        "x": right if many > 1 else 1,
-        "xanchor": "right",
-        "y": top,
-        "yanchor": "bottom",
-        "itemsizing": "constant",
-    }
-    fig.update_layout({legend: place})
+        fig.add_trace(_field(panel, panel.cells), **cell)
+    top = next(fig.select_yaxes(**cell)).domain[1]
+    right = 1 if many == 1 else next(fig.select_xaxes(**cell)).domain[1]
+    place = {"orientation": "h", "x": right, "xanchor": "right", "y": top, "yanchor": "bottom"}
+    fig.update_layout({legend: place | {"itemsizing": "constant"}})
     for limit in panel.limits:
-        _limit(fig, panel, limit, where)
+        _limit(fig, panel, limit, cell)
+    _axes(fig, panel, cell)
+
+
+def _axes(fig: go.Figure, panel: Panel, cell: dict[str, int]) -> None:
     axis = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
+    along = _columns(panel.cells) if panel.cells else LOG if panel.log_x else {}
     fig.update_xaxes(
         title_text=panel.x_label,
         title_standoff=8,
         showgrid=bool(panel.y_names),
         gridcolor=RULE,
         range=_log(panel.x_range) if panel.log_x else panel.x_range,
-        **where,
-        **(LOG if panel.log_x else {}),
-        **(_columns(panel.cells) if panel.cells else {}),
+        **cell,
+        **along,
         **axis,
     )
     names = {"tickmode": "array", "tickvals": list(range(len(panel.y_names))), "ticktext": list(panel.y_names)}
-    down = (
-        {"range": [len(panel.y_names) - 0.4, -0.6], **names}
-        if panel.y_names
-        else {"range": _log(panel.y_range) if panel.log_y else panel.y_range}
-    )
-    down |= LOG if panel.log_y else {}
-    fig.update_yaxes(title_text=panel.y_label, showgrid=panel.cells is None, gridcolor=RULE, **where, **down, **axis)
+    down: dict[str, object] = {"range": _log(panel.y_range) if panel.log_y else panel.y_range}
+    if panel.y_names:
+        down = {"range": [len(panel.y_names) - 0.4, -0.6], **names}
+    if panel.log_y:
+        down |= LOG
+    fig.update_yaxes(title_text=panel.y_label, showgrid=panel.cells is None, gridcolor=RULE, **cell, **down, **axis)
 
 
 def _trace(series: Series, show: bool) -> go.Scatter | go.Bar:

@@ -1,6 +1,7 @@
 """The robot that everything else works with, in SI units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,38 @@ class LinkMass:
 
     mass: float
     com: Array
+
+
+BASE = tuple(f"base_{turn}{axis}" for turn in ("", "r") for axis in "xyz")  # how the base stands; before the rows
+
+
+@dataclass(frozen=True)
+class RobotEffect:
+    """An effect beyond geometry: ``value`` times the basis function ``phi`` is added to the transform ``on``.
+
+    Attributes:
+        name: for instance ``compliance2``.
+        on: name of an elementary transform of the robot or of its base, for instance ``theta2``.
+        phi: key of the basis function, for instance ``torque:2``; the room ``effects`` can read it.
+        value, unit: in SI units, for instance rad/Nm.
+        static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
+    """
+
+    name: str
+    on: str
+    phi: str
+    value: float
+    unit: str
+    static: bool = True
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Tool mass [kg], its centre of mass com_F (3,) [m] in the flange, and how the base stands, rpy (3,) [rad]."""
+
+    payload: float
+    com_F: Array
+    base_rpy: Array
 
 
 @dataclass(frozen=True)
@@ -41,6 +74,9 @@ class Robot:
         never_meet: pairs of links that the maker's own strokes keep apart, so that they are not checked.
         sources: topic → where the numbers come from.
         path: the file it was read from.
+        tip: last link, where the chain comes from a URDF.
+        effects: what a calibration found beyond geometry; ``loads`` those that it was found under.
+        nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
     """
 
     name: str
@@ -63,6 +99,18 @@ class Robot:
     never_meet: frozenset[tuple[int, int]]
     sources: tuple[tuple[str, str], ...]
     path: Path
+    tip: str | None = None
+    effects: tuple[RobotEffect, ...] = ()
+    loads: Loads | None = None
+    nominal_transforms: tuple[Transform, ...] = ()
+
+    @cached_property
+    def nominal(self) -> "Robot":
+        """The robot that the controller believes in: without what a calibration changed; most robots are their own."""
+        if not self.nominal_transforms and not self.effects:
+            return self
+        rows = self.nominal_transforms or self.transforms
+        return replace(self, transforms=rows, nominal_transforms=(), effects=())
 
     @property
     def n_joints(self) -> int:

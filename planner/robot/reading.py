@@ -10,6 +10,7 @@ from planner.bodies import LinkBodyFile, Vector
 from planner.chain import Transform
 from planner.errors import InputError, nearest
 from planner.resources import folder
+from planner.robot.additions import EffectFile, LoadsFile, effects_of, loads_of, nominal_of
 from planner.robot.model import LinkMass, Robot
 from planner.robot.rows import dh_row, frame, mdh_row, needs_beta
 from planner.robot.urdf import UrdfChain, read_urdf
@@ -72,6 +73,9 @@ class RobotFile(Strict):
     joints: tuple[JointFile, ...] = ()
     bodies: tuple[LinkBodyFile, ...] = ()
     never_meet: tuple[tuple[int, int], ...] = ()
+    effects: tuple[EffectFile, ...] = ()
+    loads: LoadsFile | None = None
+    nominal: dict[str, float] = {}
 
     @model_validator(mode="after")
     def _complete(self) -> "RobotFile":
@@ -159,8 +163,7 @@ def _from_urdf(file: RobotFile, path: Path) -> Robot:
         if still:
             raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
         file = file.model_copy(update={"joints": _joints_of(chain)})
-    robot = _robot(file, path, chain.transforms, chain.link_end, chain)
-    return robot
+    return _robot(file, path, chain.transforms, chain.link_end, chain)
 
 
 def _joints_of(chain: UrdfChain) -> tuple[JointFile, ...]:
@@ -190,7 +193,7 @@ def _robot(
     urdf: UrdfChain | None = None,
 ) -> Robot:
     joints = file.joints
-    flange = [t for t in frame("_flange", from_mm(file.flange.position_mm), from_deg(file.flange.rpy_deg)) if t.nominal]
+    whole = (*rows, *_flange(file))
     couple = np.array([[j.couple.get(k, 0.0) for k in range(1, len(joints) + 1)] for j in joints])
     sense = np.array([float(j.sense) for j in joints])
     A = sense[:, None] * (np.eye(len(joints)) + couple)
@@ -212,7 +215,7 @@ def _robot(
         name=file.name,
         title=file.title or file.name,
         convention=file.convention,
-        transforms=(*rows, *flange),
+        transforms=whole,
         link_end=ends,
         sense_matrix=frozen(A),
         theta_zero=frozen(-sense * zero),
@@ -229,7 +232,16 @@ def _robot(
         never_meet=frozenset((min(p), max(p)) for p in file.never_meet),
         sources=tuple(sorted(sources.items())),
         path=path,
+        tip=None if urdf is None else urdf.tip,
+        effects=effects_of(path, file.effects, whole),
+        loads=loads_of(file.loads),
+        nominal_transforms=nominal_of(path, file.nominal, whole) if file.nominal else (),
     )
+
+
+def _flange(file: RobotFile) -> tuple[Transform, ...]:
+    every = frame("_flange", from_mm(file.flange.position_mm), from_deg(file.flange.rpy_deg))
+    return tuple(t for t in every if t.nominal)
 
 
 def _limits(joints: tuple[JointFile, ...], side: int) -> Array:

@@ -17,7 +17,10 @@ from planner.units import Array, frozen
 
 @dataclass(frozen=True)
 class UrdfChain:
-    """What a URDF says of the chain from its root link to the tip (joints in order, SI units)."""
+    """What a URDF says of the chain from its root link to the tip (joints in order, SI units).
+
+    ``parts`` are the joints of the chain, fixed ones too: the name, and the number of transforms up to its end.
+    """
 
     transforms: tuple[Transform, ...]
     link_end: tuple[int, ...]
@@ -27,6 +30,8 @@ class UrdfChain:
     speed: tuple[float, ...]
     masses: tuple[LinkMass | None, ...]
     bodies: tuple[tuple[int, Body], ...]
+    tip: str
+    parts: tuple[tuple[str, int], ...]
 
 
 def read_urdf(path: Path, tip: str | None) -> UrdfChain:
@@ -49,15 +54,16 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
     while link in by_child:
         joints.insert(0, by_child[link])
         link = str(_child(joints[0], "parent").get("link"))
-    return _assemble(path, links, joints, link)
+    return _assemble(path, links, joints, link, tip)
 
 
-def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str) -> UrdfChain:
+def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str, tip: str) -> UrdfChain:
     transforms: list[Transform] = []
     ends, lower, upper, speed = [0], list[float](), list[float](), list[float]()
     sense: list[int] = []
     masses: list[LinkMass | None] = []
     bodies = [(0, b) for b in _bodies(path, links[base], np.eye(4))]
+    parts: list[tuple[str, int]] = []
     carried = np.eye(4)  # pose of the current URDF link in the last link frame
     for joint in joints:
         name, kind = str(joint.get("name")), joint.get("type")
@@ -65,6 +71,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         child = links[str(_child(joint, "child").get("link"))]
         if kind == "fixed":
             transforms += frame(f"_{name}", xyz, rpy)
+            parts.append((name, len(transforms)))
             carried = carried @ _matrix(xyz, rpy)
             bodies += [(len(sense), b) for b in _bodies(path, child, carried)]
             continue
@@ -74,6 +81,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         rows, sign = _joint(i, xyz, rpy, np.array(_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
         transforms += rows
         ends.append(len(transforms))
+        parts.append((name, len(transforms)))
         carried = np.eye(4)
         limit = joint.find("limit")
         bound = 2 * np.pi if kind == "continuous" or limit is None else None
@@ -92,6 +100,8 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         tuple(speed),
         tuple(masses),
         tuple(bodies),
+        tip,
+        tuple(parts),
     )
 
 
@@ -138,16 +148,20 @@ def _bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
 
 
 def _mesh(path: Path, filename: str, name: str) -> Path:
+    found = find_mesh(path, filename)
+    if found is None:
+        raise InputError(f"{path}: the mesh '{filename}' of link '{name}' does not exist in any folder above the file")
+    return found
+
+
+def find_mesh(path: Path, filename: str) -> Path | None:
     """Find a mesh beside the URDF: a ``package://`` path is tried below each folder above the file."""
     relative = filename.removeprefix("file://")
     package = relative.startswith("package://")
     relative = relative.removeprefix("package://")
     tails = [relative] + ([relative.split("/", 1)[1]] if package and "/" in relative else [])
-    for folder in path.resolve().parents:
-        for tail in tails:
-            if (folder / tail).is_file():
-                return folder / tail
-    raise InputError(f"{path}: the mesh '{filename}' of link '{name}' does not exist in any folder above the file")
+    places = (folder / tail for folder in path.resolve().parents for tail in tails)
+    return next((p for p in places if p.is_file()), None)
 
 
 def _mass(link: ET.Element) -> LinkMass | None:

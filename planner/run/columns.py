@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from planner.errors import InputError, nearest
 from planner.units import DEG, MM, UM
@@ -102,5 +103,7 @@ def recognise(headers: list[str], n_joints: int, file: str) -> tuple[list[Column
         key = meant.get(key.lower(), key)
         if units_of(key) is not None and key not in found and "_" not in rest:
             raise InputError(f"{file}: the column '{header}' does not say its unit; it is called {spellings(key)}")
-        warnings.append(f"{file}: the column '{header}' is not part of a run and was left out{nearest(header, known)}")
+        warnings.append(
+            f"{Path(file).name}: the column '{header}' is not part of a run and was left out{nearest(header, known)}"
+        )
     return columns, warnings

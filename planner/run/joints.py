@@ -73,7 +73,7 @@ def _radians_as_degrees(table: Table, stem: str, q: Array) -> list[str]:
             "'# angles: degrees' above if the arm really moved so little"
         )
     return [
-        f"{table.source.file}: no joint moves by more than {spread:.3g} degrees ({name}); "
+        f"{table.source.name}: no joint moves by more than {spread:.3g} degrees ({name}); "
         f"if these are radians, call them {stem}1_rad"
     ]
 
@@ -97,5 +97,6 @@ def check_jumps(table: Table, n_joints: int) -> None:
             before, after = to_deg(table.array(key)[row - 1 : row + 1])
             raise InputError(
                 f"{table.source.at(row)}, column '{table.source.header(key)}': the angle jumps from {before:.6g} to "
-                f"{after:.6g} degrees within {t[row] - t[row - 1]:.3g} s; angles that are wrapped at a full turn have to run on"
+                f"{after:.6g} degrees within {t[row] - t[row - 1]:.3g} s; "
+                "angles that are wrapped at a full turn have to run on"
             )

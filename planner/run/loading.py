@@ -116,7 +116,7 @@ def _sessions(table: Table, t: Array | None) -> tuple[IntArray, list[str]]:
     lines = ", ".join(table.source.at(int(row)).rpartition(", ")[2] for row in back[:3])
     more = f" and {len(back) - 3} more" if len(back) > 3 else ""
     result = "a new session begins at each" if given is None else "within a session; its number was kept"
-    return session, [f"{table.source.file}: the clock steps back {_times(len(back))} ({lines}{more}): {result}"]
+    return session, [f"{table.source.name}: the clock steps back {_times(len(back))} ({lines}{more}): {result}"]
 
 
 def _times(n: int) -> str:

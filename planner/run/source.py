@@ -1,6 +1,7 @@
 """Where a row of a table came from, so that a message can name file, line and column."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from planner.run.types import IntArray
 
@@ -30,6 +31,11 @@ class Source:
     rows: IntArray | None = None
     fields: int = 0
     headers: tuple[tuple[str, str], ...] = field(default=())
+
+    @property
+    def name(self) -> str:
+        """Return the file's name without its folders, for what is written into results."""
+        return Path(self.file).name
 
     def at(self, row: int) -> str:
         """Return ``"run.csv, line 12"`` for row 0, 1, …"""

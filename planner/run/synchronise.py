@@ -61,8 +61,8 @@ def _by_time(gauge: Table, axes: Table) -> Table:
         )
     if len(inside) < len(t):
         said.append(
-            f"{gauge.source.file}: {len(t) - len(inside)} of {len(t)} readings lie outside the time of "
-            f"{axes.source.file} and were left out"
+            f"{gauge.source.name}: {len(t) - len(inside)} of {len(t)} readings lie outside the time of "
+            f"{axes.source.name} and were left out"
         )
     frame = gauge.frame[inside].with_columns(pl.Series("t", t[inside]))
     others = [key for key in axes.frame.columns if key not in (*gauge.frame.columns, "t", "sync")]
@@ -84,19 +84,19 @@ def _forward(table: Table) -> Array:
 
 def _offset(gauge: Table, axes: Table, t_gauge: Array, t_axes: Array) -> tuple[float, list[str]]:
     """Return what is to be added to the gauge's clock [s], and a sentence on where it comes from."""
-    both = f"{gauge.source.file} and {axes.source.file}"
+    names = f"{gauge.source.name} and {axes.source.name}"
     if not (gauge.has("sync") and axes.has("sync")):
         return 0.0, [
-            f"{both}: the clocks are taken for the same, as there is no column sync in both; "
+            f"{names}: the clocks are taken for the same, as there is no column sync in both; "
             "a small offset is found by the fit as the gauge's lag, a large one is not"
         ]
     g, a = (rising_edges(t, table.array("sync")) for t, table in ((t_gauge, gauge), (t_axes, axes)))
     try:
         found = edge_offset(g, a, _step(gauge) + _step(axes))
     except InputError as err:
-        raise InputError(f"{both}: {err}") from err
+        raise InputError(f"{gauge.source.file} and {axes.source.file}: {err}") from err
     return found.seconds, [
-        f"{both}: {found.seconds:.6f} s was added to the gauge's clock; {found.marks} sync marks agree on it "
+        f"{names}: {found.seconds:.6f} s was added to the gauge's clock; {found.marks} sync marks agree on it "
         f"(RMS {1e3 * found.rms:.3f} ms)"
     ]
 
@@ -138,7 +138,8 @@ def _by_pose(gauge: Table, axes: Table) -> Table:
     if frame.height == 0:
         raise InputError(f"{gauge.source.file} and {axes.source.file} have no pose in common")
     said = [
-        f"{table.source.file}: {table.frame.height - frame.height} rows without a partner of their pose were left out"
+        f"{table.source.name}: {table.frame.height - frame.height} of {table.frame.height} rows have no partner of "
+        "their pose and were left out"
         for table in (gauge, axes)
         if table.frame.height > frame.height
     ]
@@ -150,7 +151,7 @@ def _merged(gauge: Table, axes: Table, frame: pl.DataFrame, rows: IntArray, said
     twice = sorted((set(gauge.frame.columns) & set(axes.frame.columns)) - {"t", "sync", "pose"})
     if twice:
         said.append(
-            f"{axes.source.file}: {', '.join(twice)} stand in both files; those of {gauge.source.file} are used"
+            f"{axes.source.name}: {', '.join(twice)} stand in both files; those of {gauge.source.name} are used"
         )
     return Table(
         source,

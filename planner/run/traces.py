@@ -153,5 +153,5 @@ def _without_unwritten(table: Table) -> Table:
     if len(written) == 0:
         raise InputError(f"{file}: all {lost} rows hold 0 for every axis; the controller has not written them")
     source = Source(file, lines=table.source.lines[written] if table.source.lines is not None else None)
-    said = f"{file}: {lost} rows hold 0 for every axis, so the controller never wrote them; they were left out"
+    said = f"{source.name}: {lost} rows hold 0 for every axis, so the controller never wrote them; they were left out"
     return Table(source, table.frame[written], table.units, table.notes, (*table.warnings, said))

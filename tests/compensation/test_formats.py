@@ -147,6 +147,7 @@ REFUSED = {
     ),
     "incremental.nc": ("G91\nG1 A1=1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 1, "relative angles"),
     "circle.nc": ("G2 A1=1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 1, "no joint move"),
+    "cartesian.nc": ("G1 X10 Y20 F30\nM30\n", 1, "the word X found"),
     "variable.MPF": ("G90\nG1 A1=R1 A2=2 A3=3 A4=4 A5=5 A6=6\nM30\n", 2, "computes axis A1"),
     "modal.nc": ("G1 A1=1 A2=2\nM30\n", 1, "A3, A4, A5, A6 is not known"),
     "loop.ngc": (
@@ -265,3 +266,15 @@ def test_rapid_targets_by_name_and_in_place(tmp_path):
     done = compensate_file(path, robot, shifted(robot))
     assert done.text == text.format("39.50000", "3.50000")
     assert [line for line, _ in done.report.notes] == [9]
+
+
+def test_the_summary_says_what_was_left(tmp_path):
+    robot, real = bent("kuka-kr6-r700")
+    path = tmp_path / "p.src"
+    path.write_text(
+        krl("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "PTP {A1 10,A2 -80,A3 90,A4 5,A5 40,A6 6}", "PTP XP9")
+    )
+    done = compensate_file(path, robot, real, keep_unsolved=True)
+    assert "1 joint targets and 0 poses corrected" in done.summary
+    assert "left as it was: p.src:2:" in done.summary
+    assert "p.src:4: XP9 is declared elsewhere" in done.summary

@@ -74,14 +74,14 @@ class World:
     def regrouped(self, errors):
         """The fitted parameters' values (P,) that give what the arm with ``errors`` reads, and what is left (n,) [m]."""
         wanted, x = self.read(errors), {n: errors[n] for n in self.names}
+        tool = self.tool + [x.get(f"map_{a}", 0.0) for a in "xyz"]
+        arm_errors = {k: v for k, v in x.items() if k in self.arm.names}
+        J, names = self._station(x).columns(self.arm, self.q, arm_errors, tool)
+        J = J[:, 0, [names.index(n) for n in self.names]]
+        size = np.linalg.norm(J, axis=0)
+        inverse = np.linalg.pinv(J / size) / size[:, None]
         for _ in range(3):
-            arm_errors = {k: v for k, v in x.items() if k in self.arm.names}
-            tool = self.tool + [x.get(f"map_{a}", 0.0) for a in "xyz"]
-            J, names = self._station(x).columns(self.arm, self.q, arm_errors, tool)
-            J = J[:, 0, [names.index(n) for n in self.names]]
-            size = np.linalg.norm(J, axis=0)
-            left = wanted - self.read(x)
-            step = np.linalg.lstsq(J / size, left, rcond=None)[0] / size
+            step = inverse @ (wanted - self.read(x))
             x = {n: x[n] + d for n, d in zip(self.names, step, strict=True)}
         return np.array([x[n] for n in self.names]), wanted - self.read(x)
 

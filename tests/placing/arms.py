@@ -1,5 +1,7 @@
 """Six-joint arms from plain DH tables, and runs of made-up gauges; shares nothing with the package."""
 
+from functools import cache
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -39,12 +41,19 @@ def turned(rng, n=None):
     return Rotation.random(n, random_state=int(rng.integers(2**31))).as_matrix()
 
 
-def shell(rng, arm, n, m, X, low=0.3, high=0.52):
+@cache
+def pool(which):
+    """60 000 flange poses of random joint angles of the arm ARMS[which]."""
+    return flange(ARMS[which], np.random.default_rng(which).uniform(-3.0, 3.0, (60000, 6)))
+
+
+def shell(rng, which, n, m, X, low=0.3, high=0.52):
     """Flange poses whose point m stands between low and high [m] from X, found among random joint angles.
 
     The bar's fixture is reached from one side only: X stands well outside of the arm's middle.
     """
-    p, R = flange(arm, rng.uniform(-3.0, 3.0, (60000, 6)))
-    distance = np.linalg.norm(R @ m + p - X, axis=1)
-    keep = np.flatnonzero((distance > low) & (distance < high) & ((R @ m + p)[:, 2] > X[2] - 0.25))[:n]
+    p, R = pool(which)
+    x = R @ m + p
+    distance = np.linalg.norm(x - X, axis=1)
+    keep = rng.permutation(np.flatnonzero((distance > low) & (distance < high) & (x[:, 2] > X[2] - 0.25)))[:n]
     return p[keep], R[keep]

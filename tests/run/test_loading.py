@@ -74,12 +74,17 @@ def test_static_clock_that_steps_back_begins_a_session(tmp_path):
     path = write(tmp_path / "r.csv", rows().replace("\n3,", "\n0.5,"))
     run = load_run(path, 2)
     assert run.samples.session.tolist() == [0, 0, 0, 1, 1]
-    assert run.warnings == (f"{path}: the clock steps back 1 time (line 5): a new session begins at each",)
-    named = "session," + rows().replace("\n", "\n7,", 3).replace("\n3,", "\n4,3,").replace("\n4,30", "\n4,4,30")
-    assert (
-        load_run(write(tmp_path / "s.csv", named.replace("\n4,20", "\n4,4,20")), 2).samples.session.tolist()
-        == [0] * 3 + [1] * 2
-    )
+    assert run.warnings == ("r.csv: the clock steps back 1 time (line 5): a new session begins at each",)
+
+
+def test_named_sessions_may_begin_their_clock_anew(tmp_path):
+    text = "session,t_s,q1_deg,length_mm\n7,0,10,400\n7,1,90,401\n4,0,20,402\n4,5,30,403\n"
+    run = load_run(write(tmp_path / "r.csv", text), 1)
+    assert run.samples.session.tolist() == [0, 0, 1, 1]
+    assert run.warnings == ()
+    back = load_run(write(tmp_path / "s.csv", text.replace("4,5,", "4,-5,")), 1)
+    assert back.samples.session.tolist() == [0, 0, 1, 1]
+    assert "within a session; its number was kept" in back.warnings[0]
 
 
 def test_files_are_placements_of_a_ball_plate(tmp_path):

@@ -129,6 +129,13 @@ def test_loading_finds_the_rests_where_the_file_calls_for_it(tmp_path):
     assert (len(plain), plain.continuous) == (1400, True)
 
 
+def test_a_rest_between_poses_is_no_measurement():
+    run = log_of_holds()
+    pose = np.where(run.samples.pose == 0, -1, run.samples.pose)  # the second hold: a pause on the way
+    samples = Samples(q=run.samples.q, place=run.samples.place, t=run.samples.t, pose=pose)
+    assert rest(Run("log", samples, run.readings)).samples.pose.tolist() == [4, 7, 7, 2]
+
+
 def test_a_log_of_rests_may_begin_its_clock_anew(tmp_path):
     run = log_of_holds()
     t = run.samples.t.copy()

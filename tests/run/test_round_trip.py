@@ -1,6 +1,6 @@
 """What is written is what is read: everything, in both formats, to the last nanometre."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -28,6 +28,12 @@ def test_everything_comes_back(tmp_path, kind, ending):
                 assert not after.flags.writeable, f.name
     for name in ("name", "places", "balls", "points", "continuous", "plan_id", "robot", "warnings"):
         assert getattr(back, name) == getattr(run, name), name
+
+
+def test_the_only_fixture_keeps_its_name(tmp_path):
+    run = full_run("length").take(slice(0, 10))
+    save_run(replace(run, places=("A",)), tmp_path / "a.csv")
+    assert load_run(tmp_path / "a.csv", 7).places == ("A",)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])

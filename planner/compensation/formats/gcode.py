@@ -17,6 +17,7 @@ DECIMALS = 5
 Word = tuple[str, str, int, int]  # name, number, its start and end in the block
 _MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
 _BESIDE = {"G4", "G9", "G53", "G60", "G61", "G61.1", "G64", "G90", "G93", "G94", "G95", "G641", "G642", "G126", "G161"}
+_CARTESIAN = set("XYZABCUVWIJK")
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _FLOW = re.compile(
     r"\b(IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|GOTO[BFC]?|CASE)\b|^O\w+|^\s*L\d+"
@@ -65,7 +66,11 @@ class _Machine:
                 )
             self.mode = code if code in _MOTION_WORDS else self.mode
         axis_words = [w for w in found if w[0] in self.axes]
-        if axis_words:
+        foreign = [w[0] for w in found if w[0] in _CARTESIAN and w[0] not in self.axes]
+        if foreign:
+            refusal = f"the word {foreign[0]} found; the robot's axes are {' '.join(self.joints)} in this dialect"
+            self.reading.refusals.add(number, refusal)
+        elif axis_words:
             self._move(number, place, block, axis_words, codes)
 
     def _words(self, block: str) -> list[Word] | None:

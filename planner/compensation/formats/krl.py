@@ -8,7 +8,7 @@ import numpy as np
 from planner.compensation.dialects import DialectWords
 from planner.compensation.formats.krl_frames import FrameState
 from planner.compensation.formats.krl_values import ACCURATE, EXTERNAL, POSE_KEYS, Entry, StatusTurn, entries, transform
-from planner.compensation.targets import Pose, Reading, Target
+from planner.compensation.targets import EXTERNAL_NOTE, Pose, Reading, Target
 from planner.compensation.text import Lines, masked
 from planner.units import DEG, MM, Array, frozen
 
@@ -204,6 +204,8 @@ class _Machine:
         if configuration is not None:
             keys += [found[k].slot(1.0) for k in "ST"]
         words = frozen([found[k].value * DEG for k in "ABC"])
+        if any(found[k].value != 0.0 for k in EXTERNAL if k in found):
+            self.reading.notes.append((number, EXTERNAL_NOTE))
         pose = Pose(transform(found), "abc", words, T_WB, T_FT, configuration)
         self.last = len(self.reading.targets)
         self.reading.targets.append(Target(number, tuple(keys), pose=pose, follows=follows))

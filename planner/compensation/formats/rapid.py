@@ -16,7 +16,7 @@ from planner.compensation.formats.rapid_values import (
     transform,
     work_object_of,
 )
-from planner.compensation.targets import Pose, Reading, Target
+from planner.compensation.targets import EXTERNAL_NOTE, Pose, Reading, Target
 from planner.compensation.text import Lines, Slot, masked
 from planner.units import DEG, MM, Array, frozen
 
@@ -175,6 +175,8 @@ class _Module:
         if refused is not None or T_FT is None or T_WB is None:
             self._refuse(point.line, refused or "")
             return
+        if any(v < UNUSED for v in values[11:]):
+            self.reading.notes.append((point.line, EXTERNAL_NOTE))
         slots = [Slot(n.start, n.end, MM, MM_DECIMALS) for n in found[:3]]
         slots += [Slot(n.start, n.end, 1.0, QUATERNION_DECIMALS) for n in found[3:7]]
         slots += [Slot(n.start, n.end, 1.0, 0) for n in found[7:11]]

@@ -1,0 +1,140 @@
+"""The numbers of the report, prepared once: errors before and after, and what they are drawn against."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from planner.effects import Context
+from planner.gauge import bar_state
+from planner.identification import Calibration, Stage, error_size
+from planner.identification.gauge_frames import GaugeFrames, gauge_frames
+from planner.identification.leftover import Leftover, leftover
+from planner.units import Array, to_deg, to_mm
+
+LOOK = 20_000  # samples of a long run that means are taken over
+POINTS = 800  # of them that are drawn in one panel
+
+
+@dataclass(frozen=True)
+class Against:
+    """What residuals are drawn against: a quantity of the samples ``Told.looked``, (m,) in the unit of ``label``."""
+
+    kind: str
+    label: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class Told:
+    """A calibration with all that the report works out of it."""
+
+    calibration: Calibration
+
+    @property
+    def before(self) -> Stage:
+        """The robot as its data sheet has it, only the gauge placed on it."""
+        return next((s for s in self.calibration.stages if s.name == "frames"), self.calibration.stages[0])
+
+    @property
+    def after(self) -> Stage:
+        """The last stage."""
+        return self.calibration.stages[-1]
+
+    @cached_property
+    def left(self) -> Leftover:
+        """What the fit leaves."""
+        return leftover(self.calibration)
+
+    @cached_property
+    def frames(self) -> GaugeFrames:
+        """Where the gauge stands."""
+        return gauge_frames(self.calibration)
+
+    @cached_property
+    def looked(self) -> np.ndarray:
+        """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
+        return spread(len(self.calibration.run), LOOK)
+
+    @cached_property
+    def moves(self) -> Array:
+        """How far each fitted error moves the reading, (P,) [m], root mean square over the samples looked at."""
+        fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.looked)
+        rows = fit.model.rows(samples, fit.errors)[:, :3] * fit.errors
+        return np.asarray(np.sqrt((rows**2).sum(axis=1).mean(axis=0)))
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Correlations of the fitted parameters, (P, P)."""
+        C = self.calibration.covariance
+        size = np.sqrt(np.diag(C))
+        return np.asarray(np.clip(C / np.outer(size, size), -1.0, 1.0))
+
+    @cached_property
+    def against(self) -> tuple[Against, ...]:
+        """Everything that the run has to draw residuals against."""
+        return tuple(a for a in (*self._angles(), *self._gauge(), *self._circumstances()) if np.ptp(a.values) > 0)
+
+    def _angles(self) -> list[Against]:
+        samples = self.calibration.run.samples.take(self.looked)
+        out = [Against("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
+        rig = self.calibration.fit.model.rig
+        loaded = rig.tool_mass or samples.force is not None or samples.payload is not None
+        if loaded or any(m is not None for m in rig.robot.masses):
+            load = Context(rig, samples).load_torque
+            out += [Against("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
+        if samples.torque is not None:
+            out += [Against("loads", f"measured torque {j + 1} (Nm)", t) for j, t in enumerate(samples.torque.T)]
+        return out
+
+    def _gauge(self) -> list[Against]:
+        c, which = self.calibration, self.looked
+        rig, samples = c.fit.model.rig, c.run.samples.take(which)
+        if c.run.readings.length is None:
+            p = rig.targets(samples, c.run.readings.take(which)).position
+            assert p is not None
+            return [Against("gauge", f"position {axis} (mm)", to_mm(v)) for axis, v in zip("xyz", p.T, strict=True)]
+        motion = rig.chain.forward(rig.robot.theta(samples.q), rig.offsets(samples))
+        bar = bar_state(motion.x.T, rig.p_BX[samples.place])
+        x, y, z = bar.direction.T
+        return [
+            Against("gauge", "length read (mm)", to_mm(c.run.readings.length[which])),
+            Against("gauge", "direction of the bar about z (deg)", to_deg(np.arctan2(y, x))),
+            Against("gauge", "elevation of the bar (deg)", to_deg(np.arcsin(np.clip(z, -1.0, 1.0)))),
+        ]
+
+    def _circumstances(self) -> list[Against]:
+        s = self.calibration.run.samples.take(self.looked)
+        logged = (("time (s)", s.t), ("temperature (°C)", s.temperature), ("force (N)", s.force))
+        more = (*logged, ("payload (kg)", s.payload))
+        return [Against("circumstances", label, v) for label, v in more if v is not None]
+
+
+def spread(n: int, most: int) -> np.ndarray:
+    """Return at most so many of the numbers 0 … n − 1, evenly spread, the ends among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))
+
+
+def error_along(residual: Array) -> Array:
+    """Signed errors (n,) [m] of residuals (n, r): of lengths, or of positions along where they vary most."""
+    error = residual[:, :3]
+    if error.shape[1] == 1:
+        return error[:, 0]
+    axis = np.linalg.eigh(error.T @ error)[1][:, -1]
+    return np.asarray(error @ (axis * np.sign(axis[np.argmax(np.abs(axis))])))
+
+
+def error_by_pose(told: Told) -> tuple[tuple[str, ...], Array, Array]:
+    """Names and held-out errors [m] before and after, of the poses at rest or of samples along a continuous run."""
+    run = told.calibration.run
+    before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
+    if run.continuous or run.samples.pose is None:
+        which = spread(len(run), POINTS)
+        return tuple(f"sample {k + 1}" for k in which), before[which], after[which]
+    pose, first = np.unique(run.samples.pose, return_index=True)
+    pose = pose[np.argsort(first)]
+    place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
+    count = np.bincount(place)
+    rms = [np.sqrt(np.bincount(place, size**2) / count) for size in (before, after)]
+    few = spread(len(pose), POINTS)
+    return tuple(f"pose {p}" for p in pose[few]), rms[0][few], rms[1][few]

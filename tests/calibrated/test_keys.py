@@ -1,0 +1,60 @@
+"""Keys of basis functions: each is read back, each wrong one is named with what is allowed."""
+
+import importlib
+import pkgutil
+
+import pytest
+
+from planner import effects
+from planner.effects import basis
+from planner.effects.keys import FORMS, is_static, needs_loads, phi_of
+from planner.errors import InputError
+
+
+def basis_functions():
+    modules = [importlib.import_module(f"planner.effects.{m.name}") for m in pkgutil.iter_modules(effects.__path__)]
+    classes = {c for m in modules for c in vars(m).values() if isinstance(c, type) and c.__module__ == m.__name__}
+    return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.Phi}
+
+
+EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1", "NUMBER": "1.5"}
+KEYS = [":".join(({"PHI": "moment:2:0"} | EXAMPLE).get(w, w) for w in f.pattern.split(":")) for f in FORMS]
+
+
+@pytest.mark.parametrize("key", [*KEYS, "times:-2e-05:twist:0:1:2:sin:6:12.25"])
+def test_a_key_is_read_back(key):
+    assert phi_of(key, 6).key == key
+    assert phi_of(phi_of(key, 6).key) == phi_of(key, 6)
+
+
+def test_every_basis_function_has_a_key_that_is_known():
+    assert {type(phi_of(k)) for k in KEYS} == basis_functions()
+
+
+def test_what_is_in_another_key_counts():
+    assert not is_static("times:2.0:warmth:21.5")
+    assert needs_loads("twist:2:0:0:moment:2:0")
+    assert not needs_loads("twist:2:0:0:sin:2:1.0")
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("torqe:2", 'did you mean "torque"'),
+        ("torque", "must read torque:JOINT"),
+        ("torque:7", "from 1 to 6"),
+        ("weight:2:8", "from 1 to 7"),
+        ("sin:2:fast", "a number belongs"),
+        ("sin:2:inf", "a number belongs"),
+        ("times:2.0", "must read times:NUMBER:PHI"),
+        ("times:2.0:torqe:2", 'did you mean "torque"'),
+        ("moment:2:3", "from 0 to 2"),
+        ("torque:0", "from 1 to 6"),
+        ("torque:-1", "from 1 to 6"),
+        ("place:x", "0, 1, 2"),
+        ("torque:2:3", "must read"),
+    ],
+)
+def test_a_wrong_key_says_what_is_allowed(key, words):
+    with pytest.raises(InputError, match=words):
+        phi_of(key, 6)

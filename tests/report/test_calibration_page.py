@@ -1,0 +1,218 @@
+"""The page of a calibration: loads nothing, tells the truth, stays small, prints the same bytes."""
+
+import base64
+import json
+import math
+import re
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from planner.errors import InputError
+from planner.identification import Calibration
+from planner.report.calibration import report_html, write_calibration_report, writing
+from planner.report.calibration.data import POINTS, Told, spread
+from planner.report.calibration.page import build_page
+from planner.report.calibration.pictures import histogram, pictures
+from planner.report.calibration.scatter import residuals
+from planner.report.calibration.sentences import headline, refused, strongest_pairs
+from tests.report.calibrated import calibrated
+from tests.report.reading import ReadPage
+
+
+@pytest.fixture(scope="module")
+def c() -> Calibration:
+    return calibrated("edbb_static", 90)
+
+
+@pytest.fixture(scope="module")
+def folder(c: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("calibration")
+    write_calibration_report(c, place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> ReadPage:
+    read = ReadPage()
+    read.feed((folder / "report.html").read_text(encoding="utf-8"))
+    read.close()
+    return read
+
+
+def figures(page: ReadPage) -> dict[str, dict]:
+    return {str(a["data-for"]): json.loads(text) for a, text in page.scripts if a.get("class") == "figure"}
+
+
+def numbers(values: object) -> np.ndarray:
+    if isinstance(values, dict):
+        return np.frombuffer(base64.b64decode(values["bdata"]), dtype=np.dtype(values["dtype"])).astype(float)
+    return np.array(values, dtype=float)
+
+
+def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
+    assert all(load.startswith("data:") for load in page.loads)
+    assert "url(" not in page.styles
+    assert "@import" not in page.styles
+    ours = [text for _, text in page.scripts if "Plotly.newPlot" in text and len(text) < 100_000]
+    assert len(ours) == 1
+    assert not re.search(r"fetch\(|XMLHttpRequest|https?:|import\(", ours[0])
+
+
+def test_same_calibration_gives_same_bytes(c: Calibration, folder: Path) -> None:
+    assert report_html(c) == (folder / "report.html").read_text(encoding="utf-8")
+    assert (folder / "report.html").stat().st_size < 8_000_000
+
+
+def test_every_figure_has_its_place_and_finite_numbers(page: ReadPage) -> None:
+    drawn = figures(page)
+    assert {"histogram", "by_pose", "residual_joints", "residual_loads", "residual_gauge", "correlation"} <= set(drawn)
+    assert {"residual_circumstances", "residual_approach"} <= set(drawn)
+    assert set(drawn) <= page.ids
+    for name, figure in drawn.items():
+        for trace in figure["data"]:
+            for axis in ("z",) if trace["type"] == "heatmap" else ("x", "y"):
+                values = numbers(trace[axis])
+                assert values.size > 0, name
+                assert np.isfinite(values).all(), name
+    assert "nan" not in page.text.lower().split()
+
+
+def test_prints_are_pictures_and_the_page_holds_them(page: ReadPage, folder: Path) -> None:
+    prints = {p.stem: p.read_bytes() for p in (folder / "pictures").glob("*.png")}
+    assert set(prints) == set(figures(page))
+    inside = [base64.b64decode(v.partition("base64,")[2]) for v in page.loads if v.startswith("data:image/png")]
+    assert sorted(inside) == sorted(prints.values())
+    for name, data in prints.items():
+        ink = imread(BytesIO(data))[:, :, :3].min(axis=2) < 0.9
+        assert 0.005 < ink.mean() < 0.6, name
+
+
+def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
+    said = " ".join(headline(Told(c)))
+    before, after = (next(s for s in c.stages if s.name == n) for n in ("frames", c.stages[-1].name))
+    found = re.search(r"Mean error ([\d.]+) mm → ([\d.]+) mm on poses that the fit never saw\.", said)
+    assert found
+    assert float(found[1]) == pytest.approx(1e3 * np.abs(before.held_residual).mean(), rel=6e-3)
+    assert float(found[2]) == pytest.approx(1e3 * np.abs(after.held_residual).mean(), rel=6e-3)
+    times = re.search(r"That is ([\d.]+) times less", said)
+    assert times
+    assert float(times[1]) == pytest.approx(float(found[1]) / float(found[2]), rel=0.06)
+
+
+def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
+    worse = replace(c, stages=(*c.stages[:2], replace(c.stages[1], name="geometry")))
+    assert "brought nothing" in " ".join(headline(Told(worse)))
+
+
+def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
+    bad = replace(c, problems=("joint 9 came out <b>odd</b>",))
+    assert refused(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
+    html = report_html(bad)
+    body = html[html.index("<body>") :]
+    assert "joint 9 came out &lt;b&gt;odd&lt;/b&gt;" in body
+    assert body.index('class="refused"') < body.index('class="proof"')
+    assert re.search(r"\.refused \{[^}]*color: #8A0018", html)
+
+
+def test_stage_table_is_that_of_the_calibration(c: Calibration, page: ReadPage) -> None:
+    rows = page.table("")[1:]
+    assert [int(r[1]) for r in rows] == [s.parameters for s in c.stages]
+    for row, stage in zip(rows, c.stages, strict=True):
+        assert float(row[3].split(" ± ")[0]) == pytest.approx(stage.held_out.rms * 1e3, rel=6e-3)
+        assert float(row[5]) == pytest.approx(np.abs(stage.held_residual).max() * 1e3, rel=6e-3)
+
+
+def test_parameters_stand_with_value_and_deviation(c: Calibration, page: ReadPage) -> None:
+    tables = [t[1:] for t in page.tables if t[0][0] == "parameter"]
+    rows = {r[0]: r for r in max(tables, key=len)}
+    seen = {e.name: e for e in c.estimates if e.identifiable}
+    assert list(rows) == list(seen)
+    for name, e in seen.items():
+        factor = 1e3 if e.unit == "m" else math.degrees(1)
+        nominal, value, change, std = (float(v) for v in rows[name][3:7])
+        step = e.std * factor
+        assert nominal == pytest.approx(e.nominal * factor, rel=1e-5, abs=1e-9)
+        assert value == pytest.approx(e.value * factor, abs=0.06 * step)
+        assert change == pytest.approx((e.value - e.nominal) * factor, abs=0.06 * step)
+        assert std == pytest.approx(step, rel=0.06)
+        assert float(rows[name][7]) == pytest.approx(abs(e.value - e.nominal) / e.std, abs=0.051)
+        assert rows[name][9] == ", ".join(e.absorbs)
+    held = {r[0]: r[3] for r in page.table("held")}
+    assert held == {e.name: e.because for e in c.estimates if not e.identifiable}
+
+
+def test_what_moved_most_moves_the_reading_most(c: Calibration) -> None:
+    """Take each error out by itself and see how far the predicted readings go."""
+    fit, rows = c.fit, build_page(Told(c)).moved
+    whole = fit.problem.residual(fit.errors)
+    moved = {}
+    for j, p in enumerate(fit.model.parameters):
+        if p.group != "gauge":
+            without = np.where(np.arange(len(fit.errors)) == j, 0.0, fit.errors)
+            moved[p.name] = 1e3 * float(np.sqrt(((fit.problem.residual(without) - whole) ** 2).mean()))
+    assert [r[0] for r in rows] == sorted(moved, key=lambda n: -moved[n])[: len(rows)]
+    assert np.allclose([float(r[4]) for r in rows], [moved[r[0]] for r in rows], rtol=0.06)
+
+
+def test_pairs_in_words_hold() -> None:
+    rng = np.random.default_rng(1)
+    x, y = rng.standard_normal((2, 200_000))
+    b = 0.98 * x + math.sqrt(1 - 0.98**2) * y
+    for sign, better in ((1, "difference"), (-1, "sum")):
+        said = strongest_pairs(("p", "q"), np.corrcoef(x, sign * b))
+        found = re.search(rf"p and q \(([+−-][\d.]+)\).* knows their {better} ([\d.]+) times better", said[0])
+        assert found
+        assert float(found[1]) == pytest.approx(sign * 0.98, abs=2e-3)
+        apart = np.std(x - b) / math.sqrt(2)  # of two independent ones it would be 1
+        assert float(found[2]) == pytest.approx(1 / apart, rel=0.05)
+    assert "No two parameters" in strongest_pairs(("p", "q"), np.array([[1, 0.3], [0.3, 1]]))[0]
+
+
+def test_outliers_are_listed(c: Calibration) -> None:
+    named = build_page(Told(replace(c, fit=replace(c.fit, outliers=np.array([4, 17]))))).outliers
+    assert [r[0] for r in named] == ["5", "18"]
+    assert float(named[0][3]) == pytest.approx(1e3 * abs(c.stages[-1].residual[4, 0]), rel=6e-3)
+
+
+def test_histogram_counts_every_reading(c: Calibration) -> None:
+    for series in histogram(Told(c)).panels[0].series:
+        assert series.y[1:-1:2].sum() == pytest.approx(100.0)
+
+
+def test_long_runs_are_thinned_the_same_way_every_time() -> None:
+    told = Told(calibrated("edbb_continuous", 3000))
+    for picture in pictures(told):
+        for panel in picture.panels:
+            assert all(len(s.x) <= POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
+    assert np.array_equal(spread(10, 20), np.arange(10))
+    assert len(spread(1_000_000, POINTS)) == POINTS
+
+
+def test_line_is_the_mean_of_the_residuals(c: Calibration) -> None:
+    picture = residuals(Told(c), "joints")
+    assert len(picture.panels) == 2 * 6
+    for panel in picture.panels:
+        points, mean = panel.series
+        assert mean.y.min() >= points.y.min()
+        assert mean.y.max() <= points.y.max()
+        assert abs(mean.y.mean() - points.y.mean()) < 0.1 * points.y.std()
+
+
+def test_tracker_and_balls_have_their_page() -> None:
+    for kind in ("tracker", "balls"):
+        page = build_page(Told(calibrated(kind, 60)))
+        assert any("roll, pitch, yaw" in what for what, _ in page.gauge)
+        assert "mm in the flange frame" in dict(page.gauge)["tool point"]
+        assert len(page.stages) >= 3
+
+
+def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
+    with pytest.raises(InputError, match="nowhere"):
+        write_calibration_report(c, tmp_path / "nowhere")

@@ -1,0 +1,148 @@
+"""``identification.json`` and ``residuals.csv``: contract, units, frames, and the test of what is left."""
+
+import csv
+import io
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.identification import Calibration, error_size
+from planner.identification.gauge_frames import gauge_frames
+from planner.identification.leftover import leftover
+from planner.identification.results import identification_content, identification_text, residuals_csv
+from planner.identification.results_file import Identification
+from tests.report.calibrated import calibrated
+
+CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 3000)]
+KEYS = {
+    "schema", "robot", "n_samples", "n_groups", "split", "stages", "parameters", "findings", "unexplained",
+    "noise_floor_mm", "condition_number", "warnings",
+}  # fmt: skip
+
+
+@pytest.fixture(params=CASES, ids=[c[0] for c in CASES])
+def c(request: pytest.FixtureRequest) -> Calibration:
+    return calibrated(*request.param)
+
+
+def test_keys_are_the_contracts(c: Calibration) -> None:
+    content = identification_content(c)
+    assert content.keys() >= KEYS
+    assert content["schema"] == "edbb-identification/1"
+    assert content["robot"] == "comau-nj130"
+    assert content["split"].keys() == {"by", "hold_out"}
+    assert [s["name"] for s in content["stages"]][:3] == ["nominal", "frames", "geometry"]
+    for stage in content["stages"]:
+        assert stage.keys() >= {"name", "effects", "parameters", "train", "held_out"}
+        assert stage["held_out"].keys() >= {"rms_mm", "mean_mm", "max_mm"}
+    for p in content["parameters"]:
+        assert p.keys() >= {"name", "value", "nominal", "std", "unit", "identifiable", "absorbs"}
+        assert p["identifiable"] == (p["std"] is not None)
+        assert p["identifiable"] or p["because"]
+    assert content["unexplained"].keys() >= {"structured", "along", "rms_mm"}
+
+
+def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
+    content = identification_content(c)
+    factor = {"mm": 1e3, "deg": 180 / math.pi, "urad/Nm": 1e6}
+    for p, e in zip(content["parameters"], c.estimates, strict=True):
+        assert p["unit"] == {"m": "mm", "rad": "deg", "rad/Nm": "urad/Nm"}[e.unit]
+        assert p["value"] == pytest.approx(e.value * factor[p["unit"]], rel=1e-8, abs=1e-12)
+        assert p["nominal"] == pytest.approx(e.nominal * factor[p["unit"]], rel=1e-8, abs=1e-12)
+    last = content["stages"][-1]
+    each = np.sqrt((c.stages[-1].held_residual[:, :3] ** 2).sum(axis=1)) * 1e3
+    assert last["held_out"]["rms_mm"] == pytest.approx(math.sqrt((each**2).mean()))
+    assert last["held_out"]["mean_mm"] == pytest.approx(each.mean())
+    assert last["held_out"]["max_mm"] == pytest.approx(each.max())
+    assert content["unexplained"]["rms_mm"] == last["held_out"]["rms_mm"]
+
+
+def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
+    text = identification_text(c)
+    assert text == identification_text(c)
+    data = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
+    read = Identification.model_validate(data)
+    assert read.n_samples == len(c.run)
+    assert [p.name for p in read.parameters] == [e.name for e in c.estimates]
+
+
+def test_condition_without_end_is_null() -> None:
+    c = replace(calibrated("edbb_static", 90), condition_number=math.inf, noise_floor=None)
+    assert identification_content(c)["condition_number"] is None
+    assert identification_content(c)["noise_floor_mm"] is None
+
+
+def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
+    """With the gauge put where the frames say, and its parameters at zero, the residuals stay what they are."""
+    frames, model, rig = gauge_frames(c), c.fit.model, c.fit.model.rig
+    moved = replace(rig, p_FM=np.array([p for _, p in frames.points]))
+    if frames.fixtures:
+        moved = replace(moved, p_BX=np.array([p for _, p in frames.fixtures]), zero=frames.zero)
+    else:
+        moved = replace(
+            moved,
+            p_BG=np.array([p for _, p, _ in frames.places]),
+            R_BG=np.array([_rpy(a) for _, _, a in frames.places]),
+        )
+    gauge = np.array([p.group == "gauge" for p in model.parameters])
+    errors = np.where(gauge, 0.0, c.fit.errors)
+    found = replace(model, rig=moved).residual(c.run.samples, moved.targets(c.run.samples, c.run.readings), errors)
+    assert np.allclose(error_size(found), error_size(c.stages[-1].residual), atol=1e-12)
+
+
+def _rpy(angles: np.ndarray) -> np.ndarray:
+    """Rotation of roll, pitch, yaw about fixed axes, written out."""
+    (a, b, c), cos, sin = angles, math.cos, math.sin
+    X = np.array([[1, 0, 0], [0, cos(a), -sin(a)], [0, sin(a), cos(a)]])
+    Y = np.array([[cos(b), 0, sin(b)], [0, 1, 0], [-sin(b), 0, cos(b)]])
+    Z = np.array([[cos(c), -sin(c), 0], [sin(c), cos(c), 0], [0, 0, 1]])
+    return Z @ Y @ X
+
+
+def test_residuals_read_back(c: Calibration) -> None:
+    rows = list(csv.DictReader(io.StringIO(residuals_csv(c))))
+    assert len(rows) == len(c.run)
+    last = c.stages[-1]
+    for name, residual in (("residual", last.residual), ("held_out", last.held_residual)):
+        one = residual.shape[1] == 1
+        columns = [f"{name}_mm"] if one else [f"{name}_{axis}_mm" for axis in "xyz"]
+        read = np.array([[float(r[k]) for k in columns] for r in rows])
+        assert np.allclose(read, residual * 1e3, atol=1e-7)
+    q = np.array([[float(r[f"q{j}_deg"]) for j in range(1, 7)] for r in rows])
+    assert np.allclose(np.radians(q), c.run.samples.q, atol=1e-8)
+    if c.run.readings.length is not None:
+        assert np.allclose([float(r["length_mm"]) for r in rows], c.run.readings.length * 1e3, atol=1e-6)
+    assert [k for k, r in enumerate(rows) if r["outlier"] == "1"] == c.fit.outliers.tolist()
+    white = np.array([float(r["whitened"]) for r in rows])
+    assert 0.7 < np.sqrt((white**2).mean()) < 1.1
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
+def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
+    left = leftover(calibrated(*case))
+    assert left.trials
+    assert not left.structured
+    assert left.rms == 0.0
+    assert "chance" in left.sentence
+
+
+def test_a_wave_of_one_joint_is_found_there() -> None:
+    c = calibrated("edbb_static", 160, 1e-4)
+    left = leftover(c)
+    assert left.structured
+    assert "joint 4" in [t.along for t in left.found]
+    unexplained = identification_content(c)["unexplained"]
+    assert unexplained["structured"] is True
+    assert "joint 4" in unexplained["along"]
+    assert 0 < unexplained["structured_rms_mm"] < 1.05 * unexplained["rms_mm"]
+
+
+def test_too_small_a_run_says_so() -> None:
+    c = calibrated("edbb_static", 34)
+    left = leftover(c)
+    assert not left.trials
+    assert not left.structured
+    assert "too few" in left.sentence

@@ -1,0 +1,209 @@
+"""Simulated runs against an arm that shares no code with the planner, and what a wrong truth is told."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from planner.cell.reading import read_cell
+from planner.errors import InputError
+from planner.plan import Waypoints, course, read_plan
+from planner.rig import rig_of
+from planner.run import load_run, save_run
+from planner.simulation import RATE, drawn, read_truth, simulate
+from planner.workflow.simulating import simulate_plan
+from tests.generator.arm import GRAVITY, Arm, moment_of_weight
+from tests.simulation.made import plan_folder, truth_file
+
+SILENT = "[noise]\ngauge_um = 0\nrepeatability_mm = 0\n"
+ERRORS = """[errors]
+a2_mm = 0.4
+theta3_deg = 0.02
+alpha1_urad = -300
+map_z_um = 250
+fixture_A_x_mm = -1.5
+fixture_A_y_mm = 0.7
+zero_mm = 0.3
+compliance2_urad_Nm = 1.5
+compliance3_deg_Nm = 2e-4
+"""
+
+
+def world(robot, cell, q):
+    """Lengths of the same errors on the independent arm [m]."""
+    arm = Arm.from_toml(robot)
+    tool, com = cell.tool.p_FM + np.array([0, 0, 250e-6]), cell.tool.com_F
+    stance = arm.walk(q, {}, keep=["theta2", "theta3"])
+    load = stance.p + np.einsum("ijn,j->in", stance.R, com)
+    give = {2: 1.5e-6, 3: np.deg2rad(2e-4)}
+    sag = {}
+    for joint, c in give.items():
+        moment = moment_of_weight(arm, stance, f"theta{joint}", arm.mass, [(cell.tool.mass, load)])
+        sag[joint] = c * moment * 9.80665 / GRAVITY
+    errors = {"a2": 0.4e-3, "theta2": sag[2], "theta3": np.deg2rad(0.02) + sag[3], "alpha1": -300e-6}
+    R, p = arm.flange(q, errors)
+    fixture = cell.fixtures[0].p_BX + np.array([-1.5e-3, 0.7e-3, 0])
+    return np.linalg.norm(p + R @ tool - fixture, axis=1) + 0.3e-3, max(np.abs(v).max() for v in sag.values())
+
+
+@pytest.mark.parametrize("robot", ["kuka-kr6-r700", "comau-nj130"])
+def test_lengths_are_those_of_an_independent_arm(tmp_path, robot):
+    plan = plan_folder(tmp_path, robot)
+    run = simulate_plan(plan, truth_file(tmp_path, ERRORS + SILENT), 0)
+    cell = read_cell(tmp_path / "cell.toml", "cell")
+    expected, sag = world(robot, cell, run.samples.q)
+    assert np.abs(run.readings.length - expected).max() < 1e-9
+    assert sag > 1e-6  # the compliance took part
+    nominal = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    assert np.abs(run.readings.length - nominal.readings.length).max() > 1e-4
+
+
+def test_a_plan_at_rest_gives_one_sample_a_visit(tmp_path):
+    run = simulate_plan(plan_folder(tmp_path), None, 3)
+    assert not run.continuous
+    assert run.samples.pose.tolist() == [1, 2, 3, 4, 5]  # every role but the mounting poses
+    assert run.plan_id == "0123456789ab"
+    assert run.robot == "kuka-kr6-r700"
+    moved = np.diff(run.samples.q, axis=0)
+    assert (run.samples.direction[1:] == np.sign(moved)).all()
+    cell = read_cell(tmp_path / "cell.toml", "cell")
+    shortest = (np.abs(moved) / cell.robot.speed).max(axis=1) + cell.motion.dwell + cell.motion.settle
+    assert (np.diff(run.samples.t) > shortest).all()
+
+
+def test_a_driven_plan_is_sampled_both_ways(tmp_path):
+    run = simulate_plan(plan_folder(tmp_path, "comau-nj130"), truth_file(tmp_path, SILENT), 0)
+    t, q, pose = run.samples.t, run.samples.q, run.samples.pose
+    assert run.continuous
+    assert np.allclose(np.diff(t)[:-1], 1 / RATE)
+    turn = len(q) // 2
+    away, _ = KDTree(q[: turn + 100]).query(q[turn - 100 :])
+    assert away.max() <= np.linalg.norm(np.diff(q, axis=0), axis=1).max()  # back the way it came
+    between = np.abs(np.diff(q, axis=0) * RATE - (run.samples.speed[1:] + run.samples.speed[:-1]) / 2)
+    jerk = read_cell(tmp_path / "cell.toml", "cell").robot.jerk
+    assert (between[:-1].max(axis=0) < jerk / RATE**2 / 10).all()  # of a trapezoid: jerk · dt² / 12
+    order = pose[np.flatnonzero(np.diff(pose, prepend=-1))]
+    assert order.tolist() == [0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1, 0]
+    poses = json.loads((tmp_path / "plan.json").read_text())["poses"]
+    for p in poses[2:5]:  # visited once each way: where one is passed closest its own number stands
+        away = np.linalg.norm(np.rad2deg(q) - p["q_deg"], axis=1)
+        assert pose[away.argmin()] == p["id"]
+
+
+def test_what_is_saved_is_what_is_loaded(tmp_path):
+    for robot in ("kuka-kr6-r700", "comau-nj130"):
+        run = simulate_plan(plan_folder(tmp_path / robot, robot), None, 1)
+        save_run(run, tmp_path / "run.csv")
+        back = load_run(tmp_path / "run.csv", 6)
+        assert back.warnings == ()
+        assert back.continuous == run.continuous
+        assert (back.plan_id, back.robot, back.places) == (run.plan_id, run.robot, run.places)
+        assert np.abs(back.samples.q - run.samples.q).max() < 1e-10
+        assert np.abs(back.readings.length - run.readings.length).max() < 1e-11
+        assert (back.samples.pose == run.samples.pose).all()
+
+
+def test_two_fixtures_are_measured_one_after_the_other(tmp_path):
+    plan = plan_folder(tmp_path, fixtures=2)
+    run = simulate_plan(plan, truth_file(tmp_path, "[errors]\nfixture_B_z_mm = 2\n" + SILENT), 0)
+    none = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    assert run.samples.place.tolist() == [0] * 5 + [1] * 5
+    assert (np.diff(run.samples.t) > 0).all()
+    moved = run.readings.length - none.readings.length
+    assert np.abs(moved[:5]).max() == 0.0
+    assert np.abs(moved[5:]).min() > 1e-5
+
+
+def test_noise_has_the_size_that_is_said(tmp_path):
+    cell_only = plan_folder(tmp_path)
+    gauge = "[noise]\ngauge_um = 20\nrepeatability_mm = 0\n"
+    shaken = "[noise]\ngauge_um = 0\nrepeatability_mm = 0.3\n"
+    cell, plan = read_cell(tmp_path / "cell.toml", "cell"), read_plan(cell_only)
+    still = simulate_plan(cell_only, truth_file(tmp_path, SILENT), 0)
+    motion = replace(cell.motion, settle=0.0, dwell=0.0)
+    way = Waypoints(still.samples.q, still.samples.pose, np.zeros(5))
+    courses = [course(replace(cell, motion=motion), 0, way, way)]
+    off = {}
+    for name, text in (("gauge", gauge), ("joints", shaken)):
+        truth = read_truth(truth_file(tmp_path, text), cell)
+        lengths = np.array([simulate(cell, plan, courses, truth, seed).readings.length for seed in range(120)])
+        off[name] = lengths - still.readings.length
+    assert abs(off["gauge"].std() / 20e-6 - 1) < 0.1  # 600 draws: 3 % is one sigma
+    at_home = cell.map_jacobian(cell.home[None])[0]
+    sigma = rig_of(cell).joint_sigma * 0.3e-3 / cell.robot.repeatability
+    assert abs(np.sqrt((at_home**2).sum()) * sigma - 0.1e-3) < 1e-9  # published is three sigma
+    assert 0.2e-4 < off["joints"].std() < 1.2e-4  # its share along the bar
+    assert not np.allclose(off["joints"][0], off["joints"][1])
+
+
+def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
+    plan = plan_folder(tmp_path)
+    a, b, c = (simulate_plan(plan, None, seed) for seed in (1, 1, 2))
+    assert a.truth == b.truth != c.truth
+    assert (a.readings.length == b.readings.length).all()
+    values = []
+    cell = read_cell(tmp_path / "cell.toml", "cell")
+    for seed in range(200):
+        lines = dict(line.split(" = ") for line in drawn(cell, seed).lines())
+        values.append([float(lines[k]) for k in ("a2_mm", "theta3_deg", "fixture_A_y_mm", "compliance2_urad_Nm")])
+    spread = np.sqrt(np.mean(np.square(values), axis=0))
+    assert np.allclose(spread, [1.0, np.rad2deg(1e-3), 5.0, 2.0], rtol=0.2)  # 200 draws: 5 % is one sigma
+    assert (np.array(values)[:, 3] > 0).all()  # a joint gives way, it does not push back
+
+
+def test_what_is_told_can_be_given_back(tmp_path):
+    plan = plan_folder(tmp_path)
+    run = simulate_plan(plan, None, 4)
+    noise = [line for line in run.truth if line.startswith(("gauge_um", "repeatability_mm"))]
+    errors = [line for line in run.truth if line not in noise]
+    text = "\n".join(["[errors]", *errors, "[noise]", *noise, ""])
+    again = simulate_plan(plan, truth_file(tmp_path, text), 4)
+    assert np.abs(again.readings.length - run.readings.length).max() < 1e-12
+    assert all(line.startswith("# truth: ") for line in run.comments().splitlines())
+    assert len(run.comments().splitlines()) == len(run.truth) + 1
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[errors]\na2_mn = 0.4\n", ["errors.a2_mn", "a2_mm"]),
+        ("[errors]\ntheta3 = 0.4\n", ["errors.theta3", "theta3_deg", "its unit"]),
+        ("[errors]\ntheta3_mm = 0.4\n", ["theta3_deg"]),
+        ("[errors]\nfixture_C_x_mm = 0.4\n", ["fixture_A_x_mm"]),
+        ("[errors]\nwobble = 0.4\n", ["wobble", "its unit"]),
+        ("[errors]\na2_mm = 0.4\na2_um = 3\n", ["second time"]),
+        ("[errors]\na2_mm = nan\n", ["errors.a2_mm", "finite"]),
+        ('[errors]\na2_mm = "much"\n', ["errors.a2_mm", "number"]),
+        ("[error]\na2_mm = 1\n", ["unknown key 'error'", "errors"]),
+        ("[noise]\ngauge_mm = 1\n", ["noise.gauge_mm", "gauge_um"]),
+        ("[noise]\ngauge_um = -1\n", ["noise.gauge_um"]),
+    ],
+)
+def test_a_wrong_truth_is_told(tmp_path, text, parts):
+    plan = plan_folder(tmp_path)
+    truth = truth_file(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        simulate_plan(plan, truth, 0)
+    assert all(part in str(caught.value) for part in (str(truth), *parts)), caught.value
+
+
+def test_a_plan_without_its_cell_is_told(tmp_path):
+    plan = plan_folder(tmp_path)
+    (tmp_path / "cell.toml").unlink()
+    with pytest.raises(InputError, match=r"cell\.toml is missing"):
+        simulate_plan(plan, None, 0)
+
+
+def test_a_plan_with_the_cell_of_another_robot_is_told(tmp_path):
+    def seven(plan):
+        plan["drives"][0]["waypoints"][1]["q_deg"].append(0.0)
+
+    with pytest.raises(InputError, match="7 angles"):
+        simulate_plan(plan_folder(tmp_path, edit=seven), None, 0)
+
+
+def test_lengths_beyond_the_bar_are_told(tmp_path):
+    run = simulate_plan(plan_folder(tmp_path), truth_file(tmp_path, "[errors]\nzero_mm = 5000\n" + SILENT), 0)
+    assert "5 of 5 lengths lie outside" in run.warnings[0]
