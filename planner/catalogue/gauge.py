@@ -37,7 +37,7 @@ def bar(site: Site) -> Iterator[Entry]:
     """Scale, growth, bent scale, sag and lag of a gauge that reads lengths."""
     if site.rig.kind != "length":
         return
-    length = site.context.bar.length
+    length = site.context.length
     about, half = round(float((length.max() + length.min()) / 2), 3), max(round(spread(length) / 2, 3), 1e-3)
     yield _one("gauge scale", "1", Length(), 1e-4, 5e-3, "the gauge's scale is off, {size} of its length", KNAPP)
     for power, word in ((2, "bent"), (3, "bent like an S")):
@@ -72,7 +72,7 @@ def interpolation(site: Site) -> Iterator[Entry]:
     """The gauge's own scale errs with each of its periods."""
     if site.rig.kind != "length" or getattr(site.samples, "length", None) is None:
         return
-    step = WAVES / max(spread(site.context.length_read), 1e-3)
+    step = WAVES / max(spread(site.context.length), 1e-3)
     often = np.arange(1 / LONGEST, 1 / SHORTEST, step)
     inner = Inner("period", "m", np.concatenate([GRATINGS, 1 / often[::-1]]), True)
     sentence = "the gauge's scale errs by {size} with a period of {inner}"

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from planner.catalogue.site import Site, named, spread
+from planner.catalogue.site import Site, entry, named, spread, twisting
 from planner.catalogue.types import Entry, Inner
 from planner.effects.waves import Angle, Cosine, Sine
 from planner.model import Parameter
@@ -73,6 +73,24 @@ def coupling(site: Site) -> Iterator[Entry]:
             "coupling", on, partial(_driven, site, "coupling", on, i, k), sentence, 1e-2,
             "Nubiola & Bonev 2013, RCIM 29(1): coupling of wrist joints",
         )  # fmt: skip
+
+
+def wobble(site: Site) -> Iterator[Entry]:
+    """A joint's axis wobbles as it turns: its bearing runs out, or is squeezed out of round."""
+    for i in site.moving:
+        turn = site.rig.chain.transforms[site.theta(i)].axis
+        for often, word in ((1.0, "once"), (2.0, "twice"), (3.0, "three times")):
+            kind, on = f"axis wobble {word} a turn", f"joint {i + 1}"
+            tilts = [
+                Parameter(
+                    f"wobble{i + 1}_{often:.0f}_{'xyz'[axis]}_{wave}", "rad", SIZE,
+                    f"{kind} about {'xyz'[axis]}, {on}", twisting(i + 1, axis, phi),
+                )
+                for axis in range(3) if axis != turn
+                for wave, phi in (("sin", Sine(i, often)), ("cos", Cosine(i, often)))
+            ]  # fmt: skip
+            sentence = f"{on}: bearing lets the axis wobble {word} a turn, {{size}}"
+            yield entry(kind, on, tilts, sentence, LARGEST, "estimated")
 
 
 def _top(site: Site, joint: int) -> float:

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from planner.catalogue.site import Site, entry
-from planner.catalogue.types import Entry
+from planner.catalogue.site import Site, entry, named
+from planner.catalogue.types import Entry, Inner
 from planner.effects.basis import Phi
 from planner.effects.loads import TorqueSign
-from planner.effects.motion import Approach, Behind, SpeedSign, Unsettled
+from planner.effects.motion import Approach, Behind, Hysteresis, SpeedSign, Unsettled
 from planner.model import Move, Parameter
 from planner.model.parameters import transform
 
@@ -29,6 +30,7 @@ PLAY = Sizes(
 )
 LAG = Sizes("s", 2e-3, 0.1, "estimated")
 PART = Sizes("1", 0.5, 2.0, "estimated")
+WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
 
 
 def backlash(site: Site) -> Iterator[Entry]:
@@ -54,6 +56,24 @@ def backlash_by_load(site: Site) -> Iterator[Entry]:
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
             sentence = f"joint {i + 1}: play of {{size}}, on the side on which the load lies"
             yield _on_joint(site, "backlash by load", i, TorqueSign(i), PLAY, sentence, True)
+
+
+def hysteresis(site: Site) -> Iterator[Entry]:
+    """Friction on a spring: the joint turns gradually from one side of its play to the other."""
+    if getattr(site.samples, "reversals", None) is None:
+        return
+    inner = Inner("width", "rad", WIDTHS, True)
+    for i in site.moving:
+        sentence = f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel"
+        make = partial(_sprung, site, i)
+        yield Entry("hysteresis", f"joint {i + 1}", make, sentence, PLAY.largest, PLAY.source, inner, False)
+
+
+def _sprung(site: Site, i: int, width: float | None) -> tuple[Parameter, ...]:
+    assert width is not None
+    moves = transform(site.theta(i), Hysteresis(i, width))
+    what = f"hysteresis of joint {i + 1}"
+    return named("hysteresis", f"joint {i + 1}", Parameter(f"hysteresis{i + 1}", PLAY.unit, PLAY.usual, what, moves))
 
 
 def unsettled(site: Site) -> Iterator[Entry]:

@@ -9,7 +9,8 @@ import numpy as np
 from planner.catalogue.types import Entry
 from planner.effects import Context
 from planner.effects.basis import Phi
-from planner.model import Parameter
+from planner.effects.loads import Twist
+from planner.model import Move, Parameter
 from planner.rig import HEAD, Rig
 from planner.run import Samples
 from planner.units import Array
@@ -103,6 +104,11 @@ def entry(
     """Make an entry without an inner number."""
     known = named(kind, on, *parameters)
     return Entry(kind, on, lambda _: known, sentence, largest, source, None, static)
+
+
+def twisting(station: int, axis: int, by: Phi) -> tuple[Move, ...]:
+    """Turn everything beyond a station about one of its axes, which need not be a transform of its own."""
+    return tuple(Move("transform", part, Twist(station, axis, part, by)) for part in range(6))
 
 
 def spread(values: Array) -> float:

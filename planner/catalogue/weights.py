@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.catalogue.site import Site, entry
 from planner.catalogue.types import Entry
-from planner.catalogue.yielding import LEAST, TRICAL, YIELD, yielding
+from planner.catalogue.yielding import LEAST, TRICAL, YIELD, most, softness
 from planner.effects.loads import PayloadTorque, WeightTorque
 from planner.model import Parameter
 from planner.model.parameters import transform
@@ -21,9 +21,11 @@ def payload_compliance(site: Site) -> Iterator[Entry]:
     if not site.varies("payload"):
         return
     for i in range(site.n_joints):
-        sentence = f"joint {i + 1}: gives way under the payload, {{size}}"
-        label = f"payload_compliance{i + 1}"
-        yield from yielding(site, "payload compliance", i, PayloadTorque(i), label, sentence, TRICAL)
+        on = f"joint {i + 1}"
+        parameter = softness(site, i, PayloadTorque(i), f"payload_compliance{i + 1}", f"yielding of {on} to payload")
+        if parameter is not None:
+            sentence = f"{on}: gives way under the payload, {{size}}"
+            yield entry("payload compliance", on, [parameter], sentence, most([parameter]), TRICAL)
 
 
 def wrong_mass(site: Site) -> Iterator[Entry]:

@@ -1,14 +1,14 @@
 """What yields under weight, payload, the bar's pull and the drives: joints, links, base and tool."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from planner.catalogue.site import Site, entry
+from planner.catalogue.site import Site, entry, twisting
 from planner.catalogue.types import Entry
 from planner.effects.basis import LoadTorque, Phi
-from planner.effects.loads import DriveTorque, LoadMoment, Twist
-from planner.model import Move, Parameter
+from planner.effects.loads import DriveTorque, LoadMoment, TipMoment, WeightTorque
+from planner.model import Parameter
 from planner.model.parameters import transform
 
 YIELD, LARGEST_YIELD = 3e-4, 1e-2  # [rad] under the run's largest load: one sigma, and the most that is plausible
@@ -18,20 +18,29 @@ BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elas
 
 
 def joint_compliance(site: Site) -> Iterator[Entry]:
-    """A joint gives way under weight, payload and the bar's pull."""
+    """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
+    unknown = [k for k, m in enumerate(site.rig.robot.masses) if m is None]
     for i in range(site.n_joints):
-        sentence = f"joint {i + 1}: gives way under load, {{size}}"
-        yield from yielding(site, "joint compliance", i, LoadTorque(i), f"compliance{i + 1}", sentence, TRICAL)
+        on = f"joint {i + 1}"
+        loads: list[tuple[str, Phi]] = [(f"compliance{i + 1}", LoadTorque(i))]
+        loads += [(f"compliance{i + 1}_link{k + 1}", WeightTorque(i, k)) for k in unknown if k >= i]
+        parameters = [p for label, phi in loads if (p := softness(site, i, phi, label, f"compliance of {on}"))]
+        if parameters:
+            sentence = f"{on}: gives way under load, {{size}}"
+            yield entry("joint compliance", on, parameters, sentence, most(parameters), TRICAL)
 
 
 def drive_compliance(site: Site) -> Iterator[Entry]:
     """A joint gives way under the torque that its drive reports."""
     if not site.varies("torque"):
         return
+    kind = "compliance under drive torque"
     for i in range(site.n_joints):
-        sentence = f"joint {i + 1}: gives way under the torque that its drive reports, {{size}}"
-        label = f"drive_compliance{i + 1}"
-        yield from yielding(site, "compliance under drive torque", i, DriveTorque(i), label, sentence, TRICAL)
+        on = f"joint {i + 1}"
+        parameter = softness(site, i, DriveTorque(i), f"drive_compliance{i + 1}", f"{kind} of {on}")
+        if parameter is not None:
+            sentence = f"{on}: gives way under the torque that its drive reports, {{size}}"
+            yield entry(kind, on, [parameter], sentence, most([parameter]), TRICAL)
 
 
 def link_bending(site: Site) -> Iterator[Entry]:
@@ -40,8 +49,7 @@ def link_bending(site: Site) -> Iterator[Entry]:
         sentence = f"link {link}: bends under load at the bearing of joint {link + 1}, {{size}}"
         parameters = _tilts(site, link + 1, f"bending{link}", f"link {link}")
         if parameters:
-            largest = max(p.prior for p in parameters) * LARGEST_YIELD / YIELD
-            yield entry("link bending", f"link {link}", parameters, sentence, largest, BENDING)
+            yield entry("link bending", f"link {link}", parameters, sentence, most(parameters), BENDING)
 
 
 def soft_base(site: Site) -> Iterator[Entry]:
@@ -54,40 +62,46 @@ def soft_base(site: Site) -> Iterator[Entry]:
             moves = transform(3 + axis, LoadMoment(0, axis))
             parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", YIELD / load, what, moves))
     if parameters:
-        largest = max(p.prior for p in parameters) * LARGEST_YIELD / YIELD
         sentence = "the base tips on its floor or pedestal under the arm's weight, {size}"
-        yield entry("soft base", "base", parameters, sentence, largest, "estimated")
+        yield entry("soft base", "base", parameters, sentence, most(parameters), "estimated")
 
 
 def tool_compliance(site: Site) -> Iterator[Entry]:
-    """Flange, adapter or tool bends under what it carries."""
-    parameters = _tilts(site, site.n_joints + 1, "tool_bending", "tool")
+    """Flange, adapter or tool bends under what it carries; of unknown weight, that hangs at the measured point."""
+    station = site.n_joints + 1
+    parameters = _tilts(site, station, "tool_bending", "tool") or [
+        p for axis in (0, 1) if (p := _tilt(site, station, axis, TipMoment(axis), "tool_bending", "tool"))
+    ]
     if parameters:
-        largest = max(p.prior for p in parameters) * LARGEST_YIELD / YIELD
         sentence = "flange, adapter or tool bends under its load, {size}"
-        yield entry("tool compliance", "tool", parameters, sentence, largest, "estimated")
+        yield entry("tool compliance", "tool", parameters, sentence, most(parameters), "estimated")
 
 
-def yielding(site: Site, kind: str, joint: int, phi: Phi, label: str, sentence: str, source: str) -> Iterator[Entry]:
-    """An entry of one joint that turns by a load, where there is one that varies."""
+def softness(site: Site, joint: int, phi: Phi, label: str, what: str) -> Parameter | None:
+    """Turn of a joint by a load, where there is one that varies."""
     load = phi(site.context)
     size = float(np.abs(load).max())
     if size < LEAST or float(np.ptp(load)) < 1e-3 * size:
-        return
-    on = f"joint {joint + 1}"
-    parameter = Parameter(label, "rad/Nm", YIELD / size, f"{kind} of {on}", transform(site.theta(joint), phi))
-    yield entry(kind, on, [parameter], sentence, LARGEST_YIELD / size, source)
+        return None
+    return Parameter(label, "rad/Nm", YIELD / size, what, transform(site.theta(joint), phi))
+
+
+def most(parameters: Sequence[Parameter]) -> float:
+    """Largest plausible compliance of some parameters [rad/Nm]."""
+    return max(p.prior for p in parameters) * LARGEST_YIELD / YIELD
 
 
 def _tilts(site: Site, station: int, label: str, what: str) -> list[Parameter]:
-    """Turns of a station about its two transverse axes, each by its load moment, as seen at the base."""
+    """Turns of a station about its two transverse axes, each by its load moment."""
     turn = 2 if station > site.n_joints else site.rig.chain.transforms[site.theta(station - 1)].axis
-    out = []
-    for axis in (k for k in range(3) if k != turn):
-        phi = LoadMoment(station, axis)
-        load = site.largest(phi)
-        if load > LEAST:
-            moves = tuple(Move("transform", part, Twist(station, axis, part, phi)) for part in range(6))
-            name = f"{label}_{'xyz'[axis]}"
-            out.append(Parameter(name, "rad/Nm", YIELD / load, f"bending of {what} about {'xyz'[axis]}", moves))
-    return out
+    tilts = (_tilt(site, station, k, LoadMoment(station, k), label, what) for k in range(3) if k != turn)
+    return [p for p in tilts if p is not None]
+
+
+def _tilt(site: Site, station: int, axis: int, phi: Phi, label: str, what: str) -> Parameter | None:
+    """Turn of a station about one of its axes by a load, where there is one."""
+    load = site.largest(phi)
+    if load < LEAST:
+        return None
+    what = f"bending of {what} about {'xyz'[axis]}"
+    return Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", YIELD / load, what, twisting(station, axis, phi))

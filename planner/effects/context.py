@@ -1,6 +1,7 @@
 """What basis functions may look at: the samples, and what follows from them on the nominal robot."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +25,13 @@ class Context:
 
     rig: Rig
     samples: Samples
+    _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def value(self, phi: "Callable[[Context], Array]") -> Array:
+        """Value of a basis function, (n,) or (1,), remembered for as long as the context lives."""
+        if phi not in self._known:
+            self._known[phi] = phi(self)
+        return self._known[phi]
 
     @cached_property
     def theta(self) -> Array:
@@ -41,11 +49,10 @@ class Context:
         return bar_state(self.motion.x.T, self.rig.p_BX[self.samples.place])
 
     @property
-    def length_read(self) -> Array:
-        """Length as the gauge showed it, (n,) [m], where the samples carry it."""
+    def length(self) -> Array:
+        """Length (n,) [m] as the gauge showed it where the samples carry it, else that of the nominal rig."""
         shown = getattr(self.samples, "length", None)
-        assert shown is not None
-        return np.asarray(shown)
+        return self.bar.length if shown is None else np.asarray(shown)
 
     @cached_property
     def ray(self) -> Array:

@@ -17,7 +17,7 @@ class Length:
 
     def __call__(self, c: Context) -> Array:
         """Return the length."""
-        return c.bar.length
+        return c.length
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class LengthPower:
 
     def __call__(self, c: Context) -> Array:
         """Return the power."""
-        return np.asarray(((c.bar.length - self.about) / self.span) ** self.power)
+        return np.asarray(((c.length - self.about) / self.span) ** self.power)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Growth:
     def __call__(self, c: Context) -> Array:
         """Return the product."""
         assert c.samples.temperature is not None
-        return (c.samples.temperature - self.about) * c.bar.length
+        return (c.samples.temperature - self.about) * c.length
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Sag:
     def __call__(self, c: Context) -> Array:
         """Return the shape of the correction."""
         down = c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
-        return np.asarray((c.bar.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
+        return np.asarray((c.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class ScaleWave:
 
     def __call__(self, c: Context) -> Array:
         """Return the wave."""
-        return np.asarray((np.sin if self.wave == "sin" else np.cos)(2 * np.pi / self.period * c.length_read))
+        return np.asarray((np.sin if self.wave == "sin" else np.cos)(2 * np.pi / self.period * c.length))
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,23 @@ class LoadMoment:
 
 
 @dataclass(frozen=True)
+class TipMoment:
+    """φ = moment [Nm/kg] about an axis of the flange of a unit mass in the measured point: a tool of unknown weight."""
+
+    axis: int
+
+    @property
+    def key(self) -> str:
+        """``tip:0`` about x."""
+        return f"tip:{self.axis}"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the moment."""
+        moment = np.cross(c.motion.x - c.stations.p[-1], c.rig.gravity_B[:, None], axis=0)
+        return np.asarray(np.einsum("in,in->n", c.stations.R[-1][:, self.axis], moment))
+
+
+@dataclass(frozen=True)
 class Twist:
     """φ = one of the six numbers by which a turn about an axis of a station moves the whole arm as seen at its base.
 

@@ -43,6 +43,32 @@ class Approach:
 
 
 @dataclass(frozen=True)
+class Hysteresis:
+    """φ = −½ … ½: friction on a spring goes from one side to the other over ``width`` [rad] of travel.
+
+    The play operator (Visintin 1994, Differential Models of Hysteresis, ch. III), run from each sample's last few
+    reversals (n, N, M) [rad], the latest last, to where the joint stands.
+    """
+
+    joint: int
+    width: float
+
+    @property
+    def key(self) -> str:
+        """``hysteresis:3:0.1``."""
+        return f"hysteresis:{self.joint + 1}:{self.width!r}"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the state of the spring."""
+        turned = np.asarray(getattr(c.samples, "reversals", None))[:, self.joint]
+        way = np.diff(np.column_stack([turned, c.samples.q[:, self.joint]]), axis=1)
+        state = np.zeros(len(way))
+        for step in way.T:
+            state = np.clip(state + step / self.width, -0.5, 0.5)
+        return state
+
+
+@dataclass(frozen=True)
 class Behind:
     """φ = −speed [rad/s] of a joint: the arm stands where it was read a lag ago, sense of the kinematic row."""
 

@@ -84,7 +84,7 @@ def _moved(problem: Problem, errors: Array, shift: Array, split: Split) -> Array
     """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
 
     def one(part: slice) -> Array:
-        linear = problem.model.linear(problem.samples.take(part), problem.targets.take(part), errors)
+        linear = problem.linear(part, errors)
         return np.asarray(linear.residual - np.einsum("nrp,np->nr", linear.rows, shift[split.fold[part]]))
 
     return np.concatenate(list(problem.over_pieces(one)))

@@ -15,7 +15,7 @@ from planner.identification.seeing import seen_by
 from planner.identification.splits import Split, poses, split
 from planner.identification.spread import parameter_covariance
 from planner.identification.stages import Fitted, fitted, frames_only, gains, nominal
-from planner.identification.types import Calibration, Metrics, error_size
+from planner.identification.types import Calibration, Metrics, Traced, error_size
 from planner.identification.validation import judged
 from planner.model import Model
 from planner.model.parameters import compliance_parameters
@@ -29,6 +29,20 @@ SPARE = 5  # readings beyond the parameters, below which nothing is fitted
 
 
 @dataclass(frozen=True)
+class Bench:
+    """What every fit of a run needs: run, split, judge of the validation run, and whether outliers are turned down."""
+
+    run: Run
+    split: Split
+    judge: Callable[[Fit], Metrics | None]
+    robust: bool
+
+
+Tracer = Callable[[Fitted, Bench, Say], tuple[list[Fitted], Traced]]
+"""From the fitted geometry to one stage for each effect, and what was found."""
+
+
+@dataclass(frozen=True)
 class Settings:
     """What the user may choose: share of the groups held out, robust loss, seed of the folds."""
 
@@ -39,9 +53,14 @@ class Settings:
 
 @single_threaded
 def identify(
-    run: Run, cell: Cell, validation: Run | None = None, settings: Settings | None = None, say: Say = lambda _: None
+    run: Run,
+    cell: Cell,
+    validation: Run | None = None,
+    settings: Settings | None = None,
+    say: Say = lambda _: None,
+    tracer: Tracer | None = None,
 ) -> Calibration:
-    """Identify the robot of a run.
+    """Identify the robot of a run; with a ``tracer`` what the geometry leaves is traced to its causes.
 
     Raises:
         InputError: run and cell do not belong together, or the run is too small.
@@ -65,39 +84,46 @@ def identify(
     stages.append(fitted("frames", frames_only(model), run, parts, judge, settings.robust))
     say("geometry")
     stages.append(fitted("geometry", model, run, parts, judge, settings.robust, stages[-1].fit))
+    bench = Bench(run, parts, judge, settings.robust)
+    if tracer is not None:
+        more, traced = tracer(stages[-1], bench, say)
+        return _finished([*stages, *more], whole, seen.dropped, bench, validation, traced)
     say("joint compliance")
-    stages, whole, dropped = _with_compliance(stages, whole, seen.dropped, run, parts, judge, settings.robust)
-    say("covariance")
-    return _finished(stages, whole, dropped, run, parts, validation)
+    stages, whole, dropped = _with_compliance(stages, whole, seen.dropped, bench)
+    return _finished(stages, whole, dropped, bench, validation, None)
 
 
 def _with_compliance(
     stages: list[Fitted],
     whole: Model,
     dropped: tuple[Dropped, ...],
-    run: Run,
-    parts: Split,
-    judge: Callable[[Fit], Metrics | None],
-    robust: bool,
+    bench: Bench,
 ) -> tuple[list[Fitted], Model, tuple[Dropped, ...]]:
     """Add the joints' compliance where the loads are known, and keep it only if held-out samples gain."""
-    rig = whole.rig
+    rig, run = whole.rig, bench.run
     if all(m is None for m in rig.robot.masses) and not rig.tool_mass and run.samples.force is None:
         return stages, whole, dropped
     more = whole.plus(compliance_parameters(rig))
     model, seen = seen_by(more, run.samples)
     if len(model.parameters) == len(stages[-1].fit.errors) or _spare(run, model) < SPARE:
         return stages, whole, dropped
-    trial = fitted("joint compliance", model, run, parts, judge, robust, stages[-1].fit)
-    if not gains(stages[-1].stage, trial.stage, parts):
+    trial = fitted("joint compliance", model, run, bench.split, bench.judge, bench.robust, stages[-1].fit)
+    if not gains(stages[-1].stage, trial.stage, bench.split):
         return stages, whole, dropped
     return [*stages, trial], more, seen.dropped
 
 
 def _finished(
-    stages: list[Fitted], whole: Model, dropped: tuple[Dropped, ...], run: Run, parts: Split, validation: Run | None
+    stages: list[Fitted],
+    whole: Model,
+    dropped: tuple[Dropped, ...],
+    bench: Bench,
+    validation: Run | None,
+    traced: Traced | None,
 ) -> Calibration:
-    found = stages[-1].fit
+    found, run, parts = stages[-1].fit, bench.run, bench.split
+    known = set(whole.names)
+    whole = whole.plus([p for p in found.model.parameters if p.name not in known])
     covariance, time = parameter_covariance(found, run.continuous)
     table = estimates(whole, found, dropped, covariance)
     return Calibration(
@@ -113,6 +139,7 @@ def _finished(
         correlation_time=time,
         condition_number=_condition(found),
         noise_floor=_noise_floor(run, stages[-1].stage.residual),
+        traced=traced,
         problems=problems_of(table, stages, found),
         warnings=(*run.warnings, *warnings_of(run, whole.rig, found, validation)),
     )

@@ -21,6 +21,7 @@ LEVEL = 0.01  # chance that any test of a clean residual calls
 HARMONICS = 3
 MOST = 20_000  # samples that the tests look at
 FEWEST = 10.0  # degrees of freedom of the correlation time, below which nothing is said
+MOST_GONE = 0.8  # part of the slow noise that may be taken out before its memory is no longer known
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
 SPARE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
 
@@ -65,14 +66,16 @@ class _Left:
     count: int
     dof: float
 
-    def part(self, columns: Array) -> tuple[Array, int]:
-        """What the columns (m, k), after projection, explain of the residual, (m,), and their rank."""
-        if columns.shape[1] == 0:
-            return np.zeros(len(self.white)), 0
-        apart = columns - self.basis @ (self.basis.T @ columns)
-        U, size, _ = np.linalg.svd(apart, full_matrices=False)
-        U = U[:, size > 1e-6 * max(float(np.linalg.norm(columns, axis=0).max()), 1e-300)]
-        return np.asarray(U @ (U.T @ self.white)), U.shape[1]
+    def apart(self, columns: Array) -> Array:
+        """Return an orthonormal basis (m, rank) of what the columns (m, k) reach beyond the model."""
+        rest = columns - self.basis @ (self.basis.T @ columns)
+        U, size, _ = np.linalg.svd(rest, full_matrices=False)
+        return np.asarray(U[:, size > 1e-6 * float(np.linalg.norm(columns, axis=0).max(initial=1e-300))])
+
+    def explained(self, columns: Array) -> tuple[float, int]:
+        """Sum of squares of the residual that the columns explain, and their rank."""
+        U = self.apart(columns)
+        return float(((U.T @ self.white) ** 2).sum()), U.shape[1]
 
 
 def leftover(calibration: Calibration) -> Leftover:
@@ -87,7 +90,7 @@ def leftover(calibration: Calibration) -> Leftover:
         widest = max(v.shape[1] for v in rivals.values())
         memory = _memory(left, rivals, problem.model.width) if c.run.continuous else _Memory(1.0, np.inf)
         if left.dof / memory.time >= (SPARE + 1) * widest and memory.dof >= FEWEST:
-            return _judged(left, rivals, memory, _metres(problem) / np.sqrt(len(problem)))
+            return _judged(left, rivals, memory, c.stages[-1].train.rms)
     return Leftover((), (), 0.0, TOO_FEW)
 
 
@@ -154,47 +157,41 @@ class _Memory:
 def _memory(left: _Left, rivals: dict[str, Array], width: int) -> _Memory:
     """Find the memory of what no alternative explains.
 
-    Model and alternatives change slowly along the drive and take their share of the slow part of the noise with them:
-    of the n / time independent pieces of the run, one for each of them is gone, so that what is seen of the time is
-    time·(1 − gone·time/n). It is a sum of 10·time correlations (Sokal's window, both ways), and scatters accordingly.
+    Model and alternatives change slowly along the drive: with them a part of the slow noise is taken out, from which
+    the time is read. Over the window of that reading (Sokal's, 5 times either way) it is trace(BᵀTB)/n, B the basis of
+    all that was taken out, T one within the window. The time scatters as a sum of 10·time correlations does.
     """
-    part, rank = left.part(np.concatenate(list(rivals.values()), axis=1))
-    rest = (left.white - part).reshape(-1, width)
+    U = left.apart(np.concatenate(list(rivals.values()), axis=1))
+    rest = (left.white - U @ (U.T @ left.white)).reshape(-1, width)
     seen = max(correlation_time(of_one) for of_one in rest.T)
-    share = (rank + left.count - left.dof) / left.count
-    inside = 1 - 4 * share * seen
-    if inside <= 0:
+    out = np.concatenate([left.basis, U], axis=1).reshape(len(rest), -1)
+    window = int(np.ceil(5 * seen))
+    total = np.cumsum(np.pad(out, ((window + 1, window), (0, 0))), axis=0)
+    gone = float((out * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum()) / (len(rest) * width)
+    if gone > MOST_GONE:
         return _Memory(np.inf, 0.0)
-    time = (1 - np.sqrt(inside)) / (2 * share)
-    return _Memory(float(time), len(rest) / (10 * time + 1))
+    time = seen / (1 - gone)
+    return _Memory(time, len(rest) / (10 * time + 1))
 
 
-def _judged(left: _Left, rivals: dict[str, Array], memory: _Memory, metres: float) -> Leftover:
-    """Test each alternative; the root of a sum of squares times ``metres`` is a root mean square [m]."""
+def _judged(left: _Left, rivals: dict[str, Array], memory: _Memory, rms: float) -> Leftover:
+    """Test each alternative; ``rms`` is that of the residual [m], of which each takes its share."""
     total, worth = float(left.white @ left.white), memory.time
     trials = []
     for name, columns in rivals.items():
-        part, rank = left.part(columns)
+        inner, rank = left.explained(columns)
         dof = min(left.dof / worth - rank, memory.dof)
         if rank == 0:
             continue
-        inner = float(part @ part)
         ratio = inner / rank / worth / max((total - inner) / (left.dof - rank), 1e-300)
         p = min(1.0, float(fisher.sf(ratio, rank, dof)) * len(rivals))
-        trials.append(Trial(name, p, metres * np.sqrt(max(0.0, inner - rank * worth))))
+        trials.append(Trial(name, p, rms * np.sqrt(max(0.0, inner - rank * worth) / total)))
     found = tuple(sorted((t for t in trials if t.p_value < LEVEL), key=lambda t: (-t.rms, t.along)))
     share = 0.0
     if found:
-        part, rank = left.part(np.concatenate([rivals[t.along] for t in found], axis=1))
-        share = metres * np.sqrt(max(0.0, float(part @ part) - rank * worth))
+        inner, rank = left.explained(np.concatenate([rivals[t.along] for t in found], axis=1))
+        share = rms * np.sqrt(max(0.0, inner - rank * worth) / total)
     return Leftover(tuple(trials), found, float(share), _sentence(tuple(trials), found, float(share)))
-
-
-def _metres(problem: Problem) -> float:
-    """Size of one number of the reading that is as large as its noise [m], root mean square over the samples."""
-    C = problem.whitener.covariance(slice(None))
-    width = min(3, C.shape[1])
-    return float(np.sqrt(np.einsum("nii->n", C[:, :width, :width]).mean()))
 
 
 def _sentence(trials: tuple[Trial, ...], found: tuple[Trial, ...], rms: float) -> str:

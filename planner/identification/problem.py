@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
+from planner.effects import Context
 from planner.identification.noise import Noise, Whitener
-from planner.model import Model
+from planner.model import Linear, Model
 from planner.rig import Targets
 from planner.run import Run, Samples
 from planner.units import Array
@@ -17,6 +18,15 @@ from planner.units import Array
 PIECE = 8192  # samples a piece
 THREADS = 2  # pieces in flight: results are taken in order, so their number does not show
 T = TypeVar("T")
+
+
+@dataclass
+class Memory:
+    """What a short problem need not compute twice: basis functions, and the model about the errors looked at last."""
+
+    context: Context | None = None
+    about: tuple[object, bytes] | None = None
+    linear: Linear | None = None
 
 
 @dataclass(frozen=True)
@@ -44,10 +54,14 @@ class Problem:
     targets: Targets
     whitener: Whitener
     weight: Array
+    memory: "Memory" = field(default_factory=lambda: Memory(), repr=False, compare=False)
 
     @classmethod
     def of(cls, model: Model, run: Run, noise: Noise | None = None, even: bool = False) -> "Problem":
-        """Set up the fit of a model to a run; ``even`` gives every sample the same noise, for a model known to be off."""
+        """Set up the fit of a model to a run.
+
+        ``even`` gives every sample the same noise, for a model that is known to be off.
+        """
         white = Whitener.of(model, run.samples, noise)
         if even:
             white = replace(white, shaken=np.zeros_like(white.shaken))
@@ -84,9 +98,25 @@ class Problem:
         with ThreadPoolExecutor(THREADS) as pool:
             yield from pool.map(task, parts)
 
+    def linear(self, part: slice, errors: Array) -> Linear:
+        """Residuals and rows of one piece about ``errors``, in metres and radians."""
+        if len(self) > PIECE:
+            return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
+        about = (self.model.parameters_and_fixed, errors.tobytes())
+        if self.memory.about != about or self.memory.linear is None:
+            self.memory.linear = self.model.linear_in(self._context, self.targets, errors)
+            self.memory.about = about
+        return self.memory.linear
+
+    @property
+    def _context(self) -> Context:
+        if self.memory.context is None:
+            self.memory.context = Context(self.model.rig, self.samples)
+        return self.memory.context
+
     def piece(self, part: slice, errors: Array) -> Piece:
-        """Linearise one piece about ``errors``."""
-        linear = self.model.linear(self.samples.take(part), self.targets.take(part), errors)
+        """Linearise one piece about ``errors``, whitened."""
+        linear = self.linear(part, errors)
         rows = np.concatenate([linear.rows * self.prior, linear.residual[..., None]], axis=2)
         white = self.whitener.white(part, rows) * np.sqrt(self.weight[part])[:, None, None]
         return Piece(part, white[..., -1], white[..., :-1])
@@ -95,7 +125,9 @@ class Problem:
         """Reading − prediction of every sample, (n, r) [m, rad]."""
 
         def one(part: slice) -> Array:
-            return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
+            if len(self) > PIECE:
+                return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
+            return self.linear(part, errors).residual
 
         return np.concatenate(list(self.over_pieces(one)))
 

@@ -84,6 +84,62 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Finding:
+    """An effect that the run shows, in SI units.
+
+    Attributes:
+        effect, on: what and where, for instance ``gear ripple`` and ``joint 3``.
+        value, std, unit: size of the effect (length of its parameters' vector) and its standard deviation.
+        inner_name, inner, inner_std, inner_unit: the number inside it, where it has one.
+        log_p: logarithm of the chance of so large an effect, corrected for everything that was tried.
+        held_out_gain: fall of the root mean square error on held-out samples by this effect [m].
+        rivals: other effects that explain the same within uncertainty.
+        note: what a mechanic would say.
+    """
+
+    effect: str
+    on: str
+    value: float
+    std: float
+    unit: str
+    inner_name: str | None
+    inner: float | None
+    inner_std: float | None
+    inner_unit: str | None
+    log_p: float
+    held_out_gain: float
+    rivals: tuple[str, ...]
+    note: str
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The smallest size of an effect that the run would have shown in 95 of 100 cases, in ``unit``."""
+
+    effect: str
+    on: str
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Traced:
+    """What tracing found, and how it went.
+
+    Attributes:
+        findings: effects in the model, in the order in which they were found.
+        limits: for every effect that was looked for and not found.
+        rejected: (name, why) of what was refitted and not kept.
+        tried: number of effects and inner values that were looked at.
+    """
+
+    findings: tuple[Finding, ...]
+    limits: tuple[Limit, ...]
+    rejected: tuple[tuple[str, str], ...]
+    tried: int
+
+
+@dataclass(frozen=True)
 class Calibration:
     """A robot identified from a run.
 
@@ -98,6 +154,7 @@ class Calibration:
         correlation_time: how many samples are worth one.
         condition_number: of the rows per prior size.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
+        traced: what the residual was traced to, ``None`` where that was not asked for.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
     """
@@ -114,5 +171,6 @@ class Calibration:
     correlation_time: float
     condition_number: float
     noise_floor: float | None
+    traced: Traced | None
     problems: tuple[str, ...]
     warnings: tuple[str, ...]

@@ -24,7 +24,8 @@ def judged(found: Fit, run: Run, bare: Rig) -> Metrics:
         problem = Problem.of(model, _renamed(run, rig))
         return Metrics.of(problem.residual(np.zeros(0)))
     model = _with_frames(replace(model, rig=placed(_calibrated_tool(bare, found), run)))
-    here = fit(Problem.of(model, run, found.problem.whitener.noise))
+    # robust: one ball that was seated badly must not move the plate of all others
+    here = fit(Problem.of(model, run, found.problem.whitener.noise), robust=True)
     return Metrics.of(here.problem.residual(here.errors))
 
 

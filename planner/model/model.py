@@ -59,6 +59,11 @@ class Model:
         return tuple(p.name for p in self.parameters)
 
     @cached_property
+    def parameters_and_fixed(self) -> tuple[object, ...]:
+        """What decides the model's predictions, prior sizes aside."""
+        return (*(p.moves for p in self.parameters), *((p.moves, value) for p, value in self.fixed))
+
+    @cached_property
     def prior(self) -> Array:
         """One-sigma prior sizes, (P,) in the parameters' units."""
         return np.array([p.prior for p in self.parameters])
@@ -99,21 +104,27 @@ class Model:
         """Identification Jacobian for any samples, (n, r, P); it does not depend on the readings."""
         out = np.empty((len(samples), self.width, len(self.parameters)))
         for part in chunks(len(samples)):
-            out[part] = self._linear(samples.take(part), None, errors).rows
+            out[part] = self.linear_in(Context(self.rig, samples.take(part)), None, errors).rows
         return out
 
     def residual(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Array:
         """Reading − prediction, (n, r) [m, rad]."""
         out = np.empty((len(samples), self.width))
         for part in chunks(len(samples)):
-            context = Context(self.rig, samples.take(part))
-            motion, shown = self._pass(context, errors)
-            out[part] = self._residual(context, motion, targets.take(part)) - shown
+            out[part] = self.residual_in(Context(self.rig, samples.take(part)), targets.take(part), errors)
         return out
+
+    def residual_in(self, context: Context, targets: Targets, errors: Array | None = None) -> Array:
+        """Reading − prediction for the samples of a context, (n, r) [m, rad]."""
+        motion, shown = self._pass(context, errors)
+        return np.asarray(self._residual(context, motion, targets) - shown)
 
     def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linear:
         """Residuals and Jacobian of some samples in one forward pass."""
-        parts = [self._linear(samples.take(part), targets.take(part), errors) for part in chunks(len(samples))]
+        parts = [
+            self.linear_in(Context(self.rig, samples.take(part)), targets.take(part), errors)
+            for part in chunks(len(samples))
+        ]
         return Linear(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
@@ -154,15 +165,15 @@ class Model:
                     shown[:, m.index] += value * known[m.phi]
         return self.rig.chain.forward(context.theta, delta), shown
 
-    def _linear(self, samples: Samples, targets: Targets | None, errors: Array | None) -> Linear:
-        context = Context(self.rig, samples)
+    def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linear:
+        """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
         which = self._moved
         projected = self._projected(context, motion, which)
         place = {int(k): i for i, k in enumerate(which)}
         known = phis(self.parameters, context)
-        rows = np.empty((len(samples), self.width, len(self.parameters)))
+        rows = np.empty((len(context.samples), self.width, len(self.parameters)))
         for j, p in enumerate(self.parameters):
             first = p.main
             if len(p.moves) == 1 and first.on == "transform":
@@ -206,7 +217,7 @@ class Model:
 
 def phis(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:
     """Every basis function that the parameters use, (n,) or (1,) each, computed once."""
-    return {phi: phi(context) for phi in dict.fromkeys(m.phi for p in parameters for m in p.moves)}
+    return {m.phi: context.value(m.phi) for p in parameters for m in p.moves}
 
 
 def chunks(n: int) -> Iterator[slice]:

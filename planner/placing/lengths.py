@@ -11,9 +11,9 @@ from planner.placing.open import Unknown, demand
 from planner.placing.solver import Refined, best_first, cut_of, refine, scale_of
 from planner.units import Array, frozen
 
-FEW, MANY = 150, 400  # rows for the many starts, and for the few that are left
-KEPT = 12
-_FIRST = ((10, "huber"), (10, "huber"))
+FEW, MANY = 100, 400  # rows for the many starts, and for the few that are left
+TRIED, KEPT = 24, 6  # starts left after each of the first two rounds
+_FIRST, _NEXT = ((6, "huber"),), ((7, "huber"), (7, "huber"))
 _LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
 _REACHES = (0.3, 0.7)  # [m] distances to start from where the bar's zero is unknown
 _TIE = 0.02  # relative difference of rms below which two places explain the lengths alike
@@ -84,7 +84,9 @@ def place_lengths(
         starts = np.concatenate([packed(*nominal, np.zeros(1)), starts])
     if not free.any():
         starts = starts[:1]
-    found = refine(BarProblem(s.take(few), length[few], free), starts, _FIRST)
+    problem = BarProblem(s.take(few), length[few], free)
+    found = refine(problem, starts, _FIRST)
+    found = refine(problem, found.state[best_first(found, 1)[:TRIED]], _NEXT)
     state = found.state[best_first(found, 1)[:KEPT]]
     found = refine(BarProblem(s.take(many), length[many], free), state, _LAST)
     best = _chosen(found, s, nominal)

@@ -26,6 +26,7 @@ class Samples:
         torque: measured joint torques, (n, N) [Nm].
         payload: (n,) [kg].
         direction: sign of each axis' last approach, (n, N).
+        length: as the bar showed it, (n,) [m].
         speed: of the controller angles where the run is continuous, (n, N) [rad/s].
     """
 
@@ -43,6 +44,7 @@ class Samples:
     payload: Array | None = None
     direction: Array | None = None
     speed: Array | None = None
+    length: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples n."""

@@ -1,13 +1,14 @@
 """What the gauge would read along a plan: at rest at every visit, or while the path is driven."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from planner.cell import Cell
 from planner.plan import Course, PlanFile, PoseFile, is_continuous
+from planner.rig import Targets
 from planner.run import Readings, Run, Samples
 from planner.simulation.truth import Truth
 from planner.units import Array, frozen
@@ -28,39 +29,47 @@ class SimulatedRun(Run):
         return "".join(f"# truth: {line}\n" for line in ("simulated, nobody measured this", *self.truth))
 
 
-def simulate(cell: Cell, plan: PlanFile, courses: Sequence[Course], truth: Truth, seed: int) -> SimulatedRun:
-    """Measure a plan on the robot as it truly is.
+def samples_of(cell: Cell, plan: PlanFile, courses: Sequence[Course]) -> Samples:
+    """Return where the arm is told to stand when the gauge is read.
 
     A plan at rest gives one sample a visit, mounting poses left out; one that is driven gives ``RATE`` samples a
     second both ways, each with the id of the visit that it is nearest to in time, so that validation poses can be
-    kept out with the stretch of path around them. The encoders read where the arm is told to stand; repeatability is
-    what the joints are off by.
+    kept out with the stretch of path around them.
     """
     moving = is_continuous(cell)
-    parts = [_driven(plan, c) if moving else _rests(cell, plan, c) for c in courses]
+    parts = [_driven(c) if moving else _rests(cell, plan, c) for c in courses]
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + PAUSE for c in courses[:-1]])
-    place = np.repeat([c.fixture for c in courses], [len(p.t) for p in parts])
-    q = np.concatenate([p.q for p in parts])
-    rng = np.random.default_rng([seed, 1])
-    off = np.concatenate([_shaken(rng, p.q.shape, moving) for p in parts]) * truth.model.joint_sigma
-    true = truth.model.fixing(truth.errors)
-    length = true.reading(q + off, place)[:, 0] + truth.model.rig.noise * rng.standard_normal(len(q))
-    samples = Samples(
-        q=frozen(q),
-        place=place,
+    count = [len(p.t) for p in parts]
+    return Samples(
+        q=frozen(np.concatenate([p.q for p in parts])),
+        place=np.repeat([c.fixture for c in courses], count),
         t=frozen(np.concatenate([p.t + start for p, start in zip(parts, starts, strict=True)])),
-        session=np.repeat(np.arange(len(parts)), [len(p.t) for p in parts]) if moving else None,
+        session=np.repeat(np.arange(len(parts)), count) if moving else None,
         pose=np.concatenate([p.pose for p in parts]),
         direction=None if moving else frozen(np.concatenate([p.direction for p in parts])),
         speed=frozen(np.concatenate([p.speed for p in parts])) if moving else None,
     )
+
+
+def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int) -> SimulatedRun:
+    """Measure the samples on the robot as it truly is.
+
+    The encoders read where the arm is told to stand; repeatability is what the joints are off by.
+    """
+    moving = is_continuous(cell)
+    model, errors = truth.complete()
+    rng = np.random.default_rng([seed, 1])
+    off = model.joint_sigma * _shaken(rng, samples, moving)
+    nothing = Targets(length=np.zeros(len(samples)))
+    exact = -model.residual(replace(samples, q=samples.q + off), nothing, errors)[:, 0]
+    length = exact + model.rig.noise * rng.standard_normal(len(samples))
     return SimulatedRun(
-        name=f"simulated run of {plan.plan_id}",
+        name=f"simulated run of {plan_id}",
         samples=samples,
         readings=Readings(length=frozen(length)),
         places=tuple(f.name for f in cell.fixtures),
         continuous=moving,
-        plan_id=plan.plan_id,
+        plan_id=plan_id,
         robot=cell.robot.name,
         warnings=_unreachable(cell, length),
         truth=truth.lines(),
@@ -90,7 +99,7 @@ def _rests(cell: Cell, plan: PlanFile, course: Course) -> _Part:
     return _Part(t, q, np.zeros_like(q), visit[at], np.array([p.approach or none for p in visited], dtype=float))
 
 
-def _driven(plan: PlanFile, course: Course) -> _Part:
+def _driven(course: Course) -> _Part:
     """The whole drive; every sample belongs to the visit that is passed nearest in time."""
     trajectory = course.trajectory
     motion = trajectory.sample(1.0 / RATE)
@@ -100,14 +109,17 @@ def _driven(plan: PlanFile, course: Course) -> _Part:
     return _Part(motion.t, motion.q, motion.dq, course.measuring.visit[at][nearest], np.zeros_like(motion.q))
 
 
-def _shaken(rng: np.random.Generator, shape: tuple[int, ...], moving: bool) -> Array:
-    """Deviations of unit size: anew at every visit, wandering along a drive."""
-    fresh = rng.standard_normal(shape)
-    if not moving:
+def _shaken(rng: np.random.Generator, samples: Samples, moving: bool) -> Array:
+    """Deviations of the joints of unit size, (n, N): anew at every visit, wandering along a drive."""
+    fresh = rng.standard_normal(samples.q.shape)
+    if not moving or samples.session is None:
         return fresh
     stay = np.exp(-1.0 / (RATE * WANDER))
-    fresh[1:] *= np.sqrt(1.0 - stay**2)
-    return np.asarray(lfilter([1.0], [1.0, -stay], fresh, axis=0))
+    follows = np.diff(samples.session, prepend=-1) == 0
+    fresh[follows] *= np.sqrt(1.0 - stay**2)
+    for part in np.split(np.arange(len(fresh)), np.flatnonzero(~follows)[1:]):
+        fresh[part] = lfilter([1.0], [1.0, -stay], fresh[part], axis=0)
+    return fresh
 
 
 def _unreachable(cell: Cell, length: Array) -> tuple[str, ...]:

@@ -12,7 +12,9 @@ from planner.errors import InputError, nearest
 from planner.model import Model, Parameter
 from planner.model.parameters import compliance_parameters
 from planner.rig import rig_of
+from planner.run import Samples
 from planner.schema import Strict, read_toml
+from planner.simulation.effects import Effect, EffectFile, effects_of
 from planner.units import DEG, MM, UM, Array, frozen
 
 SPELLINGS = {
@@ -36,6 +38,7 @@ class TruthFile(Strict):
 
     schema_: Literal["edbb-truth/1"] = Field(alias="schema")
     errors: dict[str, float] = {}
+    effects: tuple[EffectFile, ...] = ()
     noise: NoiseFile = NoiseFile()
 
 
@@ -46,25 +49,33 @@ class Truth:
     Attributes:
         model: every error that may be named; its rig has the noise.
         errors: their values, (P,) in the parameters' units.
+        effects: of the catalogue.
     """
 
     model: Model
     errors: Array
+    effects: tuple[Effect, ...] = ()
+
+    def complete(self) -> tuple[Model, Array]:
+        """Return the model with the effects among its parameters, and all values."""
+        more = [(p, v) for e in self.effects for p, v in zip(e.parameters, e.values, strict=True)]
+        return self.model.plus([p for p, _ in more]), np.append(self.errors, [v for _, v in more])
 
     def lines(self) -> tuple[str, ...]:
-        """Say every error that is not zero and the noise, as keys of ``TRUTH.toml``."""
+        """Say every error that is not zero, every effect and the noise, as keys of ``TRUTH.toml``."""
         pairs = zip(self.model.parameters, self.errors, strict=True)
         said = [_line(p, float(v)) for p, v in pairs if v != 0.0]
         rig = self.model.rig
         return (
             *said,
+            *(f"effects = {e.said}" for e in self.effects),
             f"gauge_um = {rig.noise / UM:.6g}",
             f"repeatability_mm = {rig.robot.repeatability / MM:.6g}",
         )
 
 
-def read_truth(path: Path, cell: Cell) -> Truth:
-    """Read the errors of the robot in ``cell``; those not named are zero.
+def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
+    """Read the errors of the robot in ``cell``; those not named are zero. Effects are those ``samples`` can show.
 
     Raises:
         InputError: a key that names no error of this cell, or has no unit, or a value that is no number.
@@ -80,7 +91,7 @@ def read_truth(path: Path, cell: Cell) -> Truth:
         if errors[k]:
             raise InputError(f"{path}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    return Truth(model, frozen(errors))
+    return Truth(model, frozen(errors), effects_of(path, file.effects, model.rig, samples))
 
 
 def drawn(cell: Cell, seed: int) -> Truth:

@@ -146,7 +146,5 @@ def ranked(shade: Shade, entries: Sequence[Entry]) -> list[Candidate]:
     for s in scores:
         if s.entry.name not in best or s.gain > best[s.entry.name].gain:
             best[s.entry.name] = s
-    out = [
-        Candidate(s.entry, s.inner, s.gain, s.size, log_p(shade, s.gain, s.size, len(every))) for s in best.values()
-    ]
+    out = [Candidate(s.entry, s.inner, s.gain, s.size, log_p(shade, s.gain, s.size, len(every))) for s in best.values()]
     return sorted(out, key=lambda c: (c.log_p, -c.gain))

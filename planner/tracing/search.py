@@ -7,10 +7,11 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
+from planner.identification import Bench
 from planner.identification.spread import correlation_time
 from planner.tracing.inner import refined
 from planner.tracing.screen import Shade, ranked
-from planner.tracing.state import Bench, Held, State, gain_in_errors
+from planner.tracing.state import Held, State, gain_in_errors, refit
 from planner.tracing.types import Candidate
 
 SURE = np.log(2e-3)  # chance, corrected for everything that was tried, below which an effect may be added
@@ -80,9 +81,7 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
     return Trace(tuple(path), tried, tuple(rejected))
 
 
-def _best(
-    state: State, shade: Shade, likely: list[Candidate], bench: Bench
-) -> tuple[State | None, list[Rejected]]:
+def _best(state: State, shade: Shade, likely: list[Candidate], bench: Bench) -> tuple[State | None, list[Rejected]]:
     """Refit the likely entries, alike ones side by side, and return the first kind that holds."""
     rejected: list[Rejected] = []
     while likely:
@@ -110,7 +109,7 @@ def _with(state: State, candidate: Candidate, shade: Shade, bench: Bench) -> Sta
     if inner is not None:
         inner = refined(shade, candidate.entry, inner)
     effects = (*state.effects, Held(candidate.entry, inner))
-    return bench.fit(candidate.entry.name, state.base, effects, state)
+    return refit(bench, candidate.entry.name, state.base, effects, state)
 
 
 def _reason(before: State, after: State, bench: Bench) -> str | None:
@@ -151,5 +150,5 @@ def _pruned(state: State, bench: Bench, tried: int) -> State:
         if chances[faint] < SURE:
             break
         effects = tuple(h for k, h in enumerate(state.effects) if k != faint)
-        state = bench.fit(effects[-1].entry.name, state.base, effects, state)
+        state = refit(bench, effects[-1].entry.name, state.base, effects, state)
     return replace(state)

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.catalogue import Entry
-from planner.identification import Fit, Split, Stage, error_size
-from planner.identification.stages import Fitted, Judge, fitted
+from planner.identification import Bench, Fit, Split, Stage, error_size
+from planner.identification.stages import Fitted, fitted
 from planner.model import Model
-from planner.run import Run
 from planner.tracing.inner import slope, spacing
 from planner.units import Array
 
@@ -57,54 +56,45 @@ class State:
         return self.fit.errors[self.positions(held)]
 
 
-@dataclass(frozen=True)
-class Bench:
-    """What every fit of a search needs: run, split, judge of the validation run, and whether outliers are turned down."""
-
-    run: Run
-    split: Split
-    judge: Judge
-    robust: bool
-
-    def fit(self, name: str, base: Model, effects: tuple[Held, ...], before: State | None) -> State:
-        """Fit the base model with effects; inner numbers settle over a few rounds."""
-        if before is None:
-            raise ValueError("a search starts from a fitted model")
-        state = self._once(name, base, effects, before.fit)
-        for _ in range(ROUNDS):
-            settled, moved = self._settled(name, state)
-            if not moved:
-                return settled
-            state = settled
-        return state
-
-    def _once(self, name: str, base: Model, effects: tuple[Held, ...], before: Fit) -> State:
-        parameters = [p for held in effects for p in held.entry.make(held.inner)]
-        found = fitted(name, base.plus(parameters), self.run, self.split, self.judge, self.robust, before)
-        return State(base, effects, found)
-
-    def _settled(self, name: str, state: State) -> tuple[State, bool]:
-        """Free the inner numbers about where they are; move them, and tell whether any moved by more than its σ/10."""
-        inner = [h for h in state.effects if h.inner is not None]
-        if not inner:
-            return state, False
-        parameters = [p for h in state.effects for p in h.entry.make(h.inner)]
-        slopes = [slope(h.entry, float(h.inner or 0.0), state.sizes(h)) for h in inner]
-        model = state.base.plus([*parameters, *slopes])
-        found = fitted(name, model, self.run, self.split, self.judge, self.robust, state.fit)
-        root = found.fit.solution.root(found.fit.problem.prior)
-        sigma = np.sqrt((root**2).sum(axis=1))
-        shift = dict(zip(found.fit.model.names, found.fit.errors, strict=True))
-        known = dict(zip(found.fit.model.names, sigma, strict=True))
-        names = {h.entry.name: p.name for h, p in zip(inner, slopes, strict=True)}
-        moved = any(abs(shift[n]) > 0.1 * known[n] for n in names.values())
+def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: State) -> State:
+    """Fit the base model with effects; inner numbers settle over a few rounds."""
+    state = _once(bench, name, base, effects, before.fit)
+    for _ in range(ROUNDS):
+        settled, moved = _settled(bench, name, state)
         if not moved:
-            return State(state.base, state.effects, found), False
-        effects = tuple(
-            h if h.inner is None else replace(h, inner=_within(h, h.inner + shift[names[h.entry.name]]))
-            for h in state.effects
-        )
-        return self._once(name, state.base, effects, found.fit), True
+            return settled
+        state = settled
+    return state
+
+
+def _once(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: Fit) -> State:
+    parameters = [p for held in effects for p in held.entry.make(held.inner)]
+    found = fitted(name, base.plus(parameters), bench.run, bench.split, bench.judge, bench.robust, before)
+    return State(base, effects, found)
+
+
+def _settled(bench: Bench, name: str, state: State) -> tuple[State, bool]:
+    """Free the inner numbers about where they are; move them, and tell whether any moved by more than its σ/10."""
+    inner = [h for h in state.effects if h.inner is not None]
+    if not inner:
+        return state, False
+    parameters = [p for h in state.effects for p in h.entry.make(h.inner)]
+    slopes = [slope(h.entry, float(h.inner or 0.0), state.sizes(h)) for h in inner]
+    model = state.base.plus([*parameters, *slopes])
+    found = fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, state.fit)
+    root = found.fit.solution.root(found.fit.problem.prior)
+    sigma = np.sqrt((root**2).sum(axis=1))
+    shift = dict(zip(found.fit.model.names, found.fit.errors, strict=True))
+    known = dict(zip(found.fit.model.names, sigma, strict=True))
+    names = {h.entry.name: p.name for h, p in zip(inner, slopes, strict=True)}
+    moved = any(abs(shift[n]) > 0.1 * known[n] for n in names.values())
+    if not moved:
+        return State(state.base, state.effects, found), False
+    effects = tuple(
+        h if h.inner is None else replace(h, inner=_within(h, h.inner + shift[names[h.entry.name]]))
+        for h in state.effects
+    )
+    return _once(bench, name, state.base, effects, found.fit), True
 
 
 def _within(held: Held, value: float) -> float:

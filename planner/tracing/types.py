@@ -1,4 +1,4 @@
-"""What the tracer hands over: findings, what it could not name, and what it would have seen."""
+"""What the search hands from step to step."""
 
 from dataclasses import dataclass
 
@@ -21,37 +21,3 @@ class Candidate:
     gain: float
     size: int
     log_p: float
-
-
-@dataclass(frozen=True)
-class Finding:
-    """An effect that the run shows, in SI units.
-
-    Attributes:
-        entry, inner, inner_std: what, and the number inside it with its standard deviation.
-        value, std: size of the effect (length of its parameters' vector), in ``unit``.
-        p_value: of the effect by chance, in the final model, corrected for everything that was tried.
-        held_out_gain: fall of the root mean square error on held-out samples when it was added [m].
-        rivals: names of other entries that explain the same within uncertainty.
-        note: what a mechanic would say.
-    """
-
-    entry: Entry
-    inner: float | None
-    inner_std: float | None
-    value: float
-    std: float
-    unit: str
-    p_value: float
-    held_out_gain: float
-    rivals: tuple[str, ...]
-    note: str
-
-
-@dataclass(frozen=True)
-class Limit:
-    """The smallest size of an effect that this run would have shown in 95 of 100 cases, in the unit of the entry."""
-
-    name: str
-    size: float
-    unit: str

@@ -6,7 +6,7 @@ from planner.cell.reading import read_cell
 from planner.errors import InputError
 from planner.plan import read_plan
 from planner.repeatable import single_threaded
-from planner.simulation import SimulatedRun, drawn, read_truth, simulate
+from planner.simulation import SimulatedRun, drawn, read_truth, samples_of, simulate
 from planner.workflow.export import _course
 
 
@@ -24,5 +24,6 @@ def simulate_plan(plan_file: Path, truth: Path | None, seed: int) -> SimulatedRu
     if not beside.is_file():
         raise InputError(f"{beside} is missing: a plan is simulated together with the cell that was planned")
     cell = read_cell(beside, "cell")
-    known = drawn(cell, seed) if truth is None else read_truth(truth, cell)
-    return simulate(cell, plan, [_course(plan_file, cell, d) for d in plan.drives], known, seed)
+    samples = samples_of(cell, plan, [_course(plan_file, cell, d) for d in plan.drives])
+    known = drawn(cell, seed) if truth is None else read_truth(truth, cell, samples)
+    return simulate(cell, plan.plan_id, samples, known, seed)

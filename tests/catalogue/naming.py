@@ -16,7 +16,7 @@ JOINT = {
     "thermal-joint": "thermal drift",
     "joint-drift": "drift",
     "warm-up": "warm-up",
-    "hysteresis": "backlash",
+    "hysteresis": "hysteresis",
     "warm-up-two": "warm-up",
     "sawtooth": "gear ripple",
 }
@@ -38,7 +38,7 @@ ELSEWHERE = {
     "ball-centre": ("ball centre", "ball at the fixture"),
     "session-step": ("session step", "gauge"),
 }
-INNER = ("frequency", "period", "tau", "slow")
+INNER = ("frequency", "period", "tau", "slow", "width")
 
 
 def named(effect):
@@ -47,6 +47,9 @@ def named(effect):
         return JOINT[effect.kind], f"joint {effect.joint}"
     if effect.kind == "coupling":
         return "coupling", f"joint {effect.joint} by joint {int(effect['by'])}"
+    if effect.kind == "wobble":
+        often = {1: "once", 2: "twice", 3: "three times"}[int(effect["turns"])]
+        return f"axis wobble {often} a turn", f"joint {effect.joint}"
     if effect.kind in ("link-bending", "link-twist"):
         return "link bending", f"link {effect.joint}"
     return ELSEWHERE.get(effect.kind)
@@ -55,3 +58,9 @@ def named(effect):
 def inner(effect):
     """The number inside the effect, where it has one."""
     return next((value for name, value in effect.inner if name in INNER), None)
+
+
+def joint_of(on):
+    """Number of the joint or link (from 1) at which an entry sits; 0 where it sits at none."""
+    word, *rest = on.split()
+    return int(rest[0]) if word in ("joint", "link") else 0

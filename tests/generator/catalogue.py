@@ -1,11 +1,68 @@
 """The table of all kinds of effects, and what several of them together do to an arm and to its gauge."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.generator import effects_gauge, effects_heat, effects_joint, effects_load
 from tests.generator.scene import total
 
-KINDS = {k.name: k for room in (effects_load, effects_joint, effects_heat, effects_gauge) for k in room.KINDS}
+# what the identifier may call an effect, at the same joint or link; besides the names in the tables of kinds
+SAID = {
+    "joint-compliance": ("joint compliance", "payload compliance", "compliance under drive torque"),
+    "payload-compliance": ("payload compliance", "joint compliance"),
+    "force-compliance": ("joint compliance",),
+    "link-bending": ("link bending",),
+    "link-twist": ("link bending",),
+    "encoder-once": ("encoder once a turn",),
+    "encoder-twice": ("encoder twice a turn",),
+    "reducer-ripple": ("gear ripple",),
+    "strain-wave": ("strain-wave error", "gear ripple"),
+    "sawtooth": ("gear ripple",),
+    "wobble": ("axis wobble once a turn", "axis wobble twice a turn", "axis wobble three times a turn"),
+    "reduction-ratio": ("reduction ratio",),
+    "coupling": ("coupling",),
+    "backlash-speed": ("backlash", "hysteresis"),
+    "backlash-approach": ("backlash", "hysteresis"),
+    "backlash-torque": ("backlash by load",),
+    "hysteresis": ("hysteresis", "backlash"),
+    "servo-lag": ("servo lag",),
+    "thermal-joint": ("thermal drift",),
+    "joint-drift": ("drift", "warm-up"),
+    "warm-up": ("warm-up", "drift"),
+    "warm-up-two": ("warm-up", "drift"),
+}
+# the same wherever it is said to sit
+SAID_ANYWHERE = {
+    "soft-base": ("soft base",),
+    "soft-floor-xy": ("soft base",),
+    "tool-compliance": ("tool compliance",),
+    "wrong-payload": ("payload mass", "joint compliance", "payload compliance"),
+    "unsettled": ("unsettled angle",),
+    "thermal-links": ("link growth",),
+    "base-drift": ("drift",),
+    "gauge-scale": ("gauge scale",),
+    "gauge-growth": ("gauge growth",),
+    "gauge-nonlinearity": ("gauge nonlinearity",),
+    "gauge-lag": ("gauge lag", "servo lag"),
+    "gauge-filter": ("gauge lag", "servo lag"),
+    "gauge-sag": ("gauge sag",),
+    "gauge-interpolation": ("scale interpolation",),
+    "ball-centre": ("ball centre",),
+    "session-step": ("session step",),
+}
+
+
+def _said(kind):
+    """The kind with what the identifier may call it."""
+    return replace(
+        kind,
+        right=(*kind.right, *SAID.get(kind.name, ())),
+        right_anywhere=(*kind.right_anywhere, *SAID_ANYWHERE.get(kind.name, ())),
+    )
+
+
+KINDS = {k.name: _said(k) for room in (effects_load, effects_joint, effects_heat, effects_gauge) for k in room.KINDS}
 
 
 def motions(scene, effects):

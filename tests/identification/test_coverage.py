@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.observability import identifiable
 from planner.identification.seeing import seen_by
 from planner.model import Model
 from tests.generator.truth import Noise, draw_errors
-from tests.identification.worlds import Trials, trials, world
+from tests.identification.worlds import Trials, declared, trials, world
 
 FITS = 1000  # a robot
-
-
-def declared(w) -> Noise:
-    """The noise that the cell states."""
-    return Noise(w.model.rig.noise, w.model.rig.joint_sigma)
 
 
 def covered(t: Trials, level=0.95):
@@ -107,12 +101,12 @@ def test_heavy_tails_leave_the_robust_fit_unbiased_and_not_over_confident():
     assert np.abs(t.z.mean(axis=0)).max() < 4 * t.z.std(axis=0).max() / np.sqrt(200)
     assert (covered(t) / 200).mean() > 0.93
     plain = trials(w, 200, noise, seed=3)
-    assert np.median(t.square * t.scale) < np.median(plain.square * plain.scale)  # sharper than least squares
+    assert np.sqrt((t.off**2).mean(axis=0) / (plain.off**2).mean(axis=0)).mean() < 0.95  # sharper than least squares
 
 
 def test_a_continuous_run_states_what_its_correlated_errors_leave():
     """Errors of the joints stay over 0.2 s and more of samples 10 ms apart: single samples would claim far too much."""
-    w = world("comau-nj130", 6000, "continuous")
-    t = trials(w, 60, Noise(1e-6, 8e-6), seed=4)
-    assert (covered(t) / 60).mean() > 0.90
-    assert np.mean(t.square / t.P) < 1.5
+    w = world("comau-nj130", 4000, "continuous")
+    t = trials(w, 30, Noise(1e-6, 8e-6), seed=4)
+    assert (covered(t) / 30).mean() > 0.90
+    assert np.mean(t.square / t.P) < 1.8  # of the blocks' scatter, not of a known noise: joint χ² is a little wide

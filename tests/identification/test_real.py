@@ -128,41 +128,41 @@ def test_panda_says_that_plates_were_fitted_on_the_validation(panda):
 
 
 def scale_sigma(c: Calibration, known_distance: bool, prior_factor: float) -> float:
-    """Standard deviation of a common relative error of all lengths, every other error of the geometry free.
+    """Standard deviation of the common relative error of all lengths, Σ l·δl / Σ l² over the nominal lengths l.
 
-    A scale s moves the ball, seen from the base, by s·x. With ``known_distance`` the sockets sit on one rigid plate,
-    without it each where it will. The errors of the lengths are held by their prior sizes times ``prior_factor``.
+    With ``known_distance`` the sockets sit on one rigid plate, without it each where it will. Prior sizes of the
+    lengths are ``prior_factor`` times those of the fit.
     """
     problem = c.fit.problem
     model = problem.model
     rows = problem.whitener.white(slice(None), model.rows(problem.samples, c.fit.errors))
-    x = points(c, c.run)
-    blocks = np.zeros((len(x), 3, 6))
-    for ball in (0, 1):
-        blocks[c.run.readings.ball == ball, :, 3 * ball : 3 * ball + 3] = np.eye(3)
-    own = problem.whitener.white(slice(None), blocks)
-    robot = [j for j, p in enumerate(model.parameters) if p.group == "geometry" or p.name.startswith("map")]
-    frames = [j for j, p in enumerate(model.parameters) if p.name.startswith("base")]
+    robot = [j for j, p in enumerate(model.parameters) if not p.name.startswith("base")]
     lengths = np.array([model.parameters[j].unit == "m" for j in robot])
     size = np.where(lengths, prior_factor, 1.0) * problem.prior[robot]
-    scale = problem.whitener.white(slice(None), x[..., None])
-    frame = rows[:, :, frames] if known_distance else own
-    tall = np.concatenate([scale, rows[:, :, robot] * size, frame], axis=2).reshape(-1, 1 + len(robot) + frame.shape[2])
-    # lengths are held at their scaled nominal values: the prior holds what they are off it
-    held = np.zeros((len(robot), tall.shape[1]))
-    held[:, 1 : 1 + len(robot)] = np.eye(len(robot))
+    frame = rows[:, :, [j for j, p in enumerate(model.parameters) if p.name.startswith("base")]]
+    if not known_distance:
+        frame = np.zeros((len(rows), 3, 6))
+        for ball in (0, 1):
+            frame[c.run.readings.ball == ball, :, 3 * ball : 3 * ball + 3] = np.eye(3)
+        frame = problem.whitener.white(slice(None), frame)
+    held = np.concatenate([np.zeros((len(robot), 6)), np.eye(len(robot))], axis=1)
+    tall = np.concatenate([frame, rows[:, :, robot] * size], axis=2).reshape(-1, 6 + len(robot))
     R = np.linalg.qr(np.concatenate([tall, held]), mode="r")
-    others = R[:, 1:]
-    left = R[:, 0] - others @ np.linalg.lstsq(others, R[:, 0], rcond=None)[0]
-    return float(1 / np.linalg.norm(left))
+    nominal = {e.name: e.nominal for e in c.estimates}
+    length = np.array([nominal[model.names[j]] for j in robot]) * lengths
+    along = np.concatenate([np.zeros(6), size * length / (length**2).sum()])
+    return float(np.linalg.norm(np.linalg.solve(R.T, along)))
 
 
 def test_panda_says_how_well_50_mm_hold_the_scale(panda):
-    """Two sockets 50 mm apart hold the scale of an arm of 0.9 m to about a part in a thousand, and no better."""
+    """Without a known length all lengths may shrink together: only their priors hold them."""
     c, _ = panda
-    with_it, without = scale_sigma(c, True, 1.0), scale_sigma(c, False, 1.0)
-    print(f"  panda-ball: sigma of a common scale of all lengths {with_it:.2e} with the 50 mm, {without:.2e} without")
-    sigma = np.sqrt(np.mean(c.stages[-1].residual ** 2))
-    two_means = sigma * np.sqrt(4 / len(c.run)) / (50 * MM)
-    assert 0.5 * two_means < with_it < 4 * two_means
-    assert without > 20 * with_it
+    found = {k: scale_sigma(c, *k) for k in ((True, 1.0), (False, 1.0), (True, 1e3), (False, 1e3))}
+    for (known, factor), sigma in found.items():
+        what = "with the 50 mm" if known else "without"
+        print(f"  panda-ball: sigma of a common scale {sigma:.2e} {what}, priors of the lengths times {factor:g}")
+    assert found[True, 1.0] < found[False, 1.0]
+    assert found[False, 1e3] > 20 * found[True, 1e3]  # the data alone say next to nothing without a known length
+    reading = np.sqrt(np.mean(c.stages[-1].residual ** 2))
+    two_means = reading * np.sqrt(4 / len(c.run)) / (50 * MM)  # the distance of two means, as well as it is measured
+    assert 0.3 * two_means < found[True, 1e3] < 5 * two_means

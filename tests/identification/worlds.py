@@ -116,11 +116,21 @@ def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
     return World(arm, made.scene.q, made.scene.t, fixture, tool, run, cell, model)
 
 
+def declared(w: World) -> Noise:
+    """The noise that the cell and the robot's data sheet state."""
+    return Noise(w.model.rig.noise, w.model.rig.joint_sigma)
+
+
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Many fits: errors of the parameters over their stated standard deviations, (fits, P); joint χ² (fits,)."""
+    """Many fits.
+
+    ``off`` (fits, P) estimates less truth, ``z`` over their stated standard deviations, ``square`` (fits,) joint χ²;
+    ``left`` rms [m] that regrouping could not bring over; ``freedom`` degrees of freedom of the noise.
+    """
 
     names: tuple[str, ...]
+    off: np.ndarray
     z: np.ndarray
     square: np.ndarray
     left: np.ndarray
@@ -134,15 +144,16 @@ class Trials:
 
 def trials(w: World, fits: int, noise: Noise = Noise(), seed=0, robust=False, length=4e-4, angle=5e-4) -> Trials:
     """Fit ``fits`` arms, each with errors and noise of its own."""
-    z, square, left, freedom = [], [], [], []
+    offs, z, square, left, freedom = [], [], [], [], []
     for k in range(fits):
         rng = np.random.default_rng([seed, k, 77])
         errors = draw_errors(w.arm, rng, length, angle)
         truth, rest = w.regrouped(errors)
         found, covariance = w.fitted(w.measured(errors, noise, rng), robust)
         off = found.errors - truth
+        offs.append(off)
         z.append(off / np.sqrt(np.diag(covariance)))
         square.append(off @ np.linalg.solve(covariance, off))
         left.append(np.sqrt((rest**2).mean()))
         freedom.append(len(w.q) - found.effective)
-    return Trials(w.names, np.array(z), np.array(square), np.array(left), np.array(freedom))
+    return Trials(w.names, np.array(offs), np.array(z), np.array(square), np.array(left), np.array(freedom))

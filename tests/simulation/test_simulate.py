@@ -1,7 +1,6 @@
 """Simulated runs against an arm that shares no code with the planner, and what a wrong truth is told."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +8,11 @@ from scipy.spatial import KDTree
 
 from planner.cell.reading import read_cell
 from planner.errors import InputError
-from planner.plan import Waypoints, course, read_plan
+from planner.plan import read_plan
 from planner.rig import rig_of
 from planner.run import load_run, save_run
 from planner.simulation import RATE, drawn, read_truth, simulate
+from planner.simulation.measuring import WANDER
 from planner.workflow.simulating import simulate_plan
 from tests.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file
@@ -122,13 +122,11 @@ def test_noise_has_the_size_that_is_said(tmp_path):
     shaken = "[noise]\ngauge_um = 0\nrepeatability_mm = 0.3\n"
     cell, plan = read_cell(tmp_path / "cell.toml", "cell"), read_plan(cell_only)
     still = simulate_plan(cell_only, truth_file(tmp_path, SILENT), 0)
-    motion = replace(cell.motion, settle=0.0, dwell=0.0)
-    way = Waypoints(still.samples.q, still.samples.pose, np.zeros(5))
-    courses = [course(replace(cell, motion=motion), 0, way, way)]
     off = {}
     for name, text in (("gauge", gauge), ("joints", shaken)):
-        truth = read_truth(truth_file(tmp_path, text), cell)
-        lengths = np.array([simulate(cell, plan, courses, truth, seed).readings.length for seed in range(120)])
+        truth = read_truth(truth_file(tmp_path, text), cell, still.samples)
+        runs = [simulate(cell, plan.plan_id, still.samples, truth, seed) for seed in range(120)]
+        lengths = np.array([run.readings.length for run in runs])
         off[name] = lengths - still.readings.length
     assert abs(off["gauge"].std() / 20e-6 - 1) < 0.1  # 600 draws: 3 % is one sigma
     at_home = cell.map_jacobian(cell.home[None])[0]
@@ -136,6 +134,23 @@ def test_noise_has_the_size_that_is_said(tmp_path):
     assert abs(np.sqrt((at_home**2).sum()) * sigma - 0.1e-3) < 1e-9  # published is three sigma
     assert 0.2e-4 < off["joints"].std() < 1.2e-4  # its share along the bar
     assert not np.allclose(off["joints"][0], off["joints"][1])
+
+
+def test_joints_wander_along_a_drive(tmp_path):
+    plan = plan_folder(tmp_path, "comau-nj130", fixtures=2)
+    still = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    text = "[noise]\ngauge_um = 0\nrepeatability_mm = 0.06\n"
+    truth = read_truth(truth_file(tmp_path, text), read_cell(tmp_path / "cell.toml", "cell"), still.samples)
+    run = simulate_plan(plan, truth_file(tmp_path, text), 0)
+    lever = np.linalg.norm(truth.model.joint_rows(still.samples)[:, 0], axis=1)
+    off = (run.readings.length - still.readings.length) / lever / truth.model.joint_sigma
+    assert len(off) * WANDER > 500 * RATE  # independent stretches; 7 % is one sigma of the spread below
+    assert abs(off.std() - 1) < 0.15
+    later = [np.corrcoef(off[:-k], off[k:])[0, 1] for k in (1, int(RATE * WANDER))]
+    assert np.allclose(later, np.exp([-1 / RATE / WANDER, -1]), atol=0.12)
+    first = np.flatnonzero(np.diff(still.samples.session, prepend=-1))
+    assert len(first) == 2
+    assert np.abs(off[first]).min() > 1e-3  # it wanders from the first sample on
 
 
 def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
@@ -207,3 +222,42 @@ def test_a_plan_with_the_cell_of_another_robot_is_told(tmp_path):
 def test_lengths_beyond_the_bar_are_told(tmp_path):
     run = simulate_plan(plan_folder(tmp_path), truth_file(tmp_path, "[errors]\nzero_mm = 5000\n" + SILENT), 0)
     assert "5 of 5 lengths lie outside" in run.warnings[0]
+
+
+BACKLASH = '[[effects]]\nkind = "backlash"\non = "joint 3"\nvalue = 200\nunit = "urad"\n'
+SCALE = '[[effects]]\nkind = "gauge scale"\nvalue = 1e-4\nunit = "1"\n'
+
+
+def test_effects_of_the_catalogue_take_part(tmp_path):
+    plan = plan_folder(tmp_path)
+    none = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    run = simulate_plan(plan, truth_file(tmp_path, SILENT + SCALE), 0)
+    assert np.allclose(run.readings.length, none.readings.length * (1 + 1e-4), rtol=0, atol=1e-12)
+    run = simulate_plan(plan, truth_file(tmp_path, SILENT + BACKLASH), 0)
+    cell, arm = read_cell(tmp_path / "cell.toml", "cell"), Arm.from_toml("kuka-kr6-r700")
+    R, p = arm.flange(none.samples.q, {"theta3": 100e-6 * none.samples.direction[:, 2]})  # ± half the play
+    expected = np.linalg.norm(p + R @ cell.tool.p_FM - cell.fixtures[0].p_BX, axis=1)
+    assert np.abs(run.readings.length - expected).max() < 1e-12
+    assert np.abs(run.readings.length - none.readings.length).min() > 1e-6
+    assert any("backlash" in line and "joint 3" in line and "200" in line for line in run.truth)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        (BACKLASH.replace("backlash", "backlsh"), ["effects[0]", 'did you mean "backlash"']),
+        (BACKLASH.replace("joint 3", "joint 9"), ["joint 9", "joint 6"]),
+        (BACKLASH.replace('on = "joint 3"\n', ""), ["'on' is missing", "joint 1"]),
+        (BACKLASH.replace("urad", "um"), ["is m", "rad"]),
+        (BACKLASH.replace("urad", "grad"), ["'grad' is no unit"]),
+        (BACKLASH.replace("200", "[1, 2]"), ["2 values", "backlash, joint 3"]),
+        (BACKLASH + "inner = 3\n", ["takes no 'inner'"]),
+        (BACKLASH + "size = 3\n", ["unknown key", "size"]),
+        (SCALE.replace("gauge scale", "gauge lag"), ["gauge lag", "no effect that this run could show"]),
+    ],
+)
+def test_a_wrong_effect_is_told(tmp_path, text, parts):
+    plan, truth = plan_folder(tmp_path), truth_file(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        simulate_plan(plan, truth, 0)
+    assert all(part in str(caught.value) for part in (str(truth), *parts)), caught.value

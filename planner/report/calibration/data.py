@@ -13,7 +13,8 @@ from planner.identification.leftover import Leftover, leftover
 from planner.units import Array, to_deg, to_mm
 
 LOOK = 20_000  # samples of a long run that means are taken over
-POINTS = 800  # of them that are drawn in one panel
+POINTS = 500  # of them that are drawn in one panel
+POSES = 1500  # that are drawn one by one
 
 
 @dataclass(frozen=True)
@@ -129,12 +130,12 @@ def error_by_pose(told: Told) -> tuple[tuple[str, ...], Array, Array]:
     run = told.calibration.run
     before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
     if run.continuous or run.samples.pose is None:
-        which = spread(len(run), POINTS)
+        which = spread(len(run), POSES)
         return tuple(f"sample {k + 1}" for k in which), before[which], after[which]
     pose, first = np.unique(run.samples.pose, return_index=True)
     pose = pose[np.argsort(first)]
     place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
     count = np.bincount(place)
     rms = [np.sqrt(np.bincount(place, size**2) / count) for size in (before, after)]
-    few = spread(len(pose), POINTS)
+    few = spread(len(pose), POSES)
     return tuple(f"pose {p}" for p in pose[few]), rms[0][few], rms[1][few]

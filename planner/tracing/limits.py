@@ -1,0 +1,45 @@
+"""What silence means: the smallest size of each effect that the run would have shown."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
+
+from planner.catalogue import Entry
+from planner.identification import Limit
+from planner.tracing.screen import SHOWN, Shade, scored
+from planner.tracing.search import SURE
+
+POWER = 0.95
+
+
+def limits(shade: Shade, entries: Sequence[Entry], tried: int) -> Iterator[Limit]:
+    """Yield the detection limit of every entry that the readings show at all, at the worst phase and inner number."""
+    pairs = [(e, v) for e in entries for v in _some(e)]
+    variance = shade.scatter / shade.spare
+    worst: dict[str, float] = {}
+    for s in scored(shade, pairs):
+        parameters = s.entry.make(s.inner)
+        prior = np.array([p.prior for p in parameters])
+        mu = np.linalg.eigvalsh(s.information / np.outer(prior, prior))  # per unit of size
+        seen = mu[mu > SHOWN * mu[-1]] if mu[-1] > 0 else mu[:0]
+        size = np.sqrt(_noncentrality(max(1, len(seen)), tried) * variance / seen[0]) if len(seen) else np.inf
+        worst[s.entry.name] = max(worst.get(s.entry.name, 0.0), float(size))
+    for e in entries:
+        if np.isfinite(worst.get(e.name, np.inf)):
+            yield Limit(e.kind, e.on, worst[e.name], e.make(_some(e)[0])[0].unit)
+
+
+def _some(entry: Entry) -> list[float | None]:
+    """A few inner numbers over the grid."""
+    if entry.inner is None:
+        return [None]
+    which = np.unique(np.linspace(0, len(entry.inner.values) - 1, 7).astype(int))
+    return [float(v) for v in entry.inner.values[which]]
+
+
+def _noncentrality(size: int, tried: int) -> float:
+    """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
+    needed = float(chi2.isf(np.exp(SURE) / tried, size))
+    return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - POWER, 1e-3, 10 * needed + 100))

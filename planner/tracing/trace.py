@@ -1,0 +1,70 @@
+"""``trace()``: from the residual of the fitted geometry to its causes, one stage for each effect."""
+
+import numpy as np
+
+from planner.catalogue import catalogue
+from planner.identification import Bench, Finding, Traced
+from planner.identification.stages import Fitted
+from planner.tracing.limits import limits
+from planner.tracing.rivals import rivals
+from planner.tracing.screen import Shade
+from planner.tracing.search import Say, Trace, search, wald_log_p, worth
+from planner.tracing.sentence import sized
+from planner.tracing.state import Held, State
+
+
+def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Traced]:
+    """Trace what the geometry leaves; returns the stages that were added, and what was found."""
+    entries = catalogue(geometry.fit.model.rig, bench.run.samples)
+    start = State(geometry.fit.model, (), geometry)
+    found = search(start, entries, bench, say)
+    last = found.last
+    shade = Shade.of(last.fit, worth(last, bench))
+    say("rivals")
+    findings = tuple(_finding(found, h, shade, bench, rivals(shade, last, h, entries)) for h in last.effects)
+    say("detection limits")
+    taken = {h.entry.name for h in last.effects}
+    silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))
+    rejected = tuple((r.name, r.because) for r in found.rejected)
+    return [s.fitted for s in found.path[1:]], Traced(findings, silent, rejected, found.tried)
+
+
+def _finding(found: Trace, held: Held, shade: Shade, bench: Bench, others: tuple[str, ...]) -> Finding:
+    last = found.last
+    which = last.positions(held)
+    root = last.fit.solution.root(last.fit.problem.prior)[which]
+    sizes = last.fit.errors[which]
+    value = float(np.linalg.norm(sizes))
+    along = sizes / max(value, 1e-300)
+    std = float(np.linalg.norm(along @ root)) * np.sqrt(worth(last, bench))
+    inner = held.entry.inner
+    name = f"{held.entry.name}, {inner.name}" if inner else ""
+    spread = None
+    if name in last.fit.model.names:
+        row = last.fit.solution.root(last.fit.problem.prior)[last.fit.model.names.index(name)]
+        spread = float(np.linalg.norm(row))
+    unit = held.entry.make(held.inner)[0].unit
+    return Finding(
+        effect=held.entry.kind,
+        on=held.entry.on,
+        value=value if len(which) > 1 else float(sizes[0]),
+        std=std,
+        unit=unit,
+        inner_name=inner.name if inner else None,
+        inner=held.inner,
+        inner_std=spread,
+        inner_unit=inner.unit if inner else None,
+        log_p=wald_log_p(last, held, found.tried, worth(last, bench)),
+        held_out_gain=_gain(found, held),
+        rivals=others,
+        note=sized(held.entry, value, std, unit, held.inner, spread),
+    )
+
+
+def _gain(found: Trace, held: Held) -> float:
+    """Fall of the held-out error over the step that brought the effect in [m]."""
+    for before, after in zip(found.path, found.path[1:], strict=False):
+        names = {h.entry.name for h in before.effects}
+        if held.entry.name not in names and held.entry.name in {h.entry.name for h in after.effects}:
+            return before.stage.held_out.rms - after.stage.held_out.rms
+    return 0.0

@@ -1,0 +1,255 @@
+"""From a plan over a simulated run to a calibrated robot and a corrected program, and what goes wrong on the way."""
+
+import io
+import json
+import shutil
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.cli import main
+from planner.robot import load_robot
+from planner.run import save_run
+from planner.workflow import Stages
+from planner.workflow.identifying import identify_runs
+from planner.workflow.simulating import simulate_plan
+from tests.generator.arm import Arm
+from tests.simulation.made import truth_file, wide_plan
+
+TRUTH = """[errors]
+a2_mm = 1.2
+theta3_deg = 0.1
+alpha1_urad = -1500
+fixture_A_x_mm = -1.5
+fixture_A_y_mm = 0.7
+zero_mm = 0.3
+[noise]
+gauge_um = 1
+repeatability_mm = 0.01
+"""
+ERRORS = {"a2": 1.2e-3, "theta3": np.deg2rad(0.1), "alpha1": -1500e-6}
+TARGETS = np.array([[10, -80, 95, 5, 40, 0], [-20, -95, 100, 20, 50, 30], [35, -60, 80, -15, 60, -40.0]])
+PROGRAM = """&ACCESS RVP
+DEF part ( )
+  ; a remark stays
+  PTP {A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0} C_PTP
+  LIN {X 500,Y 100,Z 400,A 0,B 90,C 0,S 2,T 35}
+END
+"""
+
+
+def edbb(*words):
+    """The command line in this process: exit code, standard output, standard error."""
+    out, told, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["edbb", *map(str, words)]
+    try:
+        with redirect_stdout(out), redirect_stderr(told):
+            main()
+    except SystemExit as done:
+        return done.code or 0, out.getvalue(), told.getvalue()
+    finally:
+        sys.argv = before
+    return 0, out.getvalue(), told.getvalue()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a plan, its simulated run and what was identified from it."""
+    folder = tmp_path_factory.mktemp("made")
+    plan = wide_plan(folder)
+    code, _, told = edbb("simulate", plan, "-o", folder / "run.csv", "--truth", truth_file(folder, TRUTH))
+    assert code == 0, told
+    code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
+    assert code == 0, told
+    return folder
+
+
+@pytest.fixture
+def identified(made, tmp_path):
+    """A copy of all that."""
+    return Path(shutil.copytree(made, tmp_path / "made"))
+
+
+@pytest.fixture
+def measured(identified):
+    """The same before it was identified."""
+    shutil.rmtree(identified / "out")
+    return identified
+
+
+def _cell(folder):
+    return "--cell", folder / "cell.toml", "--plan", folder / "plan.json"
+
+
+def test_the_run_says_that_it_is_simulated(measured):
+    lines = (measured / "run.csv").read_text().splitlines()
+    assert "# plan_id: 0123456789ab" in lines
+    assert "# robot: kuka-kr6-r700" in lines
+    assert "# truth: a2_mm = 1.2" in lines
+    assert "# truth: gauge_um = 1" in lines
+    code, out, _ = edbb("simulate", measured / "plan.json", "-o", "-", "--truth", measured / "truth.toml")
+    assert code == 0
+    assert out == (measured / "run.csv").read_text()
+    assert edbb("simulate", measured / "plan.json", "-o", measured / "run.parquet")[0] == 0
+    assert (measured / "run.parquet").stat().st_size > 1000
+
+
+def test_a_plan_becomes_a_calibrated_robot(identified):
+    said = json.loads((identified / "out" / "identification.json").read_text())
+    assert said["schema"] == "edbb-identification/1"
+    stages = {s["name"]: s for s in said["stages"]}
+    assert list(stages)[:3] == ["nominal", "frames", "geometry"]
+    assert said["n_samples"] == 64  # 60 poses and 4 repeats; 8 more are kept out
+    before, after = (stages[k]["validation"]["rms_mm"] for k in ("frames", "geometry"))
+    assert after < 0.015 < 0.05 < before  # repeatability alone is some 5 µm along the bar
+    values = {p["name"]: p for p in said["parameters"]}
+    for name, true in (("a2", 1.2), ("alpha1", np.rad2deg(-1500e-6))):
+        p = values[name]
+        if p["identifiable"] and not p["absorbs"]:
+            assert abs(p["value"] - p["nominal"] - true) < 5 * p["std"]
+    assert (identified / "out" / "report.html").stat().st_size > 10_000
+    assert (identified / "out" / "residuals.csv").read_text().count("\n") >= 64
+    assert not list(identified.glob(".*"))  # no draft is left
+
+
+def test_the_calibrated_robot_is_the_true_one(identified):
+    found, arm = load_robot(str(identified / "out" / "robot.toml")), Arm.from_toml("kuka-kr6-r700")
+    q = np.deg2rad(TARGETS)
+    R, p = arm.flange(q, ERRORS)
+    tool = np.array([0.03, 0, 0.11])
+    motion = found.chain.forward(found.theta(q))
+    apart = motion.x.T + np.einsum("ijn,j->ni", motion.R, tool) - p - R @ tool
+    assert np.linalg.norm(apart - apart.mean(axis=0), axis=1).max() < 0.12e-3  # a shift of all is the fixture's
+    nominal = found.nominal.chain.forward(found.theta(q)).x.T - arm.flange(q)[1]
+    assert np.abs(nominal).max() < 1e-9  # the file still knows what the controller believes
+
+
+def test_a_program_is_corrected(identified):
+    (identified / "part.src").write_text(PROGRAM)
+    frames = ("--tool", "0,0,100,0,0,0", "--base", "0,0,0,0,0,0")
+    model = ("--model", identified / "out" / "robot.toml")
+    code, out, told = edbb("compensate", identified / "part.src", *model, *frames, "-o", "-")
+    assert code == 0, told
+    assert "1 joint targets and 1 poses corrected" in told
+    assert out != PROGRAM
+    kept = [line for line in out.splitlines() if "{" not in line]
+    assert kept == [line for line in PROGRAM.splitlines() if "{" not in line]
+    code, out, told = edbb("compensate", identified / "part.src", *model, "-o", identified / "new.src")
+    assert code == 2
+    assert "part.src:5" in told or "line 5" in told  # a pose without tool and base
+    assert not (identified / "new.src").exists()
+
+
+def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(identified):
+    header = ",".join(f"q{k}_deg" for k in range(1, 7))
+    np.savetxt(identified / "t.csv", TARGETS, "%.6f", ",", header=header, comments="")
+    model = identified / "out" / "robot.toml"
+    code, _, told = edbb("compensate", identified / "t.csv", "--model", model, "-o", identified / "new.csv")
+    assert code == 0, told
+    new = np.deg2rad(np.loadtxt(identified / "new.csv", delimiter=",", skiprows=1))
+    _, wanted = Arm.from_toml("kuka-kr6-r700").flange(np.deg2rad(TARGETS))
+    found = load_robot(str(model))
+    there = found.chain.forward(found.theta(new)).x.T
+    assert np.linalg.norm(there - wanted, axis=1).max() < 1e-7
+
+
+def test_a_controller_that_corrects_itself_is_refused(identified):
+    text = (identified / "cell.toml").read_text().replace("[controller]", '[controller]\naccuracy_model = "on"')
+    (identified / "cell.toml").write_text(text)
+    (identified / "part.src").write_text(PROGRAM)
+    words = ("--model", identified / "out" / "robot.toml", "--cell", identified / "cell.toml", "-o", "-")
+    code, out, told = edbb("compensate", identified / "part.src", *words)
+    assert (code, out) == (2, "")
+    assert "accuracy_model" in told
+
+
+def test_a_nominal_robot_is_no_model(tmp_path):
+    (tmp_path / "part.src").write_text(PROGRAM)
+    model = load_robot("kuka-kr6-r700").path
+    code, _, told = edbb("compensate", tmp_path / "part.src", "--model", model, "-o", tmp_path / "new.src")
+    assert code == 2
+    assert "no calibrated robot" in told
+    code, _, told = edbb("compensate", tmp_path / "part.src", "--model", model, "--tool", "1,2", "-o", "-")
+    assert code == 2
+
+
+def edited(text, row, column, value):
+    """The run with one field replaced; row 0 is the first of the data."""
+    lines = text.splitlines()
+    first = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    at, fields = lines[first].split(",").index(column), lines[first + 1 + row].split(",")
+    fields[at] = value
+    lines[first + 1 + row] = ",".join(fields)
+    return "\n".join(lines) + "\n"
+
+
+def without(text, column):
+    """The run without a column."""
+    lines = text.splitlines()
+    first = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    at = lines[first].split(",").index(column)
+    rows = [",".join(f for i, f in enumerate(line.split(",")) if i != at) for line in lines[first:]]
+    return "\n".join([*lines[:first], *rows]) + "\n"
+
+
+BAD = {
+    "another plan": (lambda t: t.replace("0123456789ab", "ba9876543210"), ["ba9876543210", "0123456789ab"]),
+    "another robot": (lambda t: t.replace("# robot: kuka-kr6-r700", "# robot: comau-nj130"), ["comau-nj130"]),
+    "a pose that is not planned": (lambda t: edited(t, 3, "pose", "999"), ["999", "plan.json"]),
+    "no length": (lambda t: without(t, "length_mm"), ["length_mm"]),
+    "a joint missing": (lambda t: without(t, "q4_deg"), ["q4_deg", "6 joints"]),
+    "a joint too many": (lambda t: t.replace("direction6", "q7_deg"), ["q7_deg", "6 joints"]),
+    "not a number": (lambda t: edited(t, 2, "length_mm", "nan"), ["length_mm", "finite"]),
+    "text": (lambda t: edited(t, 2, "q2_deg", "abc"), ["q2_deg", "'abc'"]),
+    "an unknown fixture": (lambda t: t.replace(",A,", ",C,"), ["fixture 'C'"]),
+    "too few": (lambda t: "\n".join(t.splitlines()[:-64]) + "\n", ["too few"]),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_run_is_told_and_nothing_is_written(measured, what):
+    change, parts = BAD[what]
+    run = measured / "bad.csv"
+    run.write_text(change((measured / "run.csv").read_text()))
+    before = sorted(p.name for p in measured.iterdir())
+    code, out, told = edbb("identify", run, *_cell(measured), "-o", measured / "out", "--no-trace")
+    assert code == 2, told
+    assert out == ""
+    assert all(part in told for part in parts), told
+    assert told.count("\n") <= 2  # a sentence, no traceback
+    assert sorted(p.name for p in measured.iterdir()) == before
+
+
+def test_a_failing_fit_leaves_the_old_result(identified):
+    old = {p: p.read_bytes() for p in (identified / "out").rglob("*") if p.is_file()}
+    bad = identified / "bad.csv"
+    bad.write_text(edited((identified / "run.csv").read_text(), 2, "length_mm", "nan"))
+    code, _, _ = edbb("identify", bad, *_cell(identified), "-o", identified / "out", "--no-trace")
+    assert code == 2
+    assert {p: p.read_bytes() for p in (identified / "out").rglob("*") if p.is_file()} == old
+
+
+def test_simulating_a_broken_plan_leaves_nothing(tmp_path):
+    (tmp_path / "plan.json").write_text("{}")
+    code, _, told = edbb("simulate", tmp_path / "plan.json", "-o", tmp_path / "run.csv")
+    assert code == 2
+    assert "plan.json" in told
+    assert not (tmp_path / "run.csv").exists()
+
+
+def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
+    fast = [("tool_speed_mm_min = 1000", "tool_speed_mm_min = 20000")]
+    plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)
+    run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 0)
+    save_run(run, tmp_path / "run.csv")
+    found = identify_runs([tmp_path / "run.csv"], str(tmp_path / "cell.toml"), Stages(lambda *_: None), plan)
+    aside = np.isin(run.samples.pose, range(31, 35))
+    assert 200 < aside.sum() < len(run) / 4
+    calibration = found.calibration
+    assert len(calibration.run) == len(run) - aside.sum()
+    assert calibration.split_by == "stretch"
+    stages = {s.name: s.validation.rms for s in calibration.stages}
+    assert stages["geometry"] < 0.02e-3 < 0.2e-3 < stages["frames"]
