@@ -70,7 +70,7 @@ def balls(site: Site) -> Iterator[Entry]:
 
 def interpolation(site: Site) -> Iterator[Entry]:
     """The gauge's own scale errs with each of its periods."""
-    if site.rig.kind != "length" or getattr(site.samples, "length", None) is None:
+    if site.rig.kind != "length" or site.samples.length is None:
         return
     step = WAVES / max(spread(site.context.length), 1e-3)
     often = np.arange(1 / LONGEST, 1 / SHORTEST, step)

@@ -51,8 +51,7 @@ class Context:
     @property
     def length(self) -> Array:
         """Length (n,) [m] as the gauge showed it where the samples carry it, else that of the nominal rig."""
-        shown = getattr(self.samples, "length", None)
-        return self.bar.length if shown is None else np.asarray(shown)
+        return self.bar.length if self.samples.length is None else self.samples.length
 
     @cached_property
     def ray(self) -> Array:

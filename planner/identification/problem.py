@@ -104,12 +104,13 @@ class Problem:
             return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
         about = (self.model.parameters_and_fixed, errors.tobytes())
         if self.memory.about != about or self.memory.linear is None:
-            self.memory.linear = self.model.linear_in(self._context, self.targets, errors)
+            self.memory.linear = self.model.linear_in(self.context, self.targets, errors)
             self.memory.about = about
         return self.memory.linear
 
     @property
-    def _context(self) -> Context:
+    def context(self) -> Context:
+        """The samples as basis functions see them, kept for as long as the problem's memory."""
         if self.memory.context is None:
             self.memory.context = Context(self.model.rig, self.samples)
         return self.memory.context

@@ -42,7 +42,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Cells:
-    """A field of coloured squares from −1 (red) over 0 (white) to 1 (blue).
+    """A field of coloured squares from −1 (orange) over 0 (white) to 1 (blue).
 
     Attributes:
         values: (rows, columns), the first row on top.

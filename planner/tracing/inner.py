@@ -4,35 +4,18 @@ The derivative of the prediction by the inner number joins the model as one furt
 fitted like all others and its uncertainty carries over to the rest.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from planner.catalogue import Entry
-from planner.effects import Context, Phi
+from planner.effects.combined import Times
 from planner.model import Move, Parameter
 from planner.tracing.screen import Shade, scored
 from planner.units import Array
 
 NARROWINGS = 4  # rounds of the search between grid neighbours, each five times finer
 STEP = 1e-3  # of the grid's spacing, for the derivative
-
-
-@dataclass(frozen=True)
-class Times:
-    """φ times a number."""
-
-    phi: Phi
-    factor: float
-
-    @property
-    def key(self) -> str:
-        """The key of φ with the factor."""
-        return f"times:{self.factor!r}:{self.phi.key}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return the product."""
-        return self.factor * self.phi(c)
 
 
 def spacing(entry: Entry, value: float) -> float:
@@ -45,13 +28,13 @@ def spacing(entry: Entry, value: float) -> float:
     return float(values[k] - values[k - 1])
 
 
-def refined(shade: Shade, entry: Entry, value: float, residual: Array | None = None) -> float:
+def refined(shade: Shade, entry: Entry, value: float) -> float:
     """Move the inner number off its grid to where it explains most."""
     width = spacing(entry, value)
     for _ in range(NARROWINGS):
         tries = value + width * np.linspace(-1, 1, 11)
         tries = tries[tries > 0] if value > 0 else tries
-        gains = [s.gain for s in scored(shade, [(entry, float(v)) for v in tries], residual)]
+        gains = [s.gain for s in scored(shade, shade.lay_out([(entry, float(v)) for v in tries]))]
         value = float(tries[int(np.argmax(gains))])
         width /= 5
     return value

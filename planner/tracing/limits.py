@@ -19,7 +19,7 @@ def limits(shade: Shade, entries: Sequence[Entry], tried: int) -> Iterator[Limit
     pairs = [(e, v) for e in entries for v in _some(e)]
     variance = shade.scatter / shade.spare
     worst: dict[str, float] = {}
-    for s in scored(shade, pairs):
+    for s in scored(shade, shade.lay_out(pairs)):
         parameters = s.entry.make(s.inner)
         prior = np.array([p.prior for p in parameters])
         mu = np.linalg.eigvalsh(s.information / np.outer(prior, prior))  # per unit of size

@@ -1,16 +1,14 @@
 """Which other effects would explain the same: the model without a finding, and everything tried in its place."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from planner.catalogue import Entry
-from planner.tracing.screen import Shade, grid, scored
+from planner.tracing.dictionary import Dictionary
+from planner.tracing.screen import Shade, scored
 from planner.tracing.state import Held, State
 
 MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
-COARSE = 400  # inner values of an entry that are looked at
 
 
 def without(shade: Shade, state: State, held: Held) -> Shade:
@@ -29,22 +27,19 @@ def without(shade: Shade, state: State, held: Held) -> Shade:
     return replace(shade, basis=Q, residual=residual - Q @ (Q.T @ residual))
 
 
-def rivals(shade: Shade, state: State, held: Held, entries: Sequence[Entry]) -> tuple[str, ...]:
+def rivals(shade: Shade, state: State, held: Held, dictionary: Dictionary) -> tuple[str, ...]:
     """Names of the entries that would explain what ``held`` explains, within uncertainty, the likeliest first."""
     bare = without(shade, state, held)
-    own = scored(bare, [(held.entry, held.inner)])[0]
+    own = scored(bare, bare.lay_out([(held.entry, held.inner)]))[0]
     variance = max(shade.scatter / shade.spare, 1e-300)
     taken = {h.entry.name for h in state.effects}
     best: dict[str, float] = {}
-    for s in scored(bare, [pair for e in entries if e.name not in taken for pair in _thinned(e)]):
+    for s in scored(bare, dictionary):
+        if s.entry.name in taken:
+            continue
         # more parameters explain more by chance alone
         score = s.gain / variance - 2 * s.size
         best[s.entry.name] = max(best.get(s.entry.name, -np.inf), score)
     least = own.gain / variance - 2 * own.size - MARGIN
     near = [(name, score) for name, score in best.items() if score > least and score > 0]
     return tuple(name for name, _ in sorted(near, key=lambda pair: -pair[1]))
-
-
-def _thinned(entry: Entry) -> list[tuple[Entry, float | None]]:
-    pairs = grid(entry)
-    return pairs if len(pairs) <= COARSE else pairs[:: -(-len(pairs) // COARSE)]

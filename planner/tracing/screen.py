@@ -4,7 +4,6 @@ The candidate's columns are projected off the model's (with its priors); the fal
 length of the residual's shadow on what is left of them (the score test; Rao 1948).
 """
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,13 +12,12 @@ from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
 from planner.identification import Fit, Problem
-from planner.model import Model
+from planner.tracing.dictionary import Dictionary, Item, Pair, products
 from planner.tracing.types import Candidate
 from planner.units import Array
 
-LOOK = 6_000  # samples of a long run that are screened
+LOOK = 4_000  # samples of a long run that are screened
 SHOWN = 1e-4  # share of a column that must be left off the model's for its parameter to count as shown
-BATCH = 600  # columns at a time
 
 
 @dataclass(frozen=True)
@@ -61,12 +59,9 @@ class Shade:
         """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
 
-    def columns(self, model: Model) -> Array:
-        """Whitened columns (m, M) per prior size of a model's parameters, on the same samples."""
-        problem = self.problem
-        rows = model.rows(problem.samples) * model.prior
-        white = problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None]
-        return white.reshape(-1, rows.shape[2])
+    def lay_out(self, pairs: list[Pair]) -> Dictionary:
+        """Lay out entries over the samples that are screened."""
+        return Dictionary.of(self.problem.context, pairs)
 
 
 @dataclass(frozen=True)
@@ -80,45 +75,23 @@ class Scored:
     information: Array
 
 
-def scored(shade: Shade, entries: Sequence[tuple[Entry, float | None]], residual: Array | None = None) -> list[Scored]:
-    """Score entries at given inner values."""
-    residual = shade.residual if residual is None else residual
-    out: list[Scored] = []
-    for batch in _batches(shade, entries):
-        model = Model(shade.problem.model.rig, tuple(p for _, _, parameters in batch for p in parameters))
-        C = shade.columns(model)
-        length = np.einsum("mj,mj->j", C, C)
-        W = shade.basis.T @ C
-        a = C.T @ residual
-        k = 0
-        for entry, inner, parameters in batch:
-            part = slice(k, k + len(parameters))
-            k += len(parameters)
-            G = C[:, part].T @ C[:, part] - W[:, part].T @ W[:, part]
-            out.append(_score(entry, inner, G, a[part], length[part]))
+def scored(shade: Shade, dictionary: Dictionary) -> list[Scored]:
+    """Score every item of a dictionary, laid out over the same samples as the shade."""
+    done = products(dictionary, shade.problem, shade.basis, shade.residual)
+    out = []
+    for item, square in zip(dictionary.items, done.squares, strict=True):
+        W = done.shadow[:, item.columns]
+        out.append(_score(item, square - W.T @ W, done.along[item.columns], np.diag(square)))
     return out
 
 
-def _batches(shade: Shade, entries: Sequence[tuple[Entry, float | None]]) -> Iterator[list]:  # type: ignore[type-arg]
-    batch, width = [], 0
-    for entry, inner in entries:
-        parameters = entry.make(inner)
-        batch.append((entry, inner, parameters))
-        width += len(parameters)
-        if width >= BATCH:
-            yield batch
-            batch, width = [], 0
-    if batch:
-        yield batch
-
-
-def _score(entry: Entry, inner: float | None, G: Array, a: Array, length: Array) -> Scored:
+def _score(item: Item, G: Array, a: Array, length: Array) -> Scored:
     scale = np.sqrt(np.maximum(length, 1e-300))
     mu, axes = np.linalg.eigh(G / np.outer(scale, scale))
     shown = mu > SHOWN
     along = axes.T @ (a / scale)
     gain = float((along[shown] ** 2 / mu[shown]).sum())
-    return Scored(entry, inner, gain, int(shown.sum()), G)
+    return Scored(item.entry, item.inner, gain, int(shown.sum()), G)
 
 
 def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:
@@ -133,18 +106,18 @@ def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:
     return min(0.0, float(f_distribution.logsf(ratio, size, spare)) + float(np.log(tried)))
 
 
-def grid(entry: Entry) -> list[tuple[Entry, float | None]]:
+def grid(entry: Entry) -> list[Pair]:
     """An entry at every value of its inner number."""
     return [(entry, None)] if entry.inner is None else [(entry, float(v)) for v in entry.inner.values]
 
 
-def ranked(shade: Shade, entries: Sequence[Entry]) -> list[Candidate]:
-    """Every entry at its best inner value, the most surprising first; ties in the catalogue's order."""
-    every = [pair for entry in entries for pair in grid(entry)]
-    scores = scored(shade, every)
+def ranked(shade: Shade, dictionary: Dictionary, left: frozenset[str]) -> list[Candidate]:
+    """Every entry named in ``left`` at its best inner value, the most surprising first; ties in the catalogue's order."""
+    scores = [s for s in scored(shade, dictionary) if s.entry.name in left]
     best: dict[str, Scored] = {}
     for s in scores:
         if s.entry.name not in best or s.gain > best[s.entry.name].gain:
             best[s.entry.name] = s
-    out = [Candidate(s.entry, s.inner, s.gain, s.size, log_p(shade, s.gain, s.size, len(every))) for s in best.values()]
+    tried = len(dictionary.items)
+    out = [Candidate(s.entry, s.inner, s.gain, s.size, log_p(shade, s.gain, s.size, tried)) for s in best.values()]
     return sorted(out, key=lambda c: (c.log_p, -c.gain))

@@ -9,8 +9,9 @@ from scipy.stats import f as f_distribution
 from planner.catalogue import Entry
 from planner.identification import Bench
 from planner.identification.spread import correlation_time
+from planner.tracing.dictionary import Dictionary
 from planner.tracing.inner import refined
-from planner.tracing.screen import Shade, ranked
+from planner.tracing.screen import Shade, grid, ranked
 from planner.tracing.state import Held, State, gain_in_errors, refit
 from planner.tracing.types import Candidate
 
@@ -36,13 +37,18 @@ class Trace:
 
     Attributes:
         path: states in order, the first without any effect.
-        tried: number of entries and inner values that each round looked at.
+        dictionary: entries and inner values that each round looked at.
         rejected: what was refitted and not kept.
     """
 
     path: tuple[State, ...]
-    tried: int
+    dictionary: Dictionary
     rejected: tuple[Rejected, ...]
+
+    @property
+    def tried(self) -> int:
+        """Number of entries and inner values that each round looked at."""
+        return len(self.dictionary.items)
 
     @property
     def last(self) -> State:
@@ -59,14 +65,14 @@ def worth(state: State, bench: Bench) -> float:
 
 def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Trace:
     """Trace the residual of ``start`` to entries of the catalogue."""
-    tried = sum(1 if e.inner is None else len(e.inner.values) for e in entries)
     path, rejected = [start], list[Rejected]()
+    dictionary = Shade.of(start.fit).lay_out([pair for e in entries for pair in grid(e)])
     while len(path[-1].effects) < MOST:
         state = path[-1]
         names = {h.entry.name for h in state.effects}
-        left = [e for e in entries if e.name not in names]
+        left = frozenset(e.name for e in entries) - names
         shade = Shade.of(state.fit, worth(state, bench))
-        likely = [c for c in ranked(shade, left) if c.log_p < SURE][:TRIES]
+        likely = [c for c in ranked(shade, dictionary, left) if c.log_p < SURE][:TRIES]
         if not likely:
             break
         say(f"trying {likely[0].entry.name}")
@@ -74,11 +80,11 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
         rejected += refused
         if after is None:
             break
-        path.append(_pruned(after, bench, tried))
+        path.append(_pruned(after, bench, len(dictionary.items)))
         if {h.entry.name for h in path[-1].effects} == names:
             path.pop()
             break
-    return Trace(tuple(path), tried, tuple(rejected))
+    return Trace(tuple(path), dictionary, tuple(rejected))
 
 
 def _best(state: State, shade: Shade, likely: list[Candidate], bench: Bench) -> tuple[State | None, list[Rejected]]:

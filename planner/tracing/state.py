@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.catalogue import Entry
-from planner.identification import Bench, Fit, Split, Stage, error_size
+from planner.identification import Bench, Fit, Problem, Split, Stage, error_size
+from planner.identification.solve import solve
 from planner.identification.stages import Fitted, fitted
 from planner.model import Model
 from planner.tracing.inner import slope, spacing
 from planner.units import Array
 
 ROUNDS = 6  # in which inner numbers settle
+QUICK = 4_000  # samples of a long run on which they do
 
 
 @dataclass(frozen=True)
@@ -57,44 +59,53 @@ class State:
 
 
 def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: State) -> State:
-    """Fit the base model with effects; inner numbers settle over a few rounds."""
-    state = _once(bench, name, base, effects, before.fit)
-    for _ in range(ROUNDS):
-        settled, moved = _settled(bench, name, state)
-        if not moved:
-            return settled
-        state = settled
-    return state
+    """Fit the base model with effects: inner numbers settle first, noise and priors as they were, then all together."""
+    quick = before.fit.problem
+    if len(quick) > QUICK:
+        quick = quick.take(np.unique(np.linspace(0, len(quick) - 1, QUICK).astype(int)))
+    errors = dict(zip(before.fit.model.names, before.fit.errors, strict=True))
+    for _ in range(ROUNDS if any(h.inner is not None for h in effects) else 0):
+        effects, errors, settled = _settled(quick, base, effects, errors)
+        if settled:
+            break
+    sizes = [np.array([errors.get(p.name, 0.0) for p in h.entry.make(h.inner)]) for h in effects]
+    slopes = [
+        slope(h.entry, h.inner, s) for h, s in zip(effects, sizes, strict=True) if h.inner is not None and s.any()
+    ]
+    model = base.plus([*(p for h in effects for p in h.entry.make(h.inner)), *slopes])
+    return State(base, effects, fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, before.fit))
 
 
-def _once(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: Fit) -> State:
-    parameters = [p for held in effects for p in held.entry.make(held.inner)]
-    found = fitted(name, base.plus(parameters), bench.run, bench.split, bench.judge, bench.robust, before)
-    return State(base, effects, found)
-
-
-def _settled(bench: Bench, name: str, state: State) -> tuple[State, bool]:
-    """Free the inner numbers about where they are; move them, and tell whether any moved by more than its σ/10."""
-    inner = [h for h in state.effects if h.inner is not None]
-    if not inner:
-        return state, False
-    parameters = [p for h in state.effects for p in h.entry.make(h.inner)]
-    slopes = [slope(h.entry, float(h.inner or 0.0), state.sizes(h)) for h in inner]
-    model = state.base.plus([*parameters, *slopes])
-    found = fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, state.fit)
-    root = found.fit.solution.root(found.fit.problem.prior)
-    sigma = np.sqrt((root**2).sum(axis=1))
-    shift = dict(zip(found.fit.model.names, found.fit.errors, strict=True))
-    known = dict(zip(found.fit.model.names, sigma, strict=True))
-    names = {h.entry.name: p.name for h, p in zip(inner, slopes, strict=True)}
-    moved = any(abs(shift[n]) > 0.1 * known[n] for n in names.values())
-    if not moved:
-        return State(state.base, state.effects, found), False
-    effects = tuple(
-        h if h.inner is None else replace(h, inner=_within(h, h.inner + shift[names[h.entry.name]]))
-        for h in state.effects
+def _settled(
+    quick: Problem, base: Model, effects: tuple[Held, ...], errors: dict[str, float]
+) -> tuple[tuple[Held, ...], dict[str, float], bool]:
+    """One step of the inner numbers with everything else free, and whether none moved by more than σ/10."""
+    own = [h.entry.make(h.inner) for h in effects]
+    known = [np.array([errors.get(p.name, 0.0) for p in parameters]) for parameters in own]
+    slopes = {
+        h.entry.name: slope(h.entry, h.inner, size)
+        for h, size in zip(effects, known, strict=True)
+        if h.inner is not None and size.any()
+    }
+    priors = dict(zip(quick.model.names, quick.model.prior, strict=True))
+    everything = [*base.parameters, *(p for parameters in own for p in parameters), *slopes.values()]
+    model = replace(base, parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in everything))
+    here = quick.with_model(model)
+    starts = np.array([0.0 if p in slopes.values() else errors.get(p.name, 0.0) for p in everything])
+    found = solve(here, starts)
+    root = found.root(here.prior)
+    sigma = dict(zip(model.names, np.linalg.norm(root, axis=1), strict=True))
+    value = dict(zip(model.names, found.errors, strict=True))
+    step = {name: (value[p.name], sigma[p.name]) for name, p in slopes.items()}
+    moved = tuple(
+        replace(h, inner=_within(h, h.inner + step[h.entry.name][0]))
+        if h.inner is not None and h.entry.name in step
+        else h
+        for h in effects
     )
-    return _once(bench, name, state.base, effects, found.fit), True
+    settled = len(slopes) == sum(h.inner is not None for h in effects)
+    settled = settled and all(abs(shift) <= 0.1 * std for shift, std in step.values())
+    return (effects if settled else moved), value, settled
 
 
 def _within(held: Held, value: float) -> float:

@@ -21,7 +21,7 @@ def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Trace
     last = found.last
     shade = Shade.of(last.fit, worth(last, bench))
     say("rivals")
-    findings = tuple(_finding(found, h, shade, bench, rivals(shade, last, h, entries)) for h in last.effects)
+    findings = tuple(_finding(found, h, shade, bench, rivals(shade, last, h, found.dictionary)) for h in last.effects)
     say("detection limits")
     taken = {h.entry.name for h in last.effects}
     silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))

@@ -9,14 +9,13 @@ from planner.run import Samples, speeds
 
 @dataclass(frozen=True)
 class Seen(Samples):
-    """Samples with what was read (n,) [m], and the angles of each joint's last reversals (n, N, M) [rad]."""
+    """Samples with the angles of each joint's last reversals (n, N, M) [rad]."""
 
-    length: np.ndarray | None = None
     reversals: np.ndarray | None = None
 
 
 def reversals(q, last=8):
-    """Angles of each joint's last reversals before every sample, (n, N, last): those of the start where there are none."""
+    """Angles of each joint's last reversals before every sample, (n, N, last); the start's where there are fewer."""
     n, N = q.shape
     out = np.empty((n, N, last))
     for i in range(N):
@@ -33,7 +32,9 @@ def reversals(q, last=8):
 def seen(samples, readings=None, moving=False):
     """Samples with these columns."""
     return Seen(
-        **{k: v for k, v in vars(samples).items() if k in Samples.__dataclass_fields__ and k != "speed"},
+        **{
+            k: v for k, v in vars(samples).items() if k in Samples.__dataclass_fields__ and k not in ("speed", "length")
+        },
         speed=speeds(samples) if moving else samples.speed,
         length=None if readings is None else readings.length,
         reversals=reversals(samples.q),

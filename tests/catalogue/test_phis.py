@@ -16,6 +16,7 @@ from planner.effects.loads import DriveTorque, LoadMoment, PayloadTorque, TipMom
 from planner.effects.motion import Approach, Behind, Hysteresis, SpeedSign, Unsettled
 from planner.effects.waves import Angle, Cosine, Sine
 from planner.model import Model, Parameter
+from planner.model.parameters import transform
 from planner.run import Samples
 from tests.catalogue.columns import Seen
 from tests.generator.arm import Arm
@@ -40,8 +41,8 @@ def everything(rig, n, rng):
             "torque": rng.normal(0, 100, (n, N)),
             "direction": rng.choice([-1.0, 1.0], (n, N)),
             "speed": rng.normal(0, 0.5, (n, N)),
+            "length": rng.uniform(0.3, 0.5, n) if rig.kind == "length" else None,
         },
-        length=rng.uniform(0.3, 0.5, n) if rig.kind == "length" else None,
         reversals=s.q[:, :, None] + rng.normal(0, 0.1, (n, N, 3)),
     )
 
@@ -107,7 +108,7 @@ def scene_of(name, q, payload, force):
 
 @pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700", "ur10"])
 def test_moments_are_those_of_the_generators_own_physics(name):
-    """About base, tool and link axes, with payload and the bar's pull; the generator shares no code with the planner."""
+    """About base, tool and link axes, with payload and the bar's pull; it shares no code with the planner."""
     rng = np.random.default_rng(6)
     bench, rig = BENCHES[name], rigs.rig(name, "length", rng)
     rig = replace(
@@ -129,11 +130,9 @@ def test_a_twist_is_the_transform_it_stands_for():
     """alpha1 … alpha5 turn about the x axis of the next joint's frame: the same columns."""
     c = context("comau-nj130", "pose")
     for link in range(1, 6):
-        k = c.rig.chain.index(f"alpha{link}")
-        direct = Parameter("direct", "rad", 1e-3, "", rigs.Model.of(c.rig, frozenset()).parameters[0].moves)
-        direct = replace(direct, moves=(replace(direct.moves[0], index=k),))
+        direct = Parameter("direct", "rad", 1e-3, "", transform(c.rig.chain.index(f"alpha{link}")))
         twist = Parameter("twist", "rad", 1e-3, "", twisting(link + 1, 0, ONE))
-        rows = Model(c.rig, (replace(direct, moves=(replace(direct.moves[0], phi=ONE),)), twist)).rows(c.samples)
+        rows = Model(c.rig, (direct, twist)).rows(c.samples)
         assert np.allclose(rows[..., 0], rows[..., 1], atol=1e-12)
 
 
@@ -229,9 +228,7 @@ def test_hysteresis_follows_a_friction_element_step_by_step():
         for part in np.linspace(q[max(k - 1, 0)], q[k], 51)[1:] - np.linspace(q[max(k - 1, 0)], q[k], 51)[:-1]:
             state = min(0.5, max(-0.5, state + part / width))
         expected.append(state)
-    every = np.repeat(q[None], 400, axis=0)
     turned = np.array([np.concatenate([np.repeat(q[0], 400 - k - 1), q[: k + 1]]) for k in range(400)])
-    assert every.shape == turned.shape
     angles = np.repeat(q[:, None], 6, axis=1)
     s = replace(c.samples, q=angles, reversals=np.repeat(turned[:, None], 6, axis=1))
     assert np.allclose(Hysteresis(2, width)(Context(c.rig, s)), expected, atol=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.candidates import PoseSet
+from planner.candidates import Funnel, PoseSet
 from planner.cell import load_cell
 from planner.choice import choose
 from planner.identification import Problem, fit
@@ -31,7 +31,7 @@ def planned(reference):
     fixture, tool = cell.fixtures[0].p_BX, cell.tool.p_FM
     q = at_targets(arm, shell_points(fixture, (0.31, 0.51), 1500, rng, np.radians(75)), tool, rng)
     q = q[~np.isnan(q[:, 0])][:600]
-    choice = choose(cell, PoseSet(q, np.zeros(len(q), dtype=int)), POSES, "O2", 0)[0]
+    choice = choose(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()), POSES, "O2", 0)[0]
     samples = Samples(choice.q, np.zeros(POSES, dtype=int))
     run = Run("made", samples, Readings(length=np.zeros(POSES)), ("A",))
     rig = placed(rig_for(cell, run), run)

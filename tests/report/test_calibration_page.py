@@ -186,7 +186,7 @@ def test_histogram_counts_every_reading(c: Calibration) -> None:
 
 
 def test_long_runs_are_thinned_the_same_way_every_time() -> None:
-    told = Told(calibrated("edbb_continuous", 3000))
+    told = Told(calibrated("edbb_continuous", 5000))
     for picture in pictures(told):
         for panel in picture.panels:
             assert all(len(s.x) <= POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
@@ -216,3 +216,9 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
     with pytest.raises(InputError, match="nowhere"):
         write_calibration_report(c, tmp_path / "nowhere")
+
+
+def test_stretches_of_a_drive_are_called_so() -> None:
+    page = build_page(Told(calibrated("edbb_continuous", 5000)))
+    assert "on stretches that the fit never saw" in page.headline[0]
+    assert "40 stretches in 5 parts" in page.held_out

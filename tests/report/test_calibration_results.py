@@ -16,7 +16,7 @@ from planner.identification.results import identification_content, identificatio
 from planner.identification.results_file import Identification
 from tests.report.calibrated import calibrated
 
-CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 3000)]
+CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
 KEYS = {
     "schema", "robot", "n_samples", "n_groups", "split", "stages", "parameters", "findings", "unexplained",
     "noise_floor_mm", "condition_number", "warnings",

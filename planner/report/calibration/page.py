@@ -87,12 +87,12 @@ def _about(c: Calibration) -> str:
 def _facts(told: Told) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = told.calibration, told.before.held_out, told.after.held_out
-    one = GROUPS[c.split_by][0]
+    several = GROUPS[c.split_by][0]
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {_mm(c.noise_floor)} mm"
     return (
         ("before, mean", f"{_mm(before.mean)} mm", f"largest {_mm(before.largest)} mm"),
         ("calibrated, mean", f"{_mm(after.mean)} mm", f"largest {_mm(after.largest)} mm"),
-        ("readings", count(len(c.run)), f"in {count(c.n_groups)} {one}{'s' if c.n_groups != 1 else ''}"),
+        ("readings", count(len(c.run)), f"in {count(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
         ("condition", sized(c.condition_number), "of the rows, scaled"),
         ("outliers", count(len(c.fit.outliers)), floor),

@@ -95,7 +95,7 @@ def correlation(told: Told) -> Picture:
         "", "", "", (), y_names=names, cells=Cells(told.correlation, names), height=max(240, ROW * len(names))
     )
     caption = (
-        "Blue: two parameters err together; red: in opposite senses. A strong colour means that the run knows the two "
-        "better together than each by itself."
+        "Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run knows "
+        "the two better together than each by itself."
     )
     return Picture("correlation", "Which parameters hang together", caption, (panel,))

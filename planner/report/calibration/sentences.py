@@ -8,10 +8,10 @@ from planner.report.words import count, sized
 from planner.units import Array, to_mm
 
 GROUPS = {
-    "pose": ("pose", "whole poses, each with all its repeats"),
-    "placement": ("placement", "whole placements of the gauge"),
-    "session": ("session", "whole sessions"),
-    "stretch": ("stretch", "whole stretches of the drive, never single rows of it"),
+    "pose": ("poses", "whole poses, each with all its repeats"),
+    "placement": ("placements", "whole placements of the gauge"),
+    "session": ("sessions", "whole sessions"),
+    "stretch": ("stretches", "whole stretches of the drive, never single rows of it"),
 }
 STRONG, NAMED = 0.9, 6  # correlation worth a sentence, and how many sentences
 
@@ -25,7 +25,7 @@ def headline(told: Told) -> tuple[str, ...]:
     """Say what the calibration brought: the sentence that a customer reads."""
     c = told.calibration
     first, before, after = c.stages[0].held_out, told.before.held_out, told.after.held_out
-    out = [f"Mean error {mm(before.mean)} → {mm(after.mean)} on {GROUPS[c.split_by][0]}s that the fit never saw."]
+    out = [f"Mean error {mm(before.mean)} → {mm(after.mean)} on {GROUPS[c.split_by][0]} that the fit never saw."]
     factor = before.mean / max(after.mean, 1e-300)
     if factor >= 1.2:
         out.append(
@@ -52,10 +52,10 @@ def _fell(before: float, after: float) -> str:
 
 def how_held_out(c: Calibration) -> str:
     """Say how samples were kept from the fit that predicts them."""
-    one, whole = GROUPS[c.split_by]
+    several, whole = GROUPS[c.split_by]
     folds = round(1 / c.hold_out)
     return (
-        f"Held out were {whole}: {count(c.n_groups)} {one}{'s' if c.n_groups != 1 else ''} in {folds} parts; each part "
+        f"Held out were {whole}: {count(c.n_groups)} {several} in {folds} parts; each part "
         f"was predicted by a fit to the other {folds - 1}. The spread is that of the rms over the parts."
     )
 
