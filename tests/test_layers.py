@@ -9,9 +9,13 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
-    "placing", "rig", "effects", "model", "workspace",
-    "collision", "candidates", "observability", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
-    "report", "study", "workflow", "cli",
+    "placing", "rig", "effects", "model", "catalogue", "observability",
+    # planning
+    "workspace", "collision", "candidates", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
+    # calibration
+    "identification", "tracing", "compensation", "calibrated",
+    # both
+    "simulation", "report", "study", "workflow", "cli",
 ]  # fmt: skip
 
 

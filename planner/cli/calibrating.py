@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from planner.cli.found import identification_summary
 from planner.cli.options import Json, Output, Seed, check_folder, print_json
 from planner.cli.screen import Screen, errors
-from planner.cli.summary import identification_summary
 from planner.errors import NoSolutionError
 from planner.files import write_text
 from planner.identification import Settings
@@ -56,7 +56,7 @@ def identify_command(
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
     check_folder(output)
     with Screen() as stages:
-        done = identify_runs(runs, cell, stages, plan, validate, Settings(hold_out, robust, seed))
+        done = identify_runs(runs, cell, stages, plan, validate, Settings(hold_out, robust, seed), tracing=not no_trace)
         write_identification(done, output, stages)
     if as_json:
         print_json(identification_content(done.calibration))

@@ -25,6 +25,7 @@ class Form:
         static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
         loads: whether it needs to know how the base stands and what the tool weighs.
         gauge: whether it belongs to the gauge, not to the robot.
+        run: whether it hangs on the clock or the sessions of one run and means nothing for another.
     """
 
     pattern: str
@@ -32,6 +33,7 @@ class Form:
     static: bool = True
     loads: bool = False
     gauge: bool = False
+    run: bool = False
 
     @property
     def word(self) -> str:
@@ -61,6 +63,7 @@ FORMS = (
     Form("torque:JOINT", LoadTorque, loads=True),
     Form("torque-sign:JOINT", loads.TorqueSign, loads=True),
     Form("moment:STATION:AXIS", loads.LoadMoment, loads=True),
+    Form("tip:AXIS", loads.TipMoment, loads=True),
     Form("twist:STATION:AXIS:PART:PHI", loads.Twist),
     Form("weight:JOINT:LINK", loads.WeightTorque, loads=True),
     Form("payload:JOINT", loads.PayloadTorque, loads=True),
@@ -68,12 +71,13 @@ FORMS = (
     Form("speed-sign:JOINT", motion.SpeedSign, static=False),
     Form("approach:JOINT", motion.Approach, static=False),
     Form("behind:JOINT", motion.Behind, static=False),
+    Form("hysteresis:JOINT:NUMBER", motion.Hysteresis, static=False),
     Form("unsettled:JOINT", motion.Unsettled, static=False),
     Form("warmth:NUMBER", heat.Warmth, static=False),
-    Form("elapsed:NUMBER", heat.Elapsed, static=False),
-    Form("warm-up:NUMBER:NUMBER", heat.WarmUp, static=False),
-    Form("session:INDEX", heat.InSession, static=False),
-    Form("remounted:INDEX:INDEX", heat.Remounted, static=False, gauge=True),
+    Form("elapsed:NUMBER", heat.Elapsed, static=False, run=True),
+    Form("warm-up:NUMBER:NUMBER", heat.WarmUp, static=False, run=True),
+    Form("session:INDEX", heat.InSession, static=False, run=True),
+    Form("remounted:INDEX:INDEX", heat.Remounted, static=False, gauge=True, run=True),
     Form("place:INDEX", AtPlace, static=False, gauge=True),
     Form("point:INDEX", AtPoint, static=False, gauge=True),
     Form("length", gauge.Length, static=False, gauge=True),
@@ -121,6 +125,11 @@ def is_static(key: str) -> bool:
 def needs_loads(key: str) -> bool:
     """Tell whether ``key`` stands for a function of the loads; raises as :func:`forms_of`."""
     return any(f.loads for f in forms_of(key))
+
+
+def of_run(key: str) -> bool:
+    """Tell whether ``key`` hangs on the clock or sessions of one run; raises as :func:`forms_of`."""
+    return any(f.run for f in forms_of(key))
 
 
 def of_gauge(key: str) -> bool:

@@ -10,7 +10,7 @@ from planner.errors import InputError
 from planner.identification.checks import problems_of, warnings_of
 from planner.identification.estimates import estimates
 from planner.identification.fit import Fit
-from planner.identification.placed import placed, rig_for
+from planner.identification.placed import placed, rig_for, with_motion
 from planner.identification.seeing import seen_by
 from planner.identification.splits import Split, poses, split
 from planner.identification.spread import parameter_covariance
@@ -18,7 +18,7 @@ from planner.identification.stages import Fitted, fitted, frames_only, gains, no
 from planner.identification.types import Calibration, Metrics, Traced, error_size
 from planner.identification.validation import judged
 from planner.model import Model
-from planner.model.parameters import compliance_parameters
+from planner.model.parameters import clock_offset, compliance_parameters
 from planner.observability import Dropped
 from planner.repeatable import single_threaded
 from planner.run import Run
@@ -67,6 +67,8 @@ def identify(
         NoSolutionError: the fit does not come to rest.
     """
     settings = settings or Settings()
+    run = with_motion(run)
+    validation = None if validation is None else with_motion(validation)
     say("placing the gauge")
     rig = placed(rig_for(cell, run), run)
     bare = None if validation is None else rig_for(cell, validation)
@@ -76,6 +78,8 @@ def identify(
         return None if validation is None or bare is None else judged(found, validation, bare)
 
     whole = Model.of(rig, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
+    if run.clocks == 2 and run.samples.speed is not None:
+        whole = whole.before([clock_offset(rig)])
     model, seen = seen_by(whole, run.samples)
     _check_size(run, model)
     say("nominal robot")
@@ -121,7 +125,12 @@ def _finished(
     validation: Run | None,
     traced: Traced | None,
 ) -> Calibration:
-    found, run, parts = stages[-1].fit, bench.run, bench.split
+    run, parts = bench.run, bench.split
+    if len(run) > len(stages[-1].fit.problem):
+        last = stages[-1]
+        again = fitted(last.stage.name, last.fit.model, run, parts, bench.judge, bench.robust, last.fit, whole=True)
+        stages = [*stages[:-1], again]
+    found = stages[-1].fit
     known = set(whole.names)
     whole = whole.plus([p for p in found.model.parameters if p.name not in known])
     covariance, time = parameter_covariance(found, run.continuous)

@@ -8,7 +8,7 @@ from planner.cell import Cell
 from planner.errors import InputError, nearest
 from planner.placing import place_lengths, place_points, place_poses, place_sockets
 from planner.rig import Rig, rig_of
-from planner.run import Run
+from planner.run import Run, speeds
 from planner.units import MM, Array
 
 FOUND = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
@@ -74,6 +74,13 @@ def placed(rig: Rig, run: Run) -> Rig:
     assert readings.ball is not None
     plate = place_sockets(p_BF, R_BF, readings.ball, place, point, rig.p_GS, offset=readings.offset, p_FM=known)
     return replace(rig, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
+
+
+def with_motion(run: Run) -> Run:
+    """Return the run with the joints' speeds, where they can be told, and the lengths beside the angles."""
+    samples = run.samples
+    moving = run.continuous and samples.t is not None and len(run) > 2
+    return replace(run, samples=replace(samples, speed=speeds(samples) if moving else None, length=run.readings.length))
 
 
 def flanges(rig: Rig, q: Array) -> tuple[Array, Array]:

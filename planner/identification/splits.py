@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from planner.run import Run
 from planner.units import Array
@@ -10,6 +12,7 @@ from planner.units import Array
 SAME = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
 STRETCHES = 8  # stretches for each fold of a continuous run: every fold sees every part of it
 FEWEST = 3  # placements or sessions that make a split of their own
+SMALL = 0.03  # share of the samples that a session must hold to count
 
 
 @dataclass(frozen=True)
@@ -17,14 +20,16 @@ class Split:
     """Groups that are never torn apart, dealt into folds.
 
     Attributes:
-        by: ``pose``, ``placement``, ``session`` or ``stretch``.
+        by: ``pose``, ``placement``, ``session``, ``block`` (of a static run in its order) or ``stretch``.
         group: of every sample, (n,) int.
         fold: of every sample, (n,) int from 0.
+        fine: poses with their repeats, or stretches: what scatters for itself, (n,) int.
     """
 
     by: str
     group: np.ndarray
     fold: np.ndarray
+    fine: np.ndarray
 
     @property
     def folds(self) -> int:
@@ -36,19 +41,25 @@ class Split:
         """Number of groups."""
         return len(np.unique(self.group))
 
+    def take(self, which: np.ndarray) -> "Split":
+        """Return the split of the samples at ``which``, the folds as they are."""
+        return Split(self.by, self.group[which], self.fold[which], self.fine[which])
+
 
 def split(run: Run, hold_out: float = 0.2, seed: int = 0) -> Split:
     """Deal a run into folds of about ``hold_out`` of its groups each."""
     by, group = groups(run)
     labels, group = np.unique(group, return_inverse=True)
+    group = group.reshape(-1)
     folds = min(len(labels), max(2, round(1 / hold_out)))
-    if by == "stretch":
+    if by in ("stretch", "block"):
         deal = np.arange(len(labels)) % folds
     else:
         order = np.random.default_rng(seed).permutation(len(labels))
         deal = np.empty(len(labels), dtype=int)
         deal[order] = np.arange(len(labels)) % folds
-    return Split(by, group, deal[group])
+    fine = np.unique(fine_groups(run), return_inverse=True)[1].reshape(-1)
+    return Split(by, group, deal[group], fine)
 
 
 def groups(run: Run) -> tuple[str, np.ndarray]:
@@ -57,13 +68,39 @@ def groups(run: Run) -> tuple[str, np.ndarray]:
     if run.readings.length is None and len(run.places) >= FEWEST:
         return "placement", samples.place
     if run.continuous:
-        count = STRETCHES * 5
-        return "stretch", np.arange(len(run)) * count // max(1, len(run))
+        return "stretch", _stretches(len(run))
     if samples.session is not None and len(np.unique(samples.session)) >= FEWEST:
-        return "session", samples.session
-    return "pose", samples.pose if samples.pose is not None else poses(samples.q)
+        if _balanced(samples.session):
+            return "session", samples.session
+        return "block", _stretches(len(run))
+    return "pose", together(poses(samples.q), samples.pose)
+
+
+def fine_groups(run: Run) -> np.ndarray:
+    """The finest groups that are never torn apart, (n,): poses with their repeats, or stretches."""
+    return _stretches(len(run)) if run.continuous else together(poses(run.samples.q), run.samples.pose)
+
+
+def _stretches(n: int) -> np.ndarray:
+    return np.arange(n) * (STRETCHES * 5) // max(1, n)
+
+
+def _balanced(session: np.ndarray) -> bool:
+    """Tell whether sessions are fit to be held out: at least so many hold a fair part, and none holds most."""
+    share = np.unique(session, return_counts=True)[1] / len(session)
+    return bool((share > SMALL).sum() >= FEWEST and share.max() <= 0.5)
 
 
 def poses(q: Array) -> np.ndarray:
     """Number the poses (n, N) [rad] so that a pose measured again has the number of the first time, (n,)."""
     return np.unique(np.round(q / SAME).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def together(a: np.ndarray, b: np.ndarray | None) -> np.ndarray:
+    """Join the groups a (n,) that share a group of b (n,), negative numbers of b standing for none, (n,)."""
+    if b is None:
+        return a
+    known = b >= 0
+    b = np.unique(b, return_inverse=True)[1].reshape(-1)
+    edges = coo_array((np.ones(known.sum()), (a[known], a.max() + 1 + b[known])), shape=(a.max() + b.max() + 2,) * 2)
+    return np.asarray(connected_components(edges, directed=False)[1][a])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.identification.fit import Fit
+from planner.identification.fit import MEDIAN, Fit
 from planner.units import Array
 
 BLOCK = 10  # correlation times in one block of a continuous run
@@ -19,7 +19,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     """
     problem, solution = fit.problem, fit.solution
     root = solution.root(problem.prior)
-    plain = root @ root.T
+    plain = root @ root.T * _robust_factor(fit)
     if not continuous:
         return plain, 1.0
     white = problem.white_residual(fit.errors)
@@ -34,6 +34,19 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     half = inverse @ scores.T
     white_noise = half @ half.T * count / max(1.0, count - fit.effective)
     return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), time
+
+
+def _robust_factor(fit: Fit) -> float:
+    """What Huber's variance is of the one that the weighted rows alone would give (Huber 1981, eq. 6.5)."""
+    weight = fit.problem.weight
+    if np.all(weight == 1.0):
+        return 1.0
+    u = fit.problem.white_residual(fit.errors)
+    u = u / max(float(np.median(np.sqrt((u**2).mean(axis=1)))) / MEDIAN[u.shape[1]], 1e-300)
+    psi, inside = u * weight[:, None], float((weight == 1.0).mean())
+    stretch = 1 + fit.effective / u.size * (1 - inside) / inside
+    stated = float((weight[:, None] * u**2).mean() / weight.mean())
+    return stretch**2 * float((psi**2).mean()) / inside**2 / stated
 
 
 def correlation_time(x: Array) -> float:

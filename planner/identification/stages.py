@@ -15,6 +15,7 @@ from planner.model import Model
 from planner.run import Run
 from planner.units import Array
 
+PART = 40_000  # samples of a long run that are fitted before the last stage
 GAIN = 2.0  # standard errors that the held-out error must fall by before an effect is kept
 Judge = Callable[[Fit], Metrics | None]
 
@@ -35,26 +36,46 @@ def fitted(
     judge: Judge,
     robust: bool = False,
     before: Fit | None = None,
+    whole: bool = False,
 ) -> Fitted:
-    """Fit a model to a run and judge it on held-out poses and on the validation run."""
+    """Fit a model to a run and judge it on held-out poses and on the validation run.
+
+    Of a long run only a spread part is fitted unless ``whole``; all of it is judged.
+    """
     start = None if before is None else _start(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    found = fit(Problem.of(model, run, noise, even=rough), robust, start)
-    held = held_out(found, split)
-    residual = found.problem.residual(found.errors)
+    few = None if whole or len(run) <= 2 * PART else np.unique(np.linspace(0, len(run) - 1, PART).astype(int))
+    part = run if few is None else run.take(few)
+    found = fit(Problem.of(model, part, noise, even=rough), robust, start)
+    held = held_out(found, split if few is None else split.take(few))
+    residual, held_residual = found.problem.residual(found.errors), held.residual
+    if few is not None:
+        residual, held_residual = _over_all(found, run, held.shift, split)
     effects = tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in ("gauge", "geometry"))
     stage = Stage(
         name,
         effects,
         len(model.parameters),
         Metrics.of(residual),
-        Metrics.of(held.residual, split.fold),
+        Metrics.of(held_residual, split.fold),
         judge(found),
         residual,
-        held.residual,
+        held_residual,
     )
     return Fitted(stage, found)
+
+
+def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
+    """Residuals of every sample of a run by the fit to a part of it, and by the fit without the sample's fold."""
+    model, samples = found.model, run.samples
+    targets = model.rig.targets(samples, run.readings)
+    residual = model.residual(samples, targets, found.errors)
+    held = np.empty_like(residual)
+    for fold in range(split.folds):
+        mine = np.flatnonzero(split.fold == fold)
+        held[mine] = model.residual(samples.take(mine), targets.take(mine), found.errors + shift[fold])
+    return residual, held
 
 
 def nominal(model: Model, run: Run, split: Split, judge: Judge) -> Fitted:
@@ -70,7 +91,7 @@ def _start(model: Model, before: Fit) -> Array:
 def gains(before: Stage, after: Stage, split: Split) -> bool:
     """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
     fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
-    each = np.bincount(split.group, fall) / np.bincount(split.group)
+    each = np.bincount(split.fine, fall) / np.bincount(split.fine)
     if len(each) < 2:
         return False
     return bool(each.mean() > GAIN * each.std(ddof=1) / np.sqrt(len(each)))

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.effects import ONE
+from planner.effects.combined import Times
+from planner.effects.keys import of_run
 from planner.identification.fit import Fit, fit
 from planner.identification.placed import placed
 from planner.identification.problem import Problem
 from planner.identification.types import Metrics
-from planner.model import Model
+from planner.model import Model, Move
 from planner.rig import Rig
 from planner.run import Run
 
@@ -19,7 +22,7 @@ def judged(found: Fit, run: Run, bare: Rig) -> Metrics:
     ``bare`` is the rig of that run with nothing placed yet.
     """
     rig = found.model.rig
-    model = found.model.fixing(found.errors)
+    model = _timeless(found)
     if not new_frames(rig, run):
         problem = Problem.of(model, _renamed(run, rig))
         return Metrics.of(problem.residual(np.zeros(0)))
@@ -34,6 +37,19 @@ def new_frames(rig: Rig, run: Run) -> bool:
     if run.readings.ball is not None:
         return True
     return rig.kind != "length" and not set(run.places) <= set(rig.place_names)
+
+
+def _timeless(found: Fit) -> Model:
+    """Fix the fitted model; what hangs on the run's own clock or sessions stands at its mean over the run."""
+    model = found.model.fixing(found.errors)
+
+    def standing(move: Move) -> Move:
+        if not of_run(move.phi.key):
+            return move
+        return replace(move, phi=Times(ONE, float(np.mean(found.problem.context.value(move.phi)))))
+
+    fixed = tuple((replace(p, moves=tuple(standing(m) for m in p.moves)), v) for p, v in model.fixed)
+    return replace(model, fixed=fixed)
 
 
 def _renamed(run: Run, rig: Rig) -> Run:

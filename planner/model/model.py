@@ -81,6 +81,10 @@ class Model:
         """Return the model with more parameters."""
         return replace(self, parameters=(*self.parameters, *more))
 
+    def before(self, first: list[Parameter]) -> "Model":
+        """Return the model with more parameters, preferred to those it has."""
+        return replace(self, parameters=(*first, *self.parameters))
+
     def fixing(self, errors: Array) -> "Model":
         """Return the model with every parameter fixed at ``errors`` (P,)."""
         return replace(self, parameters=(), fixed=(*self.fixed, *zip(self.parameters, errors, strict=True)))

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from planner.effects import ONE, AtPlace, AtPoint, LoadTorque, Phi
+from planner.effects.gauge import LengthLag, PointLag
 from planner.rig import HEAD, Rig
 from planner.units import MM
 
@@ -14,6 +15,7 @@ PRIOR_LENGTH = 1.0 * MM  # an industrial robot misses by 1–4 mm before calibra
 PRIOR_ANGLE = 1e-3  # [rad], about 1 mm at a metre
 PRIOR_ZERO = 1.0 * MM
 PRIOR_COMPLIANCE = 2e-6  # [rad/Nm]; TriCal paper, Table 8: 0.01 … 0.2 · 10⁻³ °/Nm for a 6 kg class robot
+PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
 Unit = str  # m, rad, s, or a product such as rad/Nm
 
 
@@ -135,6 +137,13 @@ def robot_parameters(rig: Rig) -> list[Parameter]:
         parameter = Parameter(t.name, "m" if t.kind == "translation" else "rad", prior, what, transform(HEAD + k))
         (last if t.joint == robot.n_joints - 1 else out).append(parameter)
     return out + last
+
+
+def clock_offset(rig: Rig) -> Parameter:
+    """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
+    length, point = reading(LengthLag()), tuple(Move("reading", a, PointLag(a)) for a in range(3))
+    moves = length if rig.kind == "length" else point
+    return Parameter("lag", "s", PRIOR_LAG, "lag of the gauge's clock behind the controller's", moves, "gauge")
 
 
 def compliance_parameters(rig: Rig) -> list[Parameter]:

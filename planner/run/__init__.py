@@ -5,7 +5,7 @@ from planner.run.joining import joined, load_runs
 from planner.run.loading import load_run
 from planner.run.motion import REST_SPEED, REST_TIME, speeds, stretches_at_rest
 from planner.run.resting import rest
-from planner.run.saving import save_run
+from planner.run.saving import run_text, save_run
 from planner.run.types import Readings, Run, Samples
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "load_run",
     "load_runs",
     "rest",
+    "run_text",
     "save_run",
     "speeds",
     "stretches_at_rest",

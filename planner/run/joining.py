@@ -80,6 +80,7 @@ def joined(runs: Sequence[Run]) -> Run:
         balls,
         points,
         runs[0].continuous,
+        max(r.clocks for r in runs),
         runs[0].plan_id if len(plans) == 1 else None,
         next((r.robot for r in runs if r.robot is not None), None),
         tuple(warnings),

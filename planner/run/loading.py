@@ -88,6 +88,7 @@ def _as_logged(table: Table, n_joints: int) -> Run:
         balls,
         points,
         continuous,
+        2 if table.note("clocks") == "2" else 1,
         table.note("plan_id"),
         table.note("robot"),
         warnings,

@@ -26,16 +26,24 @@ def save_run(run: Run, path: Path) -> None:
     ending = path.suffix.lower()
     if ending not in (".csv", ".parquet"):
         raise InputError(f"{path}: a run is written as .csv or .parquet, not '{path.suffix}'")
-    frame = table_of(run)
-    notes = {"measure": "continuous" if run.continuous else "static"}
-    notes |= {k: v for k, v in (("plan_id", run.plan_id), ("robot", run.robot)) if v is not None}
-    out = io.BytesIO()
     if ending == ".csv":
-        out.write("".join(f"# {key}: {value}\n" for key, value in notes.items()).encode())
-        frame.write_csv(out)
-    else:
-        frame.write_parquet(out, metadata=notes)
+        write_bytes(path, run_text(run).encode())
+        return
+    out = io.BytesIO()
+    table_of(run).write_parquet(out, metadata=_notes(run))
     write_bytes(path, out.getvalue())
+
+
+def run_text(run: Run) -> str:
+    """Return ``run`` as the text of a ``.csv`` file."""
+    return "".join(f"# {key}: {value}\n" for key, value in _notes(run).items()) + table_of(run).write_csv()
+
+
+def _notes(run: Run) -> dict[str, str]:
+    """What the lines above the columns say."""
+    notes = {"measure": "continuous" if run.continuous else "static"}
+    notes |= {"clocks": "2"} if run.clocks == 2 else {}
+    return notes | {k: v for k, v in (("plan_id", run.plan_id), ("robot", run.robot)) if v is not None}
 
 
 def table_of(run: Run) -> pl.DataFrame:

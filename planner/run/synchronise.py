@@ -67,7 +67,8 @@ def _by_time(gauge: Table, axes: Table) -> Table:
     frame = gauge.frame[inside].with_columns(pl.Series("t", t[inside]))
     others = [key for key in axes.frame.columns if key not in (*gauge.frame.columns, "t", "sync")]
     frame = frame.with_columns(_at(axes, key, t_axes, t[inside]) for key in others)
-    return _merged(gauge, axes, frame, inside, said)
+    merged = _merged(gauge, axes, frame, inside, said)
+    return replace(merged, notes=(*merged.notes, ("clocks", "2")))
 
 
 def _forward(table: Table) -> Array:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from planner.errors import InputError
 
-NOTES = ("plan_id", "robot", "measure", "angles")  # what comment lines may say
+NOTES = ("plan_id", "robot", "measure", "angles", "clocks")  # what comment lines may say
 
 
 def read_bytes(path: Path) -> bytes:

@@ -90,6 +90,7 @@ class Run:
         balls: names that ``readings.ball`` counts.
         points: names that ``samples.point`` counts.
         continuous: whether the samples follow each other along a driven path; else each is a pose at rest.
+        clocks: 2 where gauge and controller were logged apart, each by its own clock, else 1.
         plan_id, robot: from the comment lines, ``None`` where not given.
         warnings: what a person should know.
     """
@@ -101,6 +102,7 @@ class Run:
     balls: tuple[str, ...] = ()
     points: tuple[str, ...] = ("",)
     continuous: bool = False
+    clocks: int = 1
     plan_id: str | None = None
     robot: str | None = None
     warnings: tuple[str, ...] = field(default=())

@@ -9,10 +9,10 @@ made of determinants (O2, O3, O4) are assumed: then the scores are exact.
 import numpy as np
 
 from planner.observability import rule
+from planner.repeatable import Places
 from planner.units import Array
 
 from .potential import Potential
-from planner.repeatable import Places
 from .swaps import Table
 
 _LOOK, _LOOK_EACH = 100, 2  # candidates looked at in a draw: at least, and for each pose

@@ -10,12 +10,12 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.observability import RULES, index_value, rule
+from planner.repeatable import Places, canonical, single_threaded
 from planner.units import Array, frozen
 
 from .certificate import Certificate, Dual, frozen_dual, smallest_ratio, verify
 from .interior import solve
 from .relaxation import Problem, inside, quadratic
-from planner.repeatable import Places, canonical, single_threaded
 
 _BATCH = 150  # poses priced in a round
 _ROUNDS = 40

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.repeatable import Places
 from planner.units import Array, frozen
 
 from .relaxation import quadratic
-from planner.repeatable import Places
 
 _SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.observability import rule
+from planner.repeatable import Places, single_threaded
 from planner.units import Array, frozen
 
 from .bounds import bound
 from .certificate import Certificate
 from .exchange import Selection, exchange
-from planner.repeatable import Places, single_threaded
 
 _TOLERANCE = 5e-3
 _WIDTH = 4_000  # candidates by price: further down no swap was seen to help

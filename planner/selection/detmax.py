@@ -7,11 +7,11 @@ every candidate's prediction variance), refreshed from scratch now and then. Fed
 import numpy as np
 
 from planner.errors import InputError
+from planner.repeatable import Places, first_best, single_threaded
 from planner.units import Array
 
 from .exchange import descend
 from .potential import Potential
-from planner.repeatable import Places, first_best, single_threaded
 from .swaps import information
 
 _REFRESH = 50

@@ -6,13 +6,13 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.observability import rule
+from planner.repeatable import Places, canonical, single_threaded
 from planner.units import Array
 
 from .annealing import anneal
 from .bounds import bound, core
 from .certificate import Certificate
 from .potential import Potential
-from planner.repeatable import Places, canonical, single_threaded
 from .swaps import best_by_index, best_by_potential, exact, index_of, information
 
 _WIDE = 2_000  # candidates that the descent looks at before it looks at all

@@ -10,10 +10,10 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.observability import rule
+from planner.repeatable import Places, canonical, single_threaded
 from planner.units import Array
 
 from .relaxation import quadratic
-from planner.repeatable import Places, canonical, single_threaded
 from .swaps import information
 
 EXACT_FROM = 2_000

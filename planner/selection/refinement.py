@@ -11,10 +11,10 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.observability import rule
+from planner.repeatable import single_threaded
 from planner.units import Array, frozen
 
 from .potential import Potential
-from planner.repeatable import single_threaded
 from .swaps import Table, eigenvalues, exact, index_of, information
 
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)

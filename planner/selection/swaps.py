@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.observability import rule
+from planner.repeatable import Places, canonical
 from planner.units import Array
 
 from .potential import Potential
 from .relaxation import quadratic
-from planner.repeatable import Places, canonical
 
 _BLOCK = 2_000_000  # pairs scored at a time
 _EXACT = 48  # pairs whose eigenvalues are computed

@@ -95,7 +95,7 @@ def _score(item: Item, G: Array, a: Array, length: Array) -> Scored:
 
 
 def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:
-    """Logarithm of the chance of so large a gain of ``size`` parameters in any of so many tries (F test, Bonferroni)."""
+    """Logarithm of the chance of so large a gain of ``size`` parameters in any of so many tries (F, Bonferroni)."""
     if size == 0:
         return 0.0
     spare = max(1.0, shade.spare - size)
@@ -112,7 +112,7 @@ def grid(entry: Entry) -> list[Pair]:
 
 
 def ranked(shade: Shade, dictionary: Dictionary, left: frozenset[str]) -> list[Candidate]:
-    """Every entry named in ``left`` at its best inner value, the most surprising first; ties in the catalogue's order."""
+    """Every entry named in ``left`` at its best inner value, the most surprising first; ties in catalogue order."""
     scores = [s for s in scored(shade, dictionary) if s.entry.name in left]
     best: dict[str, Scored] = {}
     for s in scores:

@@ -119,5 +119,5 @@ def _within(held: Held, value: float) -> float:
 def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
     """Fall of the held-out squared error [m²] when an effect was added, and its standard error, over groups."""
     fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
-    each = np.bincount(split.group, fall) / np.bincount(split.group)
+    each = np.bincount(split.fine, fall) / np.bincount(split.fine)
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))

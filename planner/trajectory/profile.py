@@ -19,7 +19,7 @@ from planner.units import Array
 WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128)  # stretches that one step may join
 SHARES = (SHARE, 0.3)  # of acceleration and jerk for curvature: fast and even, or slower with room to change
 LEVELS = 4  # speeds tried at each end, from the single-stretch passes up to the highest reachable
-SAFE = (1e-6, 1e-12)  # held back from a change of speed, relative to it and to the speed: room for rounding
+SAFE = (1e-4, 1e-12)  # held back from a change of speed, relative to it and to the speed: room for tolerances
 USEFUL = 1.0 - 1e-9  # of the time over single stretches: a wider step must be able to beat it
 
 

@@ -1,4 +1,7 @@
-"""From chosen steps to time: each timed by ruckig with one degree of freedom along the path, laid end to end."""
+"""From chosen steps to time: each timed by ruckig with one degree of freedom along the path, laid end to end.
+
+Where ruckig's tolerances leave it without an answer, the same profile is written down in closed form.
+"""
 
 from dataclasses import dataclass
 
@@ -6,6 +9,8 @@ import numpy as np
 import ruckig
 
 from planner.errors import PlannerError
+from planner.trajectory.double_s import double_s
+from planner.trajectory.limits import Mask
 from planner.trajectory.profile import Steps
 from planner.units import Array, frozen
 
@@ -56,7 +61,7 @@ def time_steps(steps: Steps, edge: Array, wait: Array) -> tuple[Phases, Array]:
 
     Returns the phases and the time (S+1,) [s] of arrival at each end at which a step begins or ends, NaN at the others.
     """
-    moves = _ruckig_phases(steps)
+    moves = _timed(steps)
     moves[:, :, 1] += edge[steps.first][:, None]
     at = np.append(steps.first, len(edge) - 1)
     rest = np.zeros((len(at), 1, 5))
@@ -83,10 +88,20 @@ def stand_still(wait: float) -> Phases:
     return Phases(zero, zero, zero, zero, zero, zero, zero, wait)
 
 
-def _ruckig_phases(steps: Steps) -> Array:
-    """Return duration, s, ds/dt, d²s/dt², d³s/dt³ at the start of the seven phases of every step: (n, 7, 5).
+def _timed(steps: Steps) -> Array:
+    """Return duration, s, ds/dt, d²s/dt², d³s/dt³ at the start of the seven phases of every step: (n, 7, 5)."""
+    if not np.isfinite(steps.time()).all():
+        raise PlannerError("a step of the path was given speeds that its limits do not allow")
+    phases, solved = _ruckig_phases(steps)
+    left = steps.take(np.flatnonzero(~solved))
+    phases[~solved] = double_s(left.length, left.v0, left.v1, left.speed, left.acceleration, left.jerk)
+    return phases
 
-    Each is solved with its length and its speed bound as the units, so ruckig's absolute tolerances suit any size.
+
+def _ruckig_phases(steps: Steps) -> tuple[Array, Mask]:
+    """Return ruckig's seven phases of every step (n, 7, 5), and for which steps (n,) it found a move to be driven.
+
+    Each is solved with its length and its speed bound as the units, so ruckig's absolute tolerances suit most sizes.
     """
     time_unit = steps.length / steps.speed
     scaled = np.column_stack(
@@ -101,25 +116,24 @@ def _ruckig_phases(steps: Steps) -> Array:
     move.current_position, move.current_acceleration = [0.0], [0.0]
     move.target_position, move.target_acceleration = [1.0], [0.0]
     move.max_velocity = [1.0]
-    rows = []
-    for i, (v0, v1, acceleration, jerk) in enumerate(scaled.tolist()):
+    rows, solved = [], []
+    for v0, v1, acceleration, jerk in scaled.tolist():
         move.current_velocity, move.target_velocity = [v0], [v1]
         move.max_acceleration, move.max_jerk = [acceleration], [jerk]
-        result = solver.calculate(move, answer)
-        if result != ruckig.Result.Working:
-            raise PlannerError(f"ruckig could not time step {i} of the path: {result.name}")
+        solved.append(_solved(solver, move, answer))
         p = answer.profiles[0][0]
-        if p.brake.duration > 0.0 or min(p.v) < -TOLERANCE or max(p.v) > 1.0 + TOLERANCE:
-            raise PlannerError(f"ruckig timed step {i} of the path with a speed outside 0 to its bound")
         rows.append((p.t, p.p[:7], p.v[:7], p.a[:7], p.j))
-    unit = np.stack(
-        [
-            time_unit,
-            steps.length,
-            steps.speed,
-            steps.speed / time_unit,
-            steps.speed / time_unit**2,
-        ],
-        axis=1,
-    )
-    return np.array(rows).transpose(0, 2, 1) * unit[:, None, :]
+    unit = np.column_stack([time_unit, steps.length, steps.speed, steps.speed / time_unit, steps.speed / time_unit**2])
+    return np.array(rows).transpose(0, 2, 1) * unit[:, None, :], np.array(solved)
+
+
+def _solved(solver: ruckig.Ruckig, move: ruckig.InputParameter, answer: ruckig.Trajectory) -> bool:
+    """Tell whether ruckig finds a move that ends where it should and never leaves the speeds from 0 to its bound."""
+    try:
+        result = solver.calculate(move, answer)
+    except ruckig.RuckigError:  # its tolerances are absolute: a feasible move at the edge of its limits can fail them
+        return False
+    p = answer.profiles[0][0]
+    at_end = abs(p.p[7] - 1.0) <= TOLERANCE and abs(p.v[7] - move.target_velocity[0]) <= TOLERANCE
+    within = p.brake.duration == 0.0 and min(p.v) >= -TOLERANCE and max(p.v) <= 1.0 + TOLERANCE
+    return bool(result == ruckig.Result.Working and at_end and within)

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.calibrated import calibrated_files
+from planner.calibrated import calibrated_files, calibrated_meshes
 from planner.cell import Cell, load_cell
 from planner.errors import InputError
-from planner.files import write_text
+from planner.files import write_bytes, write_text
 from planner.identification import Calibration, Settings, identify
 from planner.identification.results import identification_text, residuals_csv
 from planner.plan import PlanFile, read_plan
 from planner.run import Run, load_runs
+from planner.tracing import trace
 from planner.workflow.planning import Stages
 from planner.workflow.writing import move_all
 
@@ -34,10 +35,11 @@ def identify_runs(
     plan: Path | None = None,
     validate: Path | None = None,
     settings: Settings | None = None,
+    tracing: bool = True,
 ) -> Identification:
     """Identify the robot of one or more measured runs.
 
-    With a plan its validation poses are kept out of the fit and judged, unless ``validate`` names a run for that.
+    With ``tracing`` what the geometry leaves is traced to its causes. With a plan its validation poses are kept out of the fit and judged, unless ``validate`` names a run for that.
 
     Raises:
         InputError: a file is wrong, or run, cell and plan do not belong together.
@@ -51,8 +53,7 @@ def identify_runs(
             run, kept_out = _by_plan(run, plan, read_plan(plan))
             other = other or kept_out
     with stages.stage("identification") as progress:
-        done = iter(range(1, 100))
-        found = identify(run, where, other, settings, lambda _: progress(next(done), 6))
+        found = identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
     return Identification(where, found)
 
 
@@ -63,7 +64,7 @@ def _by_plan(run: Run, path: Path, plan: PlanFile) -> tuple[Run, Run | None]:
     if run.samples.pose is None:
         return run, None
     aside = np.isin(run.samples.pose, plan.ids("validate"))
-    strange = np.setdiff1d(run.samples.pose, plan.ids())
+    strange = np.setdiff1d(run.samples.pose[run.samples.pose >= 0], plan.ids())
     if len(strange):
         raise InputError(f"{run.name}: pose {strange[0]} is not in {path} (there: 0 … {max(plan.ids())})")
     if not aside.any() or aside.all():
@@ -85,8 +86,16 @@ def write_identification(done: Identification, folder: Path, stages: Stages) -> 
         write_text(draft / "identification.json", identification_text(found))
         write_text(draft / "residuals.csv", residuals_csv(found))
         write_calibration_report(found, draft)
-        for file, text in () if found.problems else calibrated_files(found):
-            write_text(draft / file, text)
+        if not found.problems:
+            _write_robot(found, draft)
         if found.problems:
             (folder / "robot.toml").unlink(missing_ok=True)
         return move_all(draft, folder)
+
+
+def _write_robot(found: Calibration, draft: Path) -> None:
+    for file, text in calibrated_files(found):
+        write_text(draft / file, text)
+    for file, data in calibrated_meshes(found):
+        (draft / file).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(draft / file, data)

@@ -27,7 +27,14 @@ from planner.rig import rig_of
 from planner.run import Readings, Run, Samples
 
 GOALS = {"small": 20e-3, "seconds": 20.0, "gigabytes": 2.0}
-PLACES = ((258, 1468, 708), (1300, 900, 400), (1500, -700, 500), (200, -1500, 900), (1700, 100, 1300), (900, 1300, 1500))
+PLACES = (
+    (258, 1468, 708),
+    (1300, 900, 400),
+    (1500, -700, 500),
+    (200, -1500, 900),
+    (1700, 100, 1300),
+    (900, 1300, 1500),
+)
 CELL = """schema = "edbb-cell/1"
 robot = "comau-nj130"
 home_deg = [0, 0, 0, 0, -90, 0]
@@ -103,14 +110,18 @@ def small() -> None:
     found, first, first_cpu = timed(lambda: fit(Problem.of(model, run)))
     _, wall, cpu = timed(lambda: fit(Problem.of(model, run)), 9)
     print(f"  fit, first after import       {first * 1e3:8.1f} ms ({first_cpu * 1e3:.1f} cpu)")
-    print(f"  fit, best of nine             {wall * 1e3:8.1f} ms ({cpu * 1e3:.1f} cpu); goal {GOALS['small'] * 1e3:.0f}")
+    print(
+        f"  fit, best of nine             {wall * 1e3:8.1f} ms ({cpu * 1e3:.1f} cpu); goal {GOALS['small'] * 1e3:.0f}"
+    )
     problem = found.problem
 
     def residual(z):
         return np.append(problem.white_residual(z * problem.prior).ravel(), z)
 
     peer, wall, cpu = timed(lambda: least_squares(residual, np.zeros(len(problem.prior)), x_scale="jac", method="lm"))
-    off = np.max(np.abs(peer.x * problem.prior - found.errors) / np.sqrt((found.solution.root(problem.prior) ** 2).sum(1)))
+    off = np.max(
+        np.abs(peer.x * problem.prior - found.errors) / np.sqrt((found.solution.root(problem.prior) ** 2).sum(1))
+    )
     print(f"  scipy least_squares, numeric  {wall * 1e3:8.1f} ms ({cpu * 1e3:.1f} cpu), {peer.nfev} evaluations;")
     print(f"      largest difference of a parameter {off:.1e} of its standard deviation (noise and priors given to it)")
 
@@ -167,7 +178,8 @@ def main() -> None:
     if settings.one:
         large(settings.rows, settings.one)
         return
-    print(f"numpy {np.__version__}, Python {sys.version.split()[0]}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    machine = f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
+    print(f"numpy {np.__version__}, Python {sys.version.split()[0]}, {machine}")
     small()
     growth((30_000, 100_000) if settings.small else (100_000, 300_000, 1_000_000))
 

@@ -27,7 +27,7 @@ def rig(robot_name: str, kind: str, rng: np.random.Generator) -> Rig:
         base,
         robot=robot,
         kind="position" if kind == "sockets" else kind,
-        p_BX=rng.normal(0.0, 1.0, (PLACES, 3)) + [0.0, 0.0, 3.0],
+        p_BX=rng.normal((0.0, 0.0, 3.0), 1.0, (PLACES, 3)),
         R_BG=turned if kind != "length" else np.broadcast_to(np.eye(3), (PLACES, 3, 3)),
         p_BG=rng.normal(0.0, 1.0, (PLACES, 3)) if kind != "length" else np.zeros((PLACES, 3)),
         p_FM=rng.normal(0.0, 0.1, (POINTS, 3)),

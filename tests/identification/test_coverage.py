@@ -6,15 +6,10 @@ from scipy import stats
 
 from planner.identification.seeing import seen_by
 from planner.model import Model
-from tests.generator.truth import Noise, draw_errors
-from tests.identification.worlds import Trials, declared, trials, world
+from tests.generator.truth import draw_errors
+from tests.identification.worlds import Trials, covered, declared, trials, world
 
 FITS = 1000  # a robot
-
-
-def covered(t: Trials, level=0.95):
-    """How many of the fits' intervals hold the truth, (P,), by Student's t: the noise's size is found from the run."""
-    return (np.abs(t.z) < stats.t.ppf(0.5 + level / 2, t.freedom)[:, None]).sum(axis=0)
 
 
 def band(fits, comparisons, level=0.95, risk=1e-3):
@@ -79,34 +74,3 @@ def test_left_out_directions_are_what_regrouping_needs():
         moved = {n: v - share * direction.get(n, 0.0) for n, v in moved.items()}
     assert np.allclose([moved[n] for n in w.names], w.regrouped(errors)[0], atol=1e-10)
     assert all(abs(moved[d.name]) < 1e-15 for d in seen.dropped)
-
-
-WRONG = {"joints a third of the data sheet's": Noise(3e-6, 4e-6), "gauge alone": Noise(5e-6, 1e-9)}
-
-
-@pytest.mark.parametrize("what", WRONG)
-def test_a_wrong_share_of_the_joints_in_the_noise_does_not_make_it_over_confident(what):
-    """The data sheet's repeatability is a guess: how gauge and joints share the noise comes from the run."""
-    t = trials(world("comau-nj130", 120), 250, WRONG[what], seed=2)
-    mean, expected = np.mean(t.square / t.P), np.mean(t.freedom / (t.freedom - 2))
-    chance = np.std(t.square) / np.mean(t.square) / np.sqrt(len(t.square))
-    assert mean / expected - 1 < 0.08 + 3 * chance
-    assert (covered(t) / len(t.z)).mean() > 0.935
-
-
-def test_heavy_tails_leave_the_robust_fit_unbiased_and_not_over_confident():
-    w = world("comau-nj130", 120)
-    noise = Noise(w.model.rig.noise, w.model.rig.joint_sigma, shape="heavy")
-    t = trials(w, 200, noise, seed=3, robust=True)
-    assert np.abs(t.z.mean(axis=0)).max() < 4 * t.z.std(axis=0).max() / np.sqrt(200)
-    assert (covered(t) / 200).mean() > 0.93
-    plain = trials(w, 200, noise, seed=3)
-    assert np.sqrt((t.off**2).mean(axis=0) / (plain.off**2).mean(axis=0)).mean() < 0.95  # sharper than least squares
-
-
-def test_a_continuous_run_states_what_its_correlated_errors_leave():
-    """Errors of the joints stay over 0.2 s and more of samples 10 ms apart: single samples would claim far too much."""
-    w = world("comau-nj130", 4000, "continuous")
-    t = trials(w, 30, Noise(1e-6, 8e-6), seed=4)
-    assert (covered(t) / 30).mean() > 0.90
-    assert np.mean(t.square / t.P) < 1.8  # of the blocks' scatter, not of a known noise: joint χ² is a little wide

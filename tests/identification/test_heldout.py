@@ -60,7 +60,9 @@ def test_groups_are_what_they_are_called():
     }
     for name, label in same.items():
         group = split(runs[name]).group
-        assert len(np.unique(group)) == len(np.unique(label)) == len(np.unique(np.stack([group, label.ravel()]), axis=1).T)
+        assert (
+            len(np.unique(group)) == len(np.unique(label)) == len(np.unique(np.stack([group, label.ravel()]), axis=1).T)
+        )
 
 
 def test_stretches_are_whole_and_everywhere():
@@ -122,27 +124,25 @@ def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
     assert {n.split("_")[1] for n in held.refitted} == {"p", "q", "r", "s"}
     assert all(n.startswith("base_") for n in held.refitted)
     slow = np.empty_like(held.residual)
-    frames = [j for j, n in enumerate(c.fit.model.names) if n in held.refitted]
+    names = c.fit.model.names
+    frames = [j for j, n in enumerate(names) if n in held.refitted]
     for f in range(parts.folds):
         rest = c.fit.problem.take(np.flatnonzero(parts.fold == f))
         train = c.fit.problem.take(np.flatnonzero(parts.fold != f))
-            errors = solve(train, c.fit.errors).errors
-        names = c.fit.model.names
-        known = replace(
-            rest.model.subset(frames),
-            fixed=tuple((p, v) for j, (p, v) in enumerate(zip(rest.model.parameters, errors, strict=True)) if j not in frames),
-        )
-        here = rest.with_model(known)
-        own = solve(replace(here), np.array([c.fit.errors[names.index(n)] for n in known.names])).errors
+        errors = solve(train, c.fit.errors).errors
+        fitted = zip(rest.model.parameters, errors, strict=True)
+        fixed = tuple(pair for j, pair in enumerate(fitted) if j not in frames)
+        here = rest.with_model(replace(rest.model.subset(frames), fixed=fixed))
+        own = solve(here, c.fit.errors[frames]).errors
         slow[parts.fold == f] = here.residual(own)
     rms = np.sqrt((slow**2).mean())
     assert np.abs(held.residual - slow).max() < 0.02 * rms
 
 
 NOISE_ONLY = {
-    "comau-nj130 edbb": lambda s: edbb_static(arm_of("comau-nj130"), 400, seed=s, logs=()),
+    "comau-nj130 edbb": lambda s: edbb_static(arm_of("comau-nj130"), 500, seed=s, logs=()),
     "comau-nj130 continuous": lambda s: edbb_continuous(arm_of("comau-nj130"), 8000, seed=s, logs=(), waypoints=40),
-    "kuka-kr6-r700 edbb": lambda s: edbb_static(arm_of("kuka-kr6-r700"), 400, seed=s, logs=()),
+    "kuka-kr6-r700 edbb": lambda s: edbb_static(arm_of("kuka-kr6-r700"), 500, seed=s, logs=()),
     "kuka-kr6-r700 tracker": lambda s: tracker(arm_of("kuka-kr6-r700"), 300, seed=s, logs=()),
     "kuka-kr6-r700 balls": lambda s: balls(arm_of("kuka-kr6-r700"), 240, seed=s, logs=()),
 }
@@ -150,7 +150,7 @@ NOISE_ONLY = {
 
 @pytest.mark.parametrize("what", NOISE_ONLY)
 def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
-    """No effect in the run: none is found, and held-out poses are as good as for a fit that knows the truth's own rows."""
+    """None of an effect is found, and held-out poses are as good as for a fit with the true arm's own rows."""
     made = NOISE_ONLY[what](7)
     run, cell = loaded(made)
     c = identify(run, cell)
@@ -158,7 +158,6 @@ def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
     assert c.stages[-1].name == "geometry"
     held = c.stages[-1].held_out.rms
     assert held == pytest.approx(made.oracle()[1], rel=0.05)
-    print(what, held / made.noise_rms, held / made.oracle()[1])
     assert held == pytest.approx(made.noise_rms, rel=0.05)
 
 

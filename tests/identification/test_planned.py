@@ -8,13 +8,14 @@ from scipy import stats
 
 from planner.candidates import Funnel, PoseSet
 from planner.cell import load_cell
-from planner.choice import choose
+from planner.choice import what_is_seen
 from planner.identification import Problem, fit
 from planner.identification.placed import placed, rig_for
 from planner.identification.seeing import seen_by
 from planner.model import Model
 from planner.observability import covariance
 from planner.run import Readings, Run, Samples
+from planner.selection import exchange
 from tests.generator.poses import at_targets, shell_points
 from tests.generator.truth import Noise, draw_errors
 from tests.identification.worlds import World, arm_of
@@ -25,34 +26,33 @@ POSES, FITS = 60, 150
 
 @cache
 def planned(reference):
-    """The cell, the poses that planning chooses from a pool of its own, and the world in which they are measured."""
+    """The model of the plan, and the world in which the poses that planning chooses from a pool are measured."""
     cell = load_cell(reference)
     arm, rng = arm_of(cell.robot.name), np.random.default_rng(1)
     fixture, tool = cell.fixtures[0].p_BX, cell.tool.p_FM
     q = at_targets(arm, shell_points(fixture, (0.31, 0.51), 1500, rng, np.radians(75)), tool, rng)
     q = q[~np.isnan(q[:, 0])][:600]
-    choice = choose(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()), POSES, "O2", 0)[0]
-    samples = Samples(choice.q, np.zeros(POSES, dtype=int))
-    run = Run("made", samples, Readings(length=np.zeros(POSES)), ("A",))
+    model, _, rows = what_is_seen(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()))
+    q = q[exchange(rows, POSES, "O2", starts=1).chosen]
+    run = Run("made", Samples(q, np.zeros(POSES, dtype=int)), Readings(length=np.zeros(POSES)), ("A",))
     rig = placed(rig_for(cell, run), run)
-    model = seen_by(Model.of(rig, cell.plan.free), samples)[0]
-    w = World(arm, choice.q, np.arange(POSES) * 20.0, fixture, tool, run, cell, model)
-    return choice, w
+    fitted = seen_by(Model.of(rig, cell.plan.free), run.samples)[0]
+    return model, World(arm, q, np.arange(POSES) * 20.0, fixture, tool, run, cell, fitted)
 
 
 @pytest.mark.parametrize("reference", CELLS)
 def test_plan_and_fit_use_the_same_parameters(reference):
-    choice, w = planned(reference)
-    assert w.model.names == choice.model.names
-    assert np.allclose(w.model.prior, choice.model.prior)
+    plan, w = planned(reference)
+    assert w.model.names == plan.names
+    assert np.allclose(w.model.prior, plan.prior)
 
 
 @pytest.mark.parametrize("reference", CELLS)
 def test_plan_and_fit_have_the_same_rows_and_noise(reference):
-    choice, w = planned(reference)
-    assert np.allclose(w.model.rows(w.run.samples), choice.model.jacobian(choice.q, choice.fixture), atol=1e-12)
+    plan, w = planned(reference)
+    assert np.allclose(w.model.rows(w.run.samples), plan.jacobian(w.q), atol=1e-12)
     white = Problem.of(w.model, w.run).whitener.covariance(slice(None))[:, 0, 0]
-    assert np.allclose(np.sqrt(white), choice.model.noise(choice.q, choice.fixture), rtol=1e-12)
+    assert np.allclose(np.sqrt(white), plan.noise(w.q), rtol=1e-12)
 
 
 @pytest.mark.parametrize("reference", CELLS)
@@ -61,11 +61,9 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
 
     The prediction takes no prior: what it holds back of the faintest parameters is left out by looking at one side.
     """
-    choice, w = planned(reference)
-    predicted = covariance(
-        choice.model.jacobian(choice.q, choice.fixture), choice.model.noise(choice.q, choice.fixture)[:, None]
-    )
-    noise = Noise(choice.model.rig.noise, choice.model.joint_sigma)
+    plan, w = planned(reference)
+    predicted = covariance(plan.jacobian(w.q), plan.noise(w.q)[:, None])
+    noise = Noise(plan.rig.noise, plan.joint_sigma)
     off, stated = [], []
     for k in range(FITS):
         rng = np.random.default_rng([8, k])
@@ -78,7 +76,7 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
     ratio = np.sqrt((np.array(off) ** 2).mean(axis=0)) / predicted.std
     tail = 1e-3 / len(ratio) / 2
     low, high = np.sqrt(stats.chi2.ppf([tail, 1 - tail], FITS) / FITS)
-    sure = predicted.std < 0.1 * choice.model.prior  # the fit's priors have no say there
+    sure = predicted.std < 0.1 * plan.prior  # the fit's priors have no say there
     assert sure.sum() > len(ratio) / 2
     names = np.array(w.names)
     assert np.all(ratio < high), dict(zip(names[ratio >= high], ratio[ratio >= high], strict=True))

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from scipy import stats
 
 from planner.cell import Cell, load_cell
 from planner.identification import Fit, Problem, fit
@@ -72,7 +73,7 @@ class World:
         return Station("edbb", place, np.eye(3), errors.get("zero", 0.0))
 
     def regrouped(self, errors):
-        """The fitted parameters' values (P,) that give what the arm with ``errors`` reads, and what is left (n,) [m]."""
+        """Values (P,) of the fitted parameters that give what the arm with ``errors`` reads; what is left, (n,) [m]."""
         wanted, x = self.read(errors), {n: errors[n] for n in self.names}
         tool = self.tool + [x.get(f"map_{a}", 0.0) for a in "xyz"]
         arm_errors = {k: v for k, v in x.items() if k in self.arm.names}
@@ -142,7 +143,12 @@ class Trials:
         return len(self.names)
 
 
-def trials(w: World, fits: int, noise: Noise = Noise(), seed=0, robust=False, length=4e-4, angle=5e-4) -> Trials:
+def covered(t: Trials, level=0.95):
+    """How many of the fits' intervals hold the truth, (P,), by Student's t: the noise's size is found from the run."""
+    return (np.abs(t.z) < stats.t.ppf(0.5 + level / 2, t.freedom)[:, None]).sum(axis=0)
+
+
+def trials(w: World, fits: int, noise: Noise, seed=0, robust=False, length=4e-4, angle=5e-4) -> Trials:
     """Fit ``fits`` arms, each with errors and noise of its own."""
     offs, z, square, left, freedom = [], [], [], [], []
     for k in range(fits):

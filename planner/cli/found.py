@@ -1,0 +1,46 @@
+"""What ``edbb identify`` tells at the end: the error stage by stage, what was found, what to know."""
+
+from pathlib import Path
+
+from planner.cli.screen import errors
+from planner.identification import Calibration, Metrics
+from planner.units import MM
+
+
+def identification_summary(found: Calibration, folder: Path) -> None:
+    """Say in a few lines how far off the robot is before and after, and why."""
+    fitted = sum(e.identifiable for e in found.estimates)
+    lines = [
+        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split_by}s, "
+        f"{100 * found.hold_out:.0f} % held out at a time, {fitted} parameters",
+        f"  {'':<28}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
+        + (f"{'validation: mean':>20}" if _judged(found) else ""),
+    ]
+    for stage in found.stages:
+        lines.append(f"  {stage.name:<28}{_row(stage.held_out)} mm" + _mean(stage.validation))
+    if found.traced is not None:
+        lines += [f"  found       {f.note}" + _rivals(f.rivals) for f in found.traced.findings]
+        lines += [] if found.traced.findings else ["  found       nothing beyond noise that the catalogue can name"]
+    lines += [f"  note        {w}" for w in found.warnings]
+    lines.append(f"  written to  {folder}: identification.json, residuals.csv, report.html" + _robot(found))
+    errors.print("\n".join(lines), markup=False)
+
+
+def _judged(found: Calibration) -> bool:
+    return found.stages[-1].validation is not None
+
+
+def _row(m: Metrics) -> str:
+    return f"{m.rms / MM:14.4f}{m.mean / MM:10.4f}{m.largest / MM:10.4f}"
+
+
+def _mean(m: Metrics | None) -> str:
+    return "" if m is None else f"{m.mean / MM:13.4f} mm"
+
+
+def _rivals(names: tuple[str, ...]) -> str:
+    return f"; or {', or '.join(names)}: the run cannot tell them apart" if names else ""
+
+
+def _robot(found: Calibration) -> str:
+    return "" if found.problems else ", robot.toml"
