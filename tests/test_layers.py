@@ -55,6 +55,15 @@ def test_imports_point_down():
     assert not wrong, wrong
 
 
+def test_planning_and_calibration_do_not_import_each_other():
+    start, middle, end = (ORDER.index(room) for room in ("workspace", "identification", "simulation"))
+    planning, calibration = set(ORDER[start:middle]), set(ORDER[middle:end])
+    for path in ROOT.rglob("*.py"):
+        room = room_of(path)
+        other = calibration if room in planning else planning if room in calibration else set()
+        assert not other & set(imported_rooms(path)), path
+
+
 def test_files_and_functions_stay_small():
     for path in ROOT.rglob("*.py"):
         text = path.read_text()

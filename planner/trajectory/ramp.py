@@ -55,12 +55,12 @@ def travel_time(length: Array, v0: Array, v1: Array, fastest: Array, acceleratio
     # the peak is reached over half the length at least, and over no more than all of it
     low = np.minimum(np.maximum(top, either(0.5 * length)), fastest)
     high = np.minimum(np.maximum(top, either(length)), fastest)
-    cruises = way(high) <= length
+    reached = way(high) <= length  # the highest at once: then it cruises there, or is within rounding of the peak
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         short = way(middle) <= length
         low, high = np.where(short, middle, low), np.where(short, high, middle)
-    peak = np.where(cruises, fastest, low)
+    peak = np.where(reached, high, low)
     rest = np.maximum(length - way(peak), 0.0)
     moving = ramp_time(peak - v0, acceleration, jerk) + ramp_time(peak - v1, acceleration, jerk)
     return np.where(possible, moving + rest / peak, np.inf)

@@ -39,7 +39,8 @@ def identify_runs(
 ) -> Identification:
     """Identify the robot of one or more measured runs.
 
-    With ``tracing`` what the geometry leaves is traced to its causes. With a plan its validation poses are kept out of the fit and judged, unless ``validate`` names a run for that.
+    With ``tracing`` what the geometry leaves is traced to its causes. With a plan its validation poses are kept out of
+    the fit and judged, unless ``validate`` names a run for that.
 
     Raises:
         InputError: a file is wrong, or run, cell and plan do not belong together.
