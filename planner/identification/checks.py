@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from planner.cell import Cell
 from planner.identification.fit import Fit
 from planner.identification.stages import Fitted
 from planner.identification.types import Estimate
 from planner.identification.validation import new_frames
-from planner.rig import Rig
 from planner.run import Run
 from planner.units import DEG, MM
 
@@ -36,9 +36,15 @@ def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fi
     return tuple(out)
 
 
-def warnings_of(run: Run, rig: Rig, found: Fit, validation: Run | None) -> list[str]:
+def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
     """Return what a person should know."""
-    out = []
+    out, rig = [], found.model.rig
+    if cell.file.controller.accuracy_model == "on":
+        out.append("the controller already corrects the robot: what was identified is what its correction leaves")
+    length = run.readings.length
+    beyond = 0 if length is None else int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
+    if beyond:
+        out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
     if len(found.outliers):
         named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
         more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""

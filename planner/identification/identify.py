@@ -91,10 +91,10 @@ def identify(
     bench = Bench(run, parts, judge, settings.robust)
     if tracer is not None:
         more, traced = tracer(stages[-1], bench, say)
-        return _finished([*stages, *more], whole, seen.dropped, bench, validation, traced)
+        return _finished([*stages, *more], whole, seen.dropped, bench, cell, validation, traced)
     say("joint compliance")
     stages, whole, dropped = _with_compliance(stages, whole, seen.dropped, bench)
-    return _finished(stages, whole, dropped, bench, validation, None)
+    return _finished(stages, whole, dropped, bench, cell, validation, None)
 
 
 def _with_compliance(
@@ -122,6 +122,7 @@ def _finished(
     whole: Model,
     dropped: tuple[Dropped, ...],
     bench: Bench,
+    cell: Cell,
     validation: Run | None,
     traced: Traced | None,
 ) -> Calibration:
@@ -150,7 +151,7 @@ def _finished(
         noise_floor=_noise_floor(run, stages[-1].stage.residual),
         traced=traced,
         problems=problems_of(table, stages, found),
-        warnings=(*run.warnings, *warnings_of(run, whole.rig, found, validation)),
+        warnings=(*run.warnings, *warnings_of(run, cell, found, validation)),
     )
 
 

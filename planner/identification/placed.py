@@ -97,12 +97,27 @@ def _check_kind(cell: Cell, run: Run) -> None:
     )
     if wanted != there:
         raise InputError(f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{wanted}'")
+    _check_range(cell, run)
     if run.robot is not None and run.robot != cell.robot.name:
         raise InputError(
             f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
         )
     if readings.ball is not None and not cell.balls:
         raise InputError(f"{cell.path}: a gauge '{kind}' needs [[balls]] with their positions in the plate's frame")
+
+
+def _check_range(cell: Cell, run: Run) -> None:
+    """Refuse lengths in another unit than their column says."""
+    length, low, high = run.readings.length, cell.gauge.length_min, cell.gauge.length_max
+    if length is None or not np.isfinite(high):
+        return
+    middle, typical = float(np.sqrt(max(low, 1e-3) * high)), float(np.median(np.abs(length)))
+    for factor, words in ((1e-3, "metres in a column of millimetres"), (1e3, "millimetres in a column of metres")):
+        if 0.2 < typical / (middle * factor) < 5:
+            raise InputError(
+                f"{run.name}: the lengths are about {typical / MM:.4g} mm, but the bar reaches from {low / MM:g} to "
+                f"{high / MM:g} mm: these look like {words}"
+            )
 
 
 def _index(run: Run, name: str, known: tuple[str, ...], what: str, cell: Cell) -> int:

@@ -11,10 +11,7 @@ from planner.effects.gauge import LengthLag, PointLag
 from planner.rig import HEAD, Rig
 from planner.units import MM
 
-PRIOR_LENGTH = 1.0 * MM  # an industrial robot misses by 1–4 mm before calibration
-PRIOR_ANGLE = 1e-3  # [rad], about 1 mm at a metre
 PRIOR_ZERO = 1.0 * MM
-PRIOR_COMPLIANCE = 2e-6  # [rad/Nm]; TriCal paper, Table 8: 0.01 … 0.2 · 10⁻³ °/Nm for a 6 kg class robot
 PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
 Unit = str  # m, rad, s, or a product such as rad/Nm
 
@@ -133,7 +130,7 @@ def robot_parameters(rig: Rig) -> list[Parameter]:
         else:
             link = int(np.searchsorted(robot.link_end, k, side="right"))
             what = f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
-        prior = PRIOR_LENGTH if t.kind == "translation" else PRIOR_ANGLE
+        prior = robot.priors.length if t.kind == "translation" else robot.priors.angle
         parameter = Parameter(t.name, "m" if t.kind == "translation" else "rad", prior, what, transform(HEAD + k))
         (last if t.joint == robot.n_joints - 1 else out).append(parameter)
     return out + last
@@ -153,7 +150,7 @@ def compliance_parameters(rig: Rig) -> list[Parameter]:
         Parameter(
             f"compliance{i + 1}",
             "rad/Nm",
-            PRIOR_COMPLIANCE,
+            rig.robot.priors.compliance,
             f"compliance of joint {i + 1}",
             transform(k, LoadTorque(i)),
             "joint compliance",

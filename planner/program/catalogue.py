@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from planner.errors import InputError
 from planner.program.dialect import Dialect, Log, load, names
 from planner.program.instructions import Program
+from planner.program.lowering import lower
 from planner.program.reading import ReadBack, read_texts
+from planner.program.remarks import cautions
 from planner.program.rendering import ProgramFile, render
 from planner.program.verification import compare
 
@@ -25,7 +27,11 @@ class DialectInfo:
     blend_kind: str
     """``none``, ``mm``, ``percent``, ``path_degrees`` or ``dense``."""
     logs_axes: bool
-    """Whether the controller can record its own axes."""
+    """Whether the program records the axes at rest."""
+    logs_passing: bool
+    """Whether it does so in passing too; else a continuous session needs ``trace``."""
+    trace: str
+    """The controller's own recorder."""
     sync_note: str
     options: tuple[str, ...]
 
@@ -33,6 +39,13 @@ class DialectInfo:
     def wants_dense_path(self) -> bool:
         """Return whether a blended path must be given in small steps to be driven without stops."""
         return self.blend_kind == "dense"
+
+    @property
+    def logging(self) -> str:
+        """Return where the program logs the axes, and with what they are recorded elsewhere."""
+        if self.logs_passing:
+            return "at rest and in passing"
+        return f"at rest; in passing: {self.trace}" if self.logs_axes else f"no: {self.trace}"
 
 
 def info(name: str) -> DialectInfo:
@@ -53,7 +66,9 @@ def info(name: str) -> DialectInfo:
         decimals=d.decimals,
         blend_kind=d.blend.kind,
         logs_axes=d.log is not None,
-        sync_note=d.sync.note,
+        logs_passing=d.log is not None and d.log.passing,
+        trace=d.trace,
+        sync_note=d.sync.note.replace("{output}", d.output.replace("{number}", "N")),
         options=tuple(d.options),
     )
 
@@ -79,6 +94,16 @@ def write_program(program: Program, dialect_name: str, stem: str) -> tuple[Progr
     files = render(program, dialect, dialect_name.partition("+")[0], stem)
     compare(program, dialect, _texts(files))
     return files
+
+
+def program_notes(program: Program, dialect_name: str) -> tuple[str, ...]:
+    """Return what a person must know of ``program`` in a dialect before it is started, one sentence each.
+
+    Raises:
+        InputError: no such dialect, or it cannot carry the program.
+    """
+    dialect = load(dialect_name)
+    return cautions(program, dialect, lower(program, dialect))
 
 
 def read_back(dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:

@@ -89,23 +89,40 @@ class Dwell(Strict):
 
 
 class Sync(Strict):
-    """The output pulse at a pose: lines for standing still, and for passing by.
+    """The output pulse at a pose: lines for standing still, and for passing by; ``header`` makes the output ready.
 
     ``flying`` says where the passing mark stands: with the move that ends at the pose, or after it,
-    in which case ``flying_off`` ends the pulse one move later.
+    in which case ``flying_off`` ends the pulse one move later. None of it is written, and no output is
+    touched, where the cell names no output. ``passing`` says where on the path the mark in passing comes,
+    if that is not the pose itself.
     """
 
+    header: tuple[str, ...] = ()
     rest: tuple[str, ...]
     flying: Literal["with_move", "after"] = "after"
     flying_on: tuple[str, ...] = ()
     flying_off: tuple[str, ...] = ()
     note: str = ""
+    passing: str = ""
+
+
+class Select(Strict):
+    """How the numbers of tool, base and load are said; an empty pattern: the language cannot select it."""
+
+    tool: str = ""
+    base: str = ""
+    load: str = ""
+    note: str = ""
 
 
 class Log(Strict):
-    """How the controller's own record of its axes is read later: separated columns, or a pattern a line."""
+    """How the controller's own record of its axes is read later: separated columns, or a pattern a line.
+
+    ``passing``: it is kept in passing too; else only at rest, and a continuous session needs ``trace``.
+    """
 
     file: str
+    passing: bool = False
     columns: Literal["q", "cmd"] = "q"
     separator: str = ";"
     decimal: str = "."
@@ -155,17 +172,20 @@ class Dialect(Strict):
     max_line: int = Field(ge=40)
     part_lines: int | None = Field(default=None, ge=20)
     number_step: int = Field(default=0, ge=0)
-    output: int = Field(default=1, ge=0)
-    input: int = Field(default=1, ge=0)
+    output: str = "{number}"
+    input: str = "{number}"
+    trace: str = Field(min_length=1)
     header: tuple[str, ...] = ()
     footer: tuple[str, ...] = ()
     pause: tuple[str, ...]
     wait: tuple[str, ...]
+    wait_note: str = ""
     comment: Comment
     blend: Blend
     speed: Speed
     dwell: Dwell
     sync: Sync
+    select: Select = Select()
     log: Log | None = None
     reading: Reading
     options: dict[str, Option] = {}
@@ -174,6 +194,13 @@ class Dialect(Strict):
     def max_joints(self) -> int:
         """Return how many axes the dialect has words for."""
         return len(self.axes)
+
+    def signal(self, text: str, output: int | None, gauge_input: int | None) -> str:
+        """Return ``text`` with the names of the cell's output and input in it, as far as the cell has them."""
+        for word, pattern, number in (("{output}", self.output, output), ("{input}", self.input, gauge_input)):
+            if number is not None:
+                text = text.replace(word, pattern.replace("{number}", str(number)))
+        return text
 
 
 def root() -> Path:

@@ -52,7 +52,7 @@ class Sync:
 
 @dataclass(frozen=True)
 class LogAxes:
-    """Let the controller itself record its axis angles at pose ``pose``, standing still."""
+    """Let the controller itself record its axis angles at pose ``pose``; in passing where its language can."""
 
     pose: int
 
@@ -92,6 +92,10 @@ Instruction = JointMove | Dwell | Sync | LogAxes | Pause | WaitInput | Comment |
 class Program:
     """A whole measuring session, checked for sense when it is made.
 
+    Without ``sync_output`` no output is switched and without ``gauge_input`` no input is waited on, whatever the
+    instructions mark. ``map_mm`` and ``com_mm`` are in the flange frame: the measured point, and the centre of
+    mass of what is bolted on.
+
     Raises:
         InputError: an angle, time, speed or blend that no controller could drive, or a stop asked for
             where the path is blended.
@@ -107,6 +111,9 @@ class Program:
     load: int | None = None
     sync_output: int | None = None
     gauge_input: int | None = None
+    map_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass_kg: float = 0.0
+    com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):
@@ -115,6 +122,8 @@ class Program:
         for number in (self.tool, self.base, self.load, self.sync_output, self.gauge_input):
             if number is not None and not 0 <= number <= 9999:
                 raise InputError(f"tool, base, load and signals are numbers from 0 to 9999, found {number}")
+        if not all(math.isfinite(v) for v in (*self.map_mm, *self.com_mm, self.mass_kg)) or self.mass_kg < 0.0:
+            raise InputError(f"the tool has a place or a mass ({self.mass_kg} kg) that is no sensible number")
         if not self.moves:
             raise InputError("the program holds no move")
         for number, move in enumerate(self.moves, start=1):
@@ -154,7 +163,7 @@ def _check_stops(instructions: tuple[Instruction, ...]) -> None:
     for item in instructions:
         if isinstance(item, JointMove):
             blended = item.blend_mm > 0.0
-        elif isinstance(item, LogAxes | Dwell | Pause | WaitInput) and blended:
+        elif isinstance(item, Dwell | Pause | WaitInput) and blended:
             raise InputError(f"only a move that ends in an exact stop can be followed by {item}")
         elif isinstance(item, Dwell) and not 0.0 < item.seconds < 1e5:
             raise InputError(f"a dwell of {item.seconds} s is out of range")

@@ -1,7 +1,7 @@
 """From the neutral program to the steps that a template prints: words chosen, numbers rounded."""
 
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from planner.errors import InputError
@@ -42,9 +42,16 @@ class Move:
     sync: int | None
     """Pose marked in passing, where the dialect says so together with the move."""
     pose: int | None
+    pulse: bool = False
+    """Whether the mark in passing pulses the output."""
+    log: bool = False
+    """Whether the mark in passing records the axes."""
 
 
-Kind = Literal["move", "dwell", "sync", "sync_on", "sync_off", "log", "pause", "wait", "comment", "section", "override"]
+Kind = Literal[
+    "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
+    "pause", "wait", "comment", "section", "override",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,16 @@ class Step:
     row: int = 0
     seconds: float = 0.0
     move: Move | None = None
+    pulse: bool = False
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What the instructions between a move and the next want of the pose that the move ends at."""
+
+    sync: int | None = None
+    log: int | None = None
 
 
 def plain(text: str, style: CommentStyle) -> str:
@@ -85,6 +102,7 @@ class _Lowering:
 
     def __init__(self, program: Program, dialect: Dialect) -> None:
         self.dialect = dialect
+        self.pulses, self.waits = program.sync_output is not None, program.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
         self.overrides = overrides(program.moves, dialect.speed)
         self.steps: list[Step] = []
@@ -94,26 +112,27 @@ class _Lowering:
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
-        for item, following in zip(program.instructions, _followers(program.instructions), strict=True):
-            self._add(item, following)
+        for item, mark in zip(program.instructions, _marks(program.instructions), strict=True):
+            self._add(item, mark)
         self._set_override(100)
 
-    def _add(self, item: Instruction, following: Instruction | None) -> None:
+    def _add(self, item: Instruction, mark: Mark) -> None:
         style = self.dialect.comment
         match item:
             case JointMove():
-                self._move(item, following)
+                self._move(item, mark)
             case Dwell(seconds=seconds):
                 self.steps.append(Step("dwell", seconds=seconds))
+            case Sync() | LogAxes() if self.flying:
+                pass  # told with the move
             case Sync(pose=pose):
-                self._sync(pose)
+                self.steps.append(Step("sync", number=pose) if self.pulses else Step("comment", text=f"pose {pose}"))
             case LogAxes(pose=pose):
-                self.rows += 1
-                self.steps.append(Step("log", number=pose, row=self.rows))
+                self._log("log", pose)
             case Pause(message=text):
                 self.steps.append(Step("pause", text=plain(text, style)))
             case WaitInput(what=text):
-                self.steps.append(Step("wait", text=plain(text, style), number=len(self.steps)))
+                self._wait(plain(text, style))
             case Comment(text=text):
                 self.steps.append(Step("comment", text=plain(text, style)))
             case Section(name=text):
@@ -127,10 +146,23 @@ class _Lowering:
             self.last_speed = ""
             self.steps.append(Step("override", number=override))
 
-    def _move(self, item: JointMove, following: Instruction | None) -> None:
+    def _log(self, kind: Literal["log", "log_passing"], pose: int) -> None:
+        self.rows += 1
+        self.steps.append(Step(kind, number=pose, row=self.rows))
+
+    def _wait(self, what: str) -> None:
+        """Without an input the operator alone goes on, at the pause before or at one of its own."""
+        if self.waits:
+            self.steps.append(Step("wait", text=what, number=len(self.steps)))
+        elif not self.steps or self.steps[-1].kind != "pause":
+            self.steps.append(Step("pause", text=what))
+        else:
+            self.steps.append(Step("comment", text=f"{what}: no input is waited for, the operator goes on"))
+
+    def _move(self, item: JointMove, mark: Mark) -> None:
         if not self.flying:
             self._set_override(self.overrides[self.moves])
-        move = self._printed(item, self.blends[self.moves], following)
+        move = self._printed(item, self.blends[self.moves], mark)
         self.steps.append(Step("move", move=move))
         self.moves += 1
         self.here, self.flying = item.q_deg, not move.exact
@@ -138,13 +170,15 @@ class _Lowering:
         if self.pulse_open:
             self.pulse_open = False
             self.steps.append(Step("sync_off"))
-            if self.flying and isinstance(following, Sync):
+            if self.flying and mark.sync is not None:
                 raise InputError(
                     f"{self.dialect.title} cannot pulse at two points one after the other; put a support "
-                    f"point before pose {following.pose}"
+                    f"point before pose {mark.sync}"
                 )
+        if self.flying:
+            self._passed(mark)
 
-    def _printed(self, item: JointMove, value: float | None, following: Instruction | None) -> Move:
+    def _printed(self, item: JointMove, value: float | None, mark: Mark) -> Move:
         d = self.dialect
         blend = "" if value is None else fixed(value, d.blend.decimals)
         if d.blend.kind == "dense" and value is not None:
@@ -161,23 +195,52 @@ class _Lowering:
             speed_changed=speed != self.last_speed,
             turn_deg_s=turned / item.duration_s,
             approach=self.moves == 0,
-            sync=following.pose if with_move and isinstance(following, Sync) else None,
+            sync=_either(mark) if with_move else None,
             pose=item.pose,
+            pulse=self._pulsed(mark),
+            log=self._logged(mark),
         )
 
-    def _sync(self, pose: int) -> None:
-        if not self.flying:
-            self.steps.append(Step("sync", number=pose))
-        elif self.dialect.sync.flying == "after":
-            self.steps.append(Step("sync_on", number=pose))
-            self.pulse_open = bool(self.dialect.sync.flying_off)
+    def _pulsed(self, mark: Mark) -> bool:
+        return self.pulses and mark.sync is not None
+
+    def _logged(self, mark: Mark) -> bool:
+        return mark.log is not None and self.dialect.log is not None and self.dialect.log.passing
+
+    def _passed(self, mark: Mark) -> None:
+        """The steps of a pose that the robot has just driven through."""
+        pose, pulse, log = _either(mark), self._pulsed(mark), self._logged(mark)
+        if pose is None:
+            return
+        if self.dialect.sync.flying == "after":
+            if pulse or log:
+                self.steps.append(Step("sync_on", number=pose, pulse=pulse, log=log))
+                self.pulse_open = pulse and bool(self.dialect.sync.flying_off)
+            else:
+                self.steps.append(Step("comment", text=f"pose {pose} in passing"))
+        if log:
+            self._log("log_passing", pose)
+        elif mark.log is not None:
+            self.steps.append(Step("unlogged", number=pose))
 
 
-def _followers(instructions: tuple[Instruction, ...]) -> list[Instruction | None]:
-    """Return for each instruction the next one that makes the robot do something."""
-    following: Instruction | None = None
-    ahead: list[Instruction | None] = []
+def _either(mark: Mark) -> int | None:
+    return mark.sync if mark.sync is not None else mark.log
+
+
+def _marks(instructions: tuple[Instruction, ...]) -> list[Mark]:
+    """Return for each instruction the marks that stand between it and the next move."""
+    mark = Mark()
+    ahead: list[Mark] = []
     for item in reversed(instructions):
-        ahead.append(following)
-        following = following if isinstance(item, Comment | Section) else item
+        ahead.append(mark)
+        match item:
+            case JointMove():
+                mark = Mark()
+            case Sync(pose=pose):
+                mark = replace(mark, sync=pose)
+            case LogAxes(pose=pose):
+                mark = replace(mark, log=pose)
+            case _:
+                pass
     return ahead[::-1]

@@ -1,6 +1,7 @@
 """Puts the steps through a dialect's template and cuts the result into the controller's files."""
 
 import re
+import textwrap
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -10,8 +11,9 @@ from jinja2.environment import TemplateModule
 from planner.errors import InputError
 from planner.program.dialect import Dialect, root
 from planner.program.instructions import Program
-from planner.program.lowering import Step, lower
+from planner.program.lowering import Step, lower, plain
 from planner.program.numbers import fixed
+from planner.program.remarks import cautions, explanations
 
 LINE_END = {"lf": "\n", "crlf": "\r\n"}
 
@@ -73,7 +75,15 @@ def _files(
     environment.filters["fixed"] = fixed
     template = environment.get_template("program.j2")
     name = program_name(stem, dialect)
-    context = {"d": dialect, "p": program, "name": name, "rows": [s for s in steps if s.kind == "log"]}
+    context = {
+        "d": dialect,
+        "p": program,
+        "name": name,
+        "rows": [s for s in steps if s.kind in ("log", "log_passing")],
+        "passing": [s for s in steps if s.kind == "log_passing"],
+        "overridden": any(s.kind == "override" for s in steps),
+        "remarks": _remarks(program, dialect, steps),
+    }
     module = template.make_module(context)
     blocks = [_lines(module, "step", s) for s in steps]
     if dialect.part_lines is not None and sum(map(len, blocks)) > dialect.part_lines:
@@ -86,6 +96,13 @@ def _files(
     if dialect.files.data is not None:
         files.append((dialect.files.data.format(name=name), _lines(module, "data", parts)))
     return tuple(_finish(file_name, lines, dialect) for file_name, lines in files)
+
+
+def _remarks(program: Program, dialect: Dialect, steps: tuple[Step, ...]) -> list[str]:
+    """Return what the head of the program says, in lines that fit into comments."""
+    said = (*cautions(program, dialect, steps), *explanations(program, dialect))
+    width = dialect.comment.max_length
+    return [plain(line, dialect.comment) for text in said for line in textwrap.wrap(text, width)]
 
 
 def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:

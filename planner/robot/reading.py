@@ -11,7 +11,7 @@ from planner.chain import Transform
 from planner.errors import InputError, nearest
 from planner.resources import folder
 from planner.robot.additions import EffectFile, LoadsFile, effects_of, loads_of, nominal_of
-from planner.robot.model import LinkMass, Robot
+from planner.robot.model import LinkMass, Priors, Robot
 from planner.robot.rows import dh_row, frame, mdh_row, needs_beta
 from planner.robot.urdf import UrdfChain, read_urdf
 from planner.schema import Strict, read_toml
@@ -56,6 +56,14 @@ class FlangeFile(Strict):
     rpy_deg: Vector = (0.0, 0.0, 0.0)
 
 
+class PriorsFile(Strict):
+    """``[priors]``: one-sigma sizes of a robot's errors before it is calibrated."""
+
+    length_mm: PositiveFloat = 1.0
+    angle_deg: PositiveFloat = 0.0573
+    compliance_urad_Nm: PositiveFloat = 2.0
+
+
 class RobotFile(Strict):
     """The whole ``robot.toml`` (schema ``edbb-robot/1``)."""
 
@@ -70,6 +78,7 @@ class RobotFile(Strict):
     reach_mm: PositiveFloat | None = None
     sources: dict[str, str] = {}
     flange: FlangeFile = FlangeFile()
+    priors: PriorsFile = PriorsFile()
     joints: tuple[JointFile, ...] = ()
     bodies: tuple[LinkBodyFile, ...] = ()
     never_meet: tuple[tuple[int, int], ...] = ()
@@ -225,6 +234,9 @@ def _robot(
         acceleration=frozen(from_deg([j.acceleration_deg_s2 for j in joints])),
         jerk=frozen(from_deg([j.jerk_deg_s3 for j in joints])),
         repeatability=file.repeatability_mm * MM,
+        priors=Priors(
+            file.priors.length_mm * MM, float(from_deg(file.priors.angle_deg)), file.priors.compliance_urad_Nm * 1e-6
+        ),
         payload=file.payload_kg,
         masses=masses,
         bodies=shapes,

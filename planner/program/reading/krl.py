@@ -9,7 +9,9 @@ from planner.program.reading.trace import Trace, number
 
 _AXES = [f"A{i}" for i in range(1, 7)] + [f"E{i}" for i in range(1, 7)]
 _SETTING = re.compile(r"(\$OV_PRO|\$APO\.CPTP)\s*=\s*(\S+)|BAS\s*\(\s*(#VEL_PTP)\s*,\s*(\S+?)\s*\)")
-_CALL = re.compile(r"([A-Za-z_$][\w$]*)\s*\(\s*\)")
+_CALL = re.compile(r"(?:TRIGGER\s+WHEN\s.*\bDO\s+)?([A-Za-z_$][\w$]*)\s*\(\s*\)(?:\s+PRIO\s*=\s*-?\d+)?")
+_SCALED = re.compile(r"\(\w+\*(\d+)\+99\)/100")
+_FOUND = re.compile(r"OV_\w+")
 
 
 def read(_dialect: Dialect, texts: tuple[str, ...], trace: Trace) -> None:
@@ -33,7 +35,7 @@ def _collect(text: str, bodies: dict[str, list[str]]) -> None:
     body: list[str] | None = None
     for line in text.splitlines():
         statement = line.split(";", 1)[0].strip()
-        if match := re.fullmatch(r"DEF\s+(\w{1,24})\s*\(\s*\)", statement, re.IGNORECASE):
+        if match := re.fullmatch(r"(?:GLOBAL\s+)?DEF\s+(\w{1,24})\s*\(\s*\)", statement, re.IGNORECASE):
             body = bodies[match[1].upper()] = []
         elif statement.upper() == "END":
             body = None
@@ -61,7 +63,14 @@ class _Machine:
         elif re.match(r"(TRIGGER\s+WHEN\s+.*\bDO\s+)?PULSE\s*\(", statement, re.IGNORECASE):
             self.trace.syncs += 1
         elif match := _SETTING.fullmatch(statement):
-            self.values[match[1] or match[3]] = number(match[2] or match[4], statement)
+            self.values[match[1] or match[3]] = _percentage(match[2] or match[4], statement)
+
+
+def _percentage(text: str, statement: str) -> float:
+    """Return the number; of the override that the operator had set, taken as 100, where it is scaled or given back."""
+    if scaled := _SCALED.fullmatch(text):
+        return number(scaled[1], statement)
+    return 100.0 if _FOUND.fullmatch(text) else number(text, statement)
 
 
 def _angles(aggregate: str) -> list[float]:

@@ -33,7 +33,7 @@ def read(_dialect: Dialect, texts: tuple[str, ...], trace: Trace) -> None:
 
 
 def _called(statement: str) -> str | None:
-    match = re.fullmatch(r"(\w+);", statement)
+    match = re.fullmatch(r"(\w+)(?: \d+)?;", statement)
     return match[1].lower() if match else None
 
 
