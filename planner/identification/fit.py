@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.identification.noise import Noise, estimated
 from planner.identification.problem import Problem
-from planner.identification.solve import Solution, solve
+from planner.identification.solve import ROUGH, Solution, solve
 from planner.model import Model, Parameter
 from planner.units import Array
 
@@ -59,7 +59,7 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None, sett
     few = problem.take(np.linspace(0, len(problem) - 1, LOOK).astype(int)) if long else problem
     prior, errors = problem.model.prior, start
     for _ in range(ROUNDS if settle else 0):
-        solution = solve(few, errors)
+        solution = solve(few, errors, ROUGH)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _undecided(solution)

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
 
 from planner.model import Model
 from planner.run import Samples
 from planner.units import Array
 
 RATIO = np.log(2.0)  # one sigma of the logarithm of gauge over joints: data sheets are good to a factor of two
+SCORINGS = 30
 LEAST = 0.02  # share of its noise that is left in a residual which its own parameters follow
 SAMPLE = 20_000  # samples that the likelihood looks at
 ENOUGH = 60  # degrees of freedom below which the declared ratio of the components stands
@@ -94,14 +94,16 @@ def estimated(white: Whitener, residual: Array, leverage: Array) -> Noise:
 def _two(spread: "_Spread", one: float) -> Noise:
     """Gauge and joints with sizes of their own, at their likeliest; their ratio is known within a factor beforehand."""
 
-    def cost(logs: Array) -> tuple[float, Array]:
-        value, slope = spread.minus_twice_log(logs)
-        apart = (logs[1] - logs[0]) / RATIO
-        return value + apart**2, slope + 2 * apart / RATIO * np.array([-1.0, 1.0])
-
-    start = np.log([one, one])
-    found = minimize(cost, start, method="L-BFGS-B", jac=True, bounds=[(start[0] - 5, start[0] + 5)] * 2)
-    return Noise(*(float(v) for v in np.exp(found.x)))
+    logs = np.log([one, one])
+    apart = np.array([-1.0, 1.0]) / RATIO
+    for _ in range(SCORINGS):  # Fisher scoring: the expected curvature is never indefinite
+        slope, curvature = spread.slope(logs)
+        slope = slope + 2 * apart * (apart @ logs)
+        step = np.linalg.solve(curvature + 2 * np.outer(apart, apart), slope)
+        logs = logs - np.clip(step, -1.0, 1.0)
+        if np.abs(step).max() < 1e-4:
+            break
+    return Noise(*(float(v) for v in np.exp(np.maximum(logs, np.log(one) - 5))))
 
 
 @dataclass(frozen=True)
@@ -123,19 +125,20 @@ class _Spread:
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
         return cls((turned**2).ravel(), np.maximum(ratio, 0.0).ravel())
 
-    def minus_twice_log(self, logs: Array) -> tuple[float, Array]:
-        """Minus twice the log likelihood of (log gauge, log joints), and its gradient."""
+    def slope(self, logs: Array) -> tuple[Array, Array]:
+        """Gradient and expected curvature of minus twice the log likelihood of (log gauge, log joints)."""
         a, b = np.exp(2 * logs)
         variance = a + b * self.ratio
-        value = float((self.square / variance + np.log(variance)).sum())
-        slope = (1 - self.square / variance) / variance
-        return value, 2 * np.array([a * slope.sum(), b * (self.ratio * slope).sum()])
+        parts = 2 * np.stack([a / variance, b * self.ratio / variance])
+        return parts @ (1 - self.square / variance), parts @ parts.T
 
     def gauge_beside(self, joints: float) -> float:
         """Likeliest size of the gauge's part when the joints' is known."""
-        low, high = np.log(1e-3), 0.5 * np.log(self.square.mean() + 1e-300) + 1
-
-        def cost(log: float) -> float:
-            return self.minus_twice_log(np.array([log, np.log(joints)]))[0]
-
-        return float(np.exp(minimize_scalar(cost, bounds=(low, max(high, low + 1)), method="bounded").x))
+        log = 0.5 * float(np.log(self.square.mean() + 1e-300))
+        for _ in range(SCORINGS):
+            slope, curvature = self.slope(np.array([log, np.log(joints)]))
+            step = float(np.clip(slope[0] / max(curvature[0, 0], 1e-12), -1.0, 1.0))
+            log -= step
+            if abs(step) < 1e-4:
+                break
+        return float(np.exp(max(log, np.log(1e-3))))

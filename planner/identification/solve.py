@@ -10,6 +10,7 @@ from planner.identification.problem import Problem
 from planner.units import Array
 
 WARM = 3_000  # samples of a long run that find the minimum before all of them polish it
+ROUGH = 0.05  # the same while noise and priors are still being settled
 FLAT = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
 STEPS = 50
 CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
@@ -36,8 +37,8 @@ class Solution:
         return np.asarray(prior[:, None] * np.linalg.inv(self.factor))
 
 
-def solve(problem: Problem, start: Array | None = None) -> Solution:
-    """Fit the model's parameters.
+def solve(problem: Problem, start: Array | None = None, converged: float = CONVERGED) -> Solution:
+    """Fit the model's parameters; ``converged`` in standard deviations ends it.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -45,8 +46,8 @@ def solve(problem: Problem, start: Array | None = None) -> Solution:
     errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
     if len(problem) > 2 * WARM:
         few = problem.take(np.linspace(0, len(problem) - 1, WARM).astype(int))
-        errors = _descend(few, errors).errors
-    return _descend(problem, errors)
+        errors = _descend(few, errors, ROUGH).errors
+    return _descend(problem, errors, converged)
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _upper(tall: Array) -> Array:
     return out
 
 
-def _descend(problem: Problem, errors: Array) -> Solution:
+def _descend(problem: Problem, errors: Array, converged: float) -> Solution:
     here, damping = _Triangle.about(problem, errors), 0.0
     readings = len(problem) * problem.model.width
     for step in range(1, STEPS + 1):
@@ -97,7 +98,7 @@ def _descend(problem: Problem, errors: Array) -> Solution:
         there = _Triangle.about(problem, trial)
         sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
         fall = abs(here.cost - there.cost)
-        small = float(np.linalg.norm(here.factor @ z)) < CONVERGED * sigma or fall < FLAT * sigma**2
+        small = float(np.linalg.norm(here.factor @ z)) < converged * sigma or fall < FLAT * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
             errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
         else:

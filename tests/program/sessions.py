@@ -42,7 +42,7 @@ def _frame(n_joints: int, tour: list[Instruction]) -> Program:
         JointMove(home, 4.0, 800.0, 35.9),
         Comment("end; of (the) session"),
     ]
-    return Program(PLAN_ID, "comau-nj130", n_joints, home, tuple([*start, *tour, *end]), tool=1, base=0, load=2)
+    return Program(PLAN_ID, "comau-nj130", n_joints, home, tuple([*start, *tour, *end]), tool=1, base=0, load=2, sync_output=5, gauge_input=7)
 
 
 def static(n_joints: int = 6, n_poses: int = 4) -> Program:
@@ -57,7 +57,7 @@ def continuous(n_joints: int = 6, n_poses: int = 4) -> Program:
     """Rounded at the poses, marked in passing; a support point in between."""
     tour: list[Instruction] = []
     for pose, q in enumerate(angles(n_joints, n_poses), start=1):
-        tour += [JointMove(q, 37.3, 16.6667, 0.52, 10.0, pose, 700.0), Sync(pose)]
+        tour += [JointMove(q, 37.3, 16.6667, 0.52, 10.0, pose, 700.0), Sync(pose), LogAxes(pose)]
         support = tuple(x + 3.0 for x in q)
         tour.append(JointMove(support, 5.0, 16.0, 0.7, 7.5))
     return _frame(n_joints, tour)
@@ -83,5 +83,5 @@ def dense(n_joints: int = 6, n_steps: int = 200) -> Program:
     for index, row in enumerate(q.tolist()):
         tour.append(JointMove(tuple(row), 0.123, 16.0, 0.5, 10.0 if index < n_steps - 1 else 0.0))
         if index % 50 == 25:
-            tour.append(Sync(index))
+            tour += [Sync(index), LogAxes(index)]
     return _frame(n_joints, tour)
