@@ -70,6 +70,9 @@ def dialect_table(as_json: bool) -> None:
                 "units": i.units,
                 "max_joints": i.max_joints,
                 "resolution_deg": float(10.0**-i.decimals),
+                "logs_at_rest": i.logs_axes,
+                "logs_in_passing": i.logs_passing,
+                "trace": i.trace,
             }
             for i in infos
         ]
@@ -78,7 +81,5 @@ def dialect_table(as_json: bool) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in infos:
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(
-            i.name, i.title, axes, f"{np.power(10.0, -i.decimals):g}°", i.blend_kind, "yes" if i.logs_axes else "no"
-        )
+        table.add_row(i.name, i.title, axes, f"{np.power(10.0, -i.decimals):g}°", i.blend_kind, i.logging)
     Console(width=120).print(table)

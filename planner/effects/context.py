@@ -86,7 +86,7 @@ class Context:
     @property
     def _carried(self) -> Array | float:
         """Mass on the flange, one number or (n,) [kg]."""
-        return self.rig.tool_mass if self.samples.payload is None else self.samples.payload
+        return self.rig.tool_mass if self.samples.payload is None else self.rig.tool_mass + self.samples.payload
 
     @cached_property
     def pull(self) -> Array | None:

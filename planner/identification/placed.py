@@ -8,10 +8,11 @@ from planner.cell import Cell
 from planner.errors import InputError, nearest
 from planner.placing import place_lengths, place_points, place_poses, place_sockets
 from planner.rig import Rig, rig_of
-from planner.run import Run, speeds
+from planner.run import Run, reversals, speeds
 from planner.units import MM, Array
 
 FOUND = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
+REMEMBERED = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
 TURN = 0.02  # the same of a frame's orientation [rad]
 
 
@@ -80,7 +81,9 @@ def with_motion(run: Run) -> Run:
     """Return the run with the joints' speeds, where they can be told, and the lengths beside the angles."""
     samples = run.samples
     moving = run.continuous and samples.t is not None and len(run) > 2
-    return replace(run, samples=replace(samples, speed=speeds(samples) if moving else None, length=run.readings.length))
+    speed = speeds(samples) if moving else None
+    turned = reversals(samples.q) if moving and len(run) <= REMEMBERED else None
+    return replace(run, samples=replace(samples, speed=speed, length=run.readings.length, reversals=turned))
 
 
 def flanges(rig: Rig, q: Array) -> tuple[Array, Array]:

@@ -18,11 +18,11 @@ def cautions(program: Program, dialect: Dialect, steps: tuple[Step, ...]) -> tup
         )
     by_hand = [f"{name} {getattr(program, name)}" for name in NUMBERS if _unsaid(program, dialect, name)]
     if by_hand:
-        found.append(f"select {', '.join(by_hand)} by hand before the start, this language has no word for the numbers")
+        found.append(f"select {', '.join(by_hand)} by hand before the start, the program does not")
     if any(s.kind == "unlogged" for s in steps):
         found.append(
-            "the axis angles in passing are not logged by this program, a continuous session needs the controller's "
-            f"own record ({dialect.trace}), which edbb import reads"
+            "the axis angles in passing are not logged by this program, a continuous session needs a record by the "
+            f"controller ({dialect.trace}), which edbb import reads"
         )
     passing = any(s.kind in ("sync_on", "log_passing") or (s.move is not None and s.move.pulse) for s in steps)
     if dialect.sync.passing and passing:

@@ -5,6 +5,7 @@ from planner.run.joining import joined, load_runs
 from planner.run.loading import load_run
 from planner.run.motion import REST_SPEED, REST_TIME, speeds, stretches_at_rest
 from planner.run.resting import rest
+from planner.run.reversals import reversals
 from planner.run.saving import run_text, save_run
 from planner.run.types import Readings, Run, Samples
 
@@ -19,6 +20,7 @@ __all__ = [
     "load_run",
     "load_runs",
     "rest",
+    "reversals",
     "run_text",
     "save_run",
     "speeds",

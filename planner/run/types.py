@@ -27,6 +27,7 @@ class Samples:
         payload: (n,) [kg].
         direction: sign of each axis' last approach, (n, N).
         length: as the bar showed it, (n,) [m].
+        reversals: angles at each joint's last reversals, (n, N, M) [rad], the latest last.
         speed: of the controller angles where the run is continuous, (n, N) [rad/s].
     """
 
@@ -45,6 +46,7 @@ class Samples:
     direction: Array | None = None
     speed: Array | None = None
     length: Array | None = None
+    reversals: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples n."""

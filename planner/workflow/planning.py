@@ -20,6 +20,7 @@ from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
 from planner.workflow.replacing import joinable, replaced
+from planner.workflow.session import notes as session_notes
 from planner.workflow.session import session
 
 REPLACEMENTS = 20
@@ -84,7 +85,10 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
         bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), apart + swapped + notes)
         named = replace(bare, plan_id=identity(bare))
-        return replace(named, programs=tuple((name, programs(named, name)) for name in dialects))
+        told = session_notes(cell, (d.course for d in drives), named.plan_id, dialects)
+        return replace(
+            named, programs=tuple((name, programs(named, name)) for name in dialects), notes=(*named.notes, *told)
+        )
 
 
 def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:

@@ -18,6 +18,8 @@ from planner.program import (
     Section,
     Sync,
     WaitInput,
+    info,
+    program_notes,
 )
 from planner.trajectory import Limits, Trajectory, axis_percent
 from planner.units import Array
@@ -44,7 +46,24 @@ def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) ->
         load=control.load,
         sync_output=control.sync_output,
         gauge_input=control.gauge_input,
+        map_mm=_mm(cell.tool.p_FM),
+        mass_kg=cell.tool.mass,
+        com_mm=_mm(cell.tool.com_F),
     )
+
+
+def notes(cell: Cell, courses: Iterable[Course], plan_id: str, dialects: Iterable[str]) -> tuple[str, ...]:
+    """What a person must know of the session and of its program in each dialect; what several share is said once."""
+    found: list[str] = []
+    if is_continuous(cell) and cell.plan.repeat and "repeat" in cell.file.plan.model_fields_set:
+        stand_in = "the way there and back passes every pose twice instead" if cell.motion.both_ways else "none is driven"
+        found.append(f"plan.repeat = {cell.plan.repeat} is for poses at rest; in this continuous session {stand_in}")
+    said: dict[str, list[str]] = {}
+    made = tuple(courses)
+    for name in dialects:
+        for text in program_notes(session(cell, made, plan_id, info(name).wants_dense_path), name):
+            said.setdefault(text, []).append(name)
+    return (*found, *(f"{', '.join(names)}: {text}" for text, names in said.items()))
 
 
 def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
@@ -115,13 +134,14 @@ def _measuring(cell: Cell, one: Course) -> list[Instruction]:
     for move in _moves(cell, one.measuring, one.trajectory, bar=True):
         out.append(move)
         if move.pose is not None:
-            out += [Sync(move.pose)] if is_continuous(cell) else _at_pose(cell, move.pose)
+            mark = _mark(cell, move.pose)
+            rest = not is_continuous(cell)
+            out += [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rest else mark
     return out
 
 
-def _at_pose(cell: Cell, pose: int) -> list[Instruction]:
-    log: list[Instruction] = [LogAxes(pose)] if cell.controller.log_axes else []
-    return [Dwell(cell.motion.settle), Sync(pose), *log, Dwell(cell.motion.dwell)]
+def _mark(cell: Cell, pose: int) -> list[Instruction]:
+    return [Sync(pose), LogAxes(pose)] if cell.controller.log_axes else [Sync(pose)]
 
 
 def _dense(cell: Cell, one: Course) -> list[Instruction]:
@@ -144,7 +164,7 @@ def _dense(cell: Cell, one: Course) -> list[Instruction]:
         blend = 0.0 if rest else 1e3 * DENSE_TRAVEL / 2
         out.append(JointMove(_deg(motion.q[k + 1]), float(step[k]), speed, percent, blend, marks.get(k)))
         if k in marks:
-            out.append(Sync(marks[k]))
+            out += _mark(cell, marks[k])
     return out
 
 
@@ -160,6 +180,11 @@ def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
     even = np.interp(np.arange(count + 1) * covered[-1] / max(count, 1), covered, fine)
     times = np.unique(np.concatenate([even, trajectory.waypoint_time]))
     return np.asarray(times[np.concatenate([[True], np.diff(times) > 5e-3])])
+
+
+def _mm(p: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(v) * 1e3, 9) for v in p)
+    return x, y, z
 
 
 def _deg(q: Array) -> tuple[float, ...]:

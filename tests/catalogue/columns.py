@@ -1,17 +1,10 @@
 """Columns that basis functions with a memory need, made from a whole run in plain loops."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from planner.run import Samples, speeds
-
-
-@dataclass(frozen=True)
-class Seen(Samples):
-    """Samples with the angles of each joint's last reversals (n, N, M) [rad]."""
-
-    reversals: np.ndarray | None = None
+from planner.run import speeds
 
 
 def reversals(q, last=8):
@@ -31,10 +24,8 @@ def reversals(q, last=8):
 
 def seen(samples, readings=None, moving=False):
     """Samples with these columns."""
-    return Seen(
-        **{
-            k: v for k, v in vars(samples).items() if k in Samples.__dataclass_fields__ and k not in ("speed", "length")
-        },
+    return replace(
+        samples,
         speed=speeds(samples) if moving else samples.speed,
         length=None if readings is None else readings.length,
         reversals=reversals(samples.q),

@@ -105,7 +105,7 @@ def test_load_torques_are_those_of_newton_and_euler(name):
         model, frames = robot.pin_model()
         parent, T = frames[-1]
         T_F = T * robot.flange_frame()
-        model.appendBodyToJoint(parent, pin.Inertia(float(s.payload[k]), rig.com_F, np.zeros((3, 3))), T_F)
+        model.appendBodyToJoint(parent, pin.Inertia(float(s.payload[k] + rig.tool_mass), rig.com_F, np.zeros((3, 3))), T_F)
         model.gravity.linear = rig.gravity_B
         data = model.createData()
         held = pin.rnea(model, data, theta[k], np.zeros(6), np.zeros(6))
@@ -124,9 +124,9 @@ def _pulled(model, data, theta, parent, T_F, rig, s, k):
     return s.force[k] * J.T @ bar / np.linalg.norm(bar)
 
 
-def test_the_tools_own_mass_counts_where_no_payload_was_logged():
+def test_a_logged_payload_comes_on_top_of_the_tool():
     rng = np.random.default_rng(9)
     rig = rigs.rig("comau-nj130", "length", rng)
     s = rigs.samples(rig.robot, 5, rng, force=False)
-    logged = Context(rig, replace(s, payload=np.full(5, rig.tool_mass))).load_torque
+    logged = Context(rig, replace(s, payload=np.zeros(5))).load_torque
     assert np.allclose(Context(rig, replace(s, payload=None)).load_torque, logged, atol=1e-12)

@@ -1,5 +1,6 @@
 """Dialects are data: found on disk, checked key by key, extended by a folder."""
 
+import dataclasses
 import shutil
 from pathlib import Path
 
@@ -126,8 +127,8 @@ def test_pulses_that_would_run_together_are_refused() -> None:
     program = sessions.dense(6, 150)
     both = list(program.instructions)
     marked = next(i for i, x in enumerate(both) if type(x).__name__ == "Sync")
-    both.insert(marked + 2, both[marked])
-    changed = type(program)(program.plan_id, program.robot, 6, program.home_deg, tuple(both))
+    both.insert(marked + 3, both[marked])
+    changed = dataclasses.replace(program, instructions=tuple(both))
     with pytest.raises(InputError, match="one after the other"):
         write_program(changed, "linuxcnc", "a")
 

@@ -1,0 +1,33 @@
+"""Reversals against a plain loop."""
+
+import numpy as np
+
+from planner.run import reversals
+
+
+def plain(q, last):
+    n, joints = q.shape
+    out = np.empty((n, joints, last))
+    for i in range(joints):
+        turned, way = [q[0, i]] * last, 0.0
+        for k in range(n):
+            step = q[k, i] - q[k - 1, i] if k else 0.0
+            if step * way < 0:
+                turned = [*turned[1:], q[k - 1, i]]
+            way = np.sign(step) or way
+            out[k, i] = turned
+    return out
+
+
+def test_reversals_agree_with_a_plain_loop():
+    t = np.linspace(0, 20, 4000)
+    q = np.stack([np.sin(t), np.sin(1.7 * t) + 0.3 * np.sin(5 * t), 0.2 * t], axis=1)
+    np.testing.assert_allclose(reversals(q, 3), plain(q, 3), atol=1e-2)  # a step of travel may show a sample later
+    assert np.mean(np.abs(reversals(q, 3) - plain(q, 3)) < 1e-6) > 0.97
+
+
+def test_noise_of_the_encoder_is_no_reversal():
+    t = np.linspace(0, 10, 5000)
+    q = np.sin(t)[:, None] + np.random.default_rng(0).uniform(-1e-6, 1e-6, (5000, 1))
+    late = reversals(q, 2)[-1, 0]
+    np.testing.assert_allclose(np.abs(late), 1.0, atol=1e-3)
