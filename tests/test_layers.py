@@ -13,7 +13,7 @@ ORDER = [
     # planning
     "workspace", "collision", "candidates", "selection", "choice", "tour", "path", "trajectory", "program", "plan",
     # calibration
-    "identification", "tracing", "compensation", "calibrated",
+    "identification", "residuals", "tracing", "compensation", "calibrated",
     # both
     "simulation", "report", "study", "workflow", "cli",
 ]  # fmt: skip

@@ -59,7 +59,7 @@ def identify_command(
         done = identify_runs(runs, cell, stages, plan, validate, Settings(hold_out, robust, seed), tracing=not no_trace)
         write_identification(done, output, stages)
     if as_json:
-        print_json(identification_content(done.calibration))
+        print_json(identification_content(done.calibration, done.left))
     else:
         identification_summary(done.calibration, output)
     if done.calibration.problems:

@@ -11,9 +11,8 @@ from planner.cli.options import CellArgument, Index, Json, Output, Seed, check_f
 from planner.cli.screen import Screen, errors
 from planner.cli.summary import dialect_table, plan_summary, robot_table
 from planner.errors import InputError
-from planner.files import write_text
 from planner.plan import plan_content
-from planner.workflow import Options, export_plan, plan, write_plan
+from planner.workflow import Options, export_plan, plan, write_plan, write_program_as
 
 
 def plan_command(
@@ -66,7 +65,7 @@ def export_command(
         str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
     ],
 ) -> None:
-    """Write the robot program of a plan in any dialect."""
+    """Write the robot program of a plan in any dialect; the cell.toml beside the plan must be the plan's own."""
     files = export_plan(plan_file, dialect, "-" if output == "-" else Path(output).name)
     if output == "-":
         if len(files) > 1:
@@ -74,8 +73,8 @@ def export_command(
             raise InputError(f"dialect '{dialect}' writes {len(files)} files ({names}); give a file name with -o")
         sys.stdout.write(files[0].text)
         return
-    for file in files:
-        write_text(Path(output).parent / file.name, file.text, file.encoding)
+    for line in write_program_as(files, Path(output)):
+        errors.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def robots_command(as_json: Json = False) -> None:

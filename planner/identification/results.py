@@ -1,35 +1,36 @@
-"""``identification.json`` and ``residuals.csv``: what a calibration says to other programs, in mm and degrees."""
+"""``identification.json``: what a calibration says to other programs, in mm and degrees."""
 
 import json
+from math import exp, log
 
 import numpy as np
 
 from planner.identification.gauge_frames import GaugeFrames, gauge_frames
-from planner.identification.leftover import Leftover, leftover
+from planner.identification.leftover import Leftover
 from planner.identification.residual_table import residuals_csv
 from planner.identification.results_file import SCHEMA, Identification
-from planner.identification.types import Calibration, Estimate, Metrics
-from planner.units import DEG, MM, Array, to_deg, to_mm
+from planner.identification.shown import in_file_units, shown_estimates
+from planner.identification.types import Calibration, Estimate, Finding, Limit, Metrics
+from planner.units import MM, Array, to_deg, to_mm
 
-__all__ = ["identification_content", "identification_text", "in_file_units", "residuals_csv"]
+__all__ = ["identification_content", "identification_text", "residuals_csv"]
 
+LEAST = -700.0  # logarithm of the smallest chance that JSON's numbers hold without loss
 DIGITS = 9  # significant ones: what lies below differs with the order of a sum
-SHOWN = {"m": ("mm", 1 / MM), "rad": ("deg", 1 / DEG), "rad/Nm": ("urad/Nm", 1e6)}
 
 
-def in_file_units(unit: str) -> tuple[str, float]:
-    """Return the unit in which files and screens give a value of the SI ``unit``, and the factor to it."""
-    return SHOWN.get(unit, (unit, 1.0))
+def identification_text(calibration: Calibration, left: Leftover) -> str:
+    """Return the text of ``identification.json``; the same calibration gives the same bytes.
 
-
-def identification_text(calibration: Calibration, left: Leftover | None = None) -> str:
-    """Return the text of ``identification.json``; the same calibration gives the same bytes."""
+    ``left`` is what the tests of its residual say.
+    """
     return json.dumps(identification_content(calibration, left), indent=1, ensure_ascii=False) + "\n"
 
 
-def identification_content(calibration: Calibration, left: Leftover | None = None) -> dict[str, object]:
-    """Return what ``identification.json`` says, in the contract's keys; ``left`` where it was worked out before."""
+def identification_content(calibration: Calibration, left: Leftover) -> dict[str, object]:
+    """Return what ``identification.json`` says, in the contract's keys; ``left`` is what the tests of its residual say."""
     c = calibration
+    traced = c.traced
     content = {
         "schema": SCHEMA,
         "robot": c.fit.model.rig.robot.name,
@@ -42,9 +43,13 @@ def identification_content(calibration: Calibration, left: Leftover | None = Non
             | ({} if s.validation is None else {"validation": _metrics(s.validation)})
             for s in c.stages
         ],
-        "parameters": [_parameter(e) for e in c.estimates],
-        "findings": [],
-        "unexplained": _unexplained(c, left or leftover(c)),
+        "parameters": [_parameter(e) for e in shown_estimates(c)],
+        "degrees_of_freedom": degrees_of_freedom(c),
+        "findings": [] if traced is None else [_finding(f) for f in traced.findings],
+        "limits": [] if traced is None else [_limit(limit) for limit in traced.limits],
+        "rejected": [] if traced is None else [{"name": n, "because": why} for n, why in traced.rejected],
+        "tried": None if traced is None else traced.tried,
+        "unexplained": _unexplained(c, left),
         "noise_floor_mm": None if c.noise_floor is None else c.noise_floor / MM,
         "condition_number": c.condition_number if np.isfinite(c.condition_number) else None,
         "correlation_time": c.correlation_time,
@@ -54,6 +59,39 @@ def identification_content(calibration: Calibration, left: Leftover | None = Non
     }
     whole = Identification.model_validate(_rounded(content))
     return whole.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+
+def degrees_of_freedom(c: Calibration) -> float:
+    """Readings, correlated ones counted as fewer, less the parameters that they decide: those of Student's t."""
+    readings = len(c.fit.problem) * c.fit.model.width / c.correlation_time
+    return max(1.0, readings - c.fit.effective)
+
+
+def _finding(f: Finding) -> dict[str, object]:
+    unit, factor = in_file_units(f.unit)
+    return {
+        "effect": f.effect,
+        "on": f.on,
+        "value": f.value * factor,
+        "std": f.std * factor,
+        "unit": unit,
+        "p_value": exp(max(f.log_p, LEAST)),
+        "log10_p": f.log_p / log(10),
+        "held_out_gain": f.held_out_gain / MM,
+        "rivals": list(f.rivals),
+        "note": f.note,
+    } | ({} if f.inner is None else {"inner": _inner(f, f.inner)})
+
+
+def _inner(f: Finding, value: float) -> dict[str, object]:
+    unit, factor = in_file_units(f.inner_unit or "")
+    std = None if f.inner_std is None else f.inner_std * factor
+    return {"name": f.inner_name, "value": value * factor, "std": std, "unit": unit}
+
+
+def _limit(limit: Limit) -> dict[str, object]:
+    unit, factor = in_file_units(limit.unit)
+    return {"effect": limit.effect, "on": limit.on, "size": limit.size * factor, "unit": unit}
 
 
 def _metrics(m: Metrics) -> dict[str, float]:

@@ -38,7 +38,10 @@ class StageSection(Strict):
 
 
 class ParameterSection(Strict):
-    """One parameter in its ``unit`` (mm, deg, urad/Nm); ``because`` says why it was left out."""
+    """One parameter in its ``unit`` (mm, deg, urad/Nm); ``because`` says why it was left out.
+
+    An interval about ``value`` is ``std`` times Student's t at the file's ``degrees_of_freedom``.
+    """
 
     name: str
     value: float
@@ -52,8 +55,22 @@ class ParameterSection(Strict):
     group: str
 
 
+class InnerSection(Strict):
+    """The number inside an effect: a frequency, a time constant, a width."""
+
+    name: str
+    value: float
+    std: float | None
+    unit: str
+
+
 class FindingSection(Strict):
-    """An effect that was found in the residual."""
+    """An effect that was found in the residual; its parameters are those of the group ``effect, on``.
+
+    ``value`` is the length of the vector of its parameters. ``p_value`` is corrected for everything that was tried;
+    ``log10_p`` is its logarithm, which does not run out of digits. ``held_out_gain`` [mm] is the fall of the rms on
+    held-out samples in the stage that brought the effect.
+    """
 
     effect: str
     on: str
@@ -61,9 +78,27 @@ class FindingSection(Strict):
     std: float
     unit: str
     p_value: float
+    log10_p: float
     held_out_gain: float
     rivals: tuple[str, ...]
     note: str
+    inner: InnerSection | None = None
+
+
+class LimitSection(Strict):
+    """The smallest size of an effect that was not found which this run would have shown in 95 of 100 cases."""
+
+    effect: str
+    on: str
+    size: float
+    unit: str
+
+
+class RejectedSection(Strict):
+    """An effect that was tried in full and not kept."""
+
+    name: str
+    because: str
 
 
 class UnexplainedSection(Strict):
@@ -121,7 +156,11 @@ class Identification(Strict):
     split: SplitSection
     stages: tuple[StageSection, ...]
     parameters: tuple[ParameterSection, ...]
+    degrees_of_freedom: float
     findings: tuple[FindingSection, ...]
+    limits: tuple[LimitSection, ...]
+    rejected: tuple[RejectedSection, ...]
+    tried: int | None
     unexplained: UnexplainedSection
     noise_floor_mm: float | None
     condition_number: float | None

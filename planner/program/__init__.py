@@ -11,15 +11,16 @@ A dialect is a folder ``g-code/<name>`` with two files and no line of Python:
     the kind and word of its blending (``none``, ``mm``, ``percent`` of half the leg, ``path_degrees``,
     or ``dense``: only a path in small steps runs without stops), the kind and word of its speed
     (``axis_percent``, ``tool_speed``, ``inverse_time``), dwell, the pulse at a pose standing still and in
-    passing, pause, wait, the log of its own axes, the words that select tool, base and load, and under ``[reading]`` the family of the reader. Every key
-    is checked; a wrong one is named.
+    passing, pause, wait, the log of its own axes, the words that select tool, base and load, and under
+    ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
-    sync, sync_on, sync_off, log, log_passing, unlogged, pause, wait, comment, section, override), and a macro ``main(parts)``,
-    which prints the file around the parts' lines; ``part(part)`` and ``data(parts)`` where
-    ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name`` its name, ``rows`` the
-    steps that log, ``passing`` those of them that log while the robot moves, ``remarks`` what the head of the
-    program tells the operator. An undefined name is an error.
+    sync, sync_on, sync_off, log, log_passing, unlogged, pause, wait, comment, section, override), and a
+    macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
+    ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
+    its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
+    ``overridden`` whether the override is scaled, ``remarks`` what the head of the program tells the
+    operator. An undefined name is an error.
 
 To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
 """

@@ -14,7 +14,8 @@ def cautions(program: Program, dialect: Dialect, steps: tuple[Step, ...]) -> tup
         found.append("no output marks the poses and none is touched, the cell names no controller.sync_output")
     if program.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
         found.append(
-            "no input says that the gauge is ready, the operator alone goes on, the cell names no controller.gauge_input"
+            "no input says that the gauge is ready, the operator alone goes on, "
+            "the cell names no controller.gauge_input"
         )
     by_hand = [f"{name} {getattr(program, name)}" for name in NUMBERS if _unsaid(program, dialect, name)]
     if by_hand:

@@ -2,6 +2,6 @@
 
 from planner.workflow.export import export_plan
 from planner.workflow.planning import Options, Stages, plan, programs
-from planner.workflow.writing import write_plan
+from planner.workflow.writing import write_plan, write_program_as
 
-__all__ = ["Options", "Stages", "export_plan", "plan", "programs", "write_plan"]
+__all__ = ["Options", "Stages", "export_plan", "plan", "programs", "write_plan", "write_program_as"]

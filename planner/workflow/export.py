@@ -10,6 +10,7 @@ from planner.errors import InputError
 from planner.plan import Course, DriveFile, WaypointFile, Waypoints, course, read_plan, settled
 from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
+from planner.workflow.belonging import check_courses, check_robot
 from planner.workflow.session import session
 
 
@@ -26,17 +27,17 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     if not beside.is_file():
         raise InputError(f"{beside} is missing: a plan is exported together with the cell that was planned")
     cell = read_cell(beside, "cell")
-    program = session(cell, [_course(path, cell, d) for d in file.drives], file.plan_id, chosen.wants_dense_path)
+    planned_for = check_robot(path, beside, cell, file)
+    courses = [_course(path, cell, d) for d in file.drives]
+    check_courses(path, beside, cell, planned_for, courses)
+    program = session(cell, courses, file.plan_id, chosen.wants_dense_path)
     name = f"{cell.robot.name}_{file.plan_id}" if stem == "-" else Path(stem).stem
     return write_program(program, dialect, name)
 
 
 def _course(path: Path, cell: Cell, drive: DriveFile) -> Course:
-    names = [f.name for f in cell.fixtures]
-    if drive.fixture not in names:
-        raise InputError(f"{path}: fixture '{drive.fixture}' is not one of the cell beside it ({', '.join(names)})")
-    way, measuring = _waypoints(path, cell, drive.travel), _waypoints(path, cell, drive.waypoints)
-    return course(cell, names.index(drive.fixture), way, measuring)
+    fixture = [f.name for f in cell.fixtures].index(drive.fixture)
+    return course(cell, fixture, _waypoints(path, cell, drive.travel), _waypoints(path, cell, drive.waypoints))
 
 
 def _waypoints(path: Path, cell: Cell, points: tuple[WaypointFile, ...]) -> Waypoints:

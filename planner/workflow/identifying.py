@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,10 @@ from planner.cell import Cell, load_cell
 from planner.errors import InputError
 from planner.files import write_bytes, write_text
 from planner.identification import Calibration, Settings, identify
+from planner.identification.leftover import Leftover
 from planner.identification.results import identification_text, residuals_csv
 from planner.plan import PlanFile, read_plan
+from planner.residuals import leftover
 from planner.run import Run, load_runs
 from planner.tracing import trace
 from planner.workflow.planning import Stages
@@ -26,6 +29,11 @@ class Identification:
 
     cell: Cell
     calibration: Calibration
+
+    @cached_property
+    def left(self) -> Leftover:
+        """What the tests of the residual say."""
+        return leftover(self.calibration)
 
 
 def identify_runs(
@@ -84,9 +92,9 @@ def write_identification(done: Identification, folder: Path, stages: Stages) -> 
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
         draft = Path(name)
-        write_text(draft / "identification.json", identification_text(found))
+        write_text(draft / "identification.json", identification_text(found, done.left))
         write_text(draft / "residuals.csv", residuals_csv(found))
-        write_calibration_report(found, draft)
+        write_calibration_report(found, draft, done.left)
         if not found.problems:
             _write_robot(found, draft)
         if found.problems:

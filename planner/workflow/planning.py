@@ -19,8 +19,8 @@ from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
+from planner.workflow.notes import session_notes
 from planner.workflow.replacing import joinable, replaced
-from planner.workflow.session import notes as session_notes
 from planner.workflow.session import session
 
 REPLACEMENTS = 20

@@ -18,8 +18,6 @@ from planner.program import (
     Section,
     Sync,
     WaitInput,
-    info,
-    program_notes,
 )
 from planner.trajectory import Limits, Trajectory, axis_percent
 from planner.units import Array
@@ -50,20 +48,6 @@ def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) ->
         mass_kg=cell.tool.mass,
         com_mm=_mm(cell.tool.com_F),
     )
-
-
-def notes(cell: Cell, courses: Iterable[Course], plan_id: str, dialects: Iterable[str]) -> tuple[str, ...]:
-    """What a person must know of the session and of its program in each dialect; what several share is said once."""
-    found: list[str] = []
-    if is_continuous(cell) and cell.plan.repeat and "repeat" in cell.file.plan.model_fields_set:
-        stand_in = "the way there and back passes every pose twice instead" if cell.motion.both_ways else "none is driven"
-        found.append(f"plan.repeat = {cell.plan.repeat} is for poses at rest; in this continuous session {stand_in}")
-    said: dict[str, list[str]] = {}
-    made = tuple(courses)
-    for name in dialects:
-        for text in program_notes(session(cell, made, plan_id, info(name).wants_dense_path), name):
-            said.setdefault(text, []).append(name)
-    return (*found, *(f"{', '.join(names)}: {text}" for text, names in said.items()))
 
 
 def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:

@@ -8,9 +8,11 @@ from pathlib import Path
 import tomli_w
 
 from planner.cell import Cell
+from planner.errors import InputError
 from planner.files import write_text
 from planner.gauge import bar_state
 from planner.plan import Plan, plan_text
+from planner.program import ProgramFile
 from planner.resources import folder as data_folder
 from planner.trajectory import table, table_csv
 from planner.units import Array
@@ -39,6 +41,31 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
             write_text(draft / "plan.json", plan_text(plan))
         write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
         return move_all(draft, folder)
+
+
+def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
+    """Write the first of ``files`` to ``path`` as given and the others beside it; return what a person must know.
+
+    A companion of the same name takes the name of ``path`` where that differs from its own in nothing but case;
+    else it keeps the name by which the program finds it.
+
+    Raises:
+        InputError: ``path`` is the name of one of the others, or cannot be written.
+    """
+    first, *others = files
+    legal = Path(first.name)
+    targets = [path]
+    for other in map(Path, (f.name for f in others)):
+        same = other.stem == legal.stem and path.stem.lower() == legal.stem.lower()
+        targets.append(path.with_name((path.stem if same else other.stem) + other.suffix))
+    if len({t.name.lower() for t in targets}) < len(targets):
+        raise InputError(f"{path}: this name is that of another file of the program; {first.name} starts it")
+    for target, file in zip(targets, files, strict=True):
+        write_text(target, file.text, file.encoding)
+    said = (
+        [f"{path} is written; the controller takes it under the name {first.name}"] if path.name != first.name else []
+    )
+    return said + [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
 
 
 def move_all(draft: Path, folder: Path) -> list[Path]:

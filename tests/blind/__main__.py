@@ -56,7 +56,10 @@ def line(o: Outcome) -> str:
     head = f"{t.part} {t.seed} {t.gauge} {t.kind or '-'} {t.share:g} {t.noise}"
     if o.failed:
         return f"{head} FAILED {o.failed}"
-    planted = ", ".join(f"{p.kind}@{p.joint} {p.share:.1f}x{'' if p.named else '(rival)' if p.as_rival else '(MISSED)'}" for p in o.planted)
+    planted = ", ".join(
+        f"{p.kind}@{p.joint} {p.share:.1f}x{'' if p.named else '(rival)' if p.as_rival else '(MISSED)'}"
+        for p in o.planted
+    )
     names = "; ".join(f"{'' if n.right else '!'}{n.effect}, {n.on} {list(n.rivals[:3])}{n.log_p:.0f}" for n in o.named)
     return (
         f"{head} [{planted}] -> {names or '-'} | {o.geometry * 1e6:.1f} {o.held_out * 1e6:.1f} µm "

@@ -117,7 +117,9 @@ def _confusion(rows: list[Outcome]) -> Iterator[str]:
         for p in o.planted:
             said = sorted(o.named, key=lambda n: n.log_p)[:1]
             for n in said:
-                by[p.kind][n.effect + ("" if n.right else " (wrong)") + ("" if p.named or not n.right else " (rival)")] += 1
+                by[p.kind][
+                    n.effect + ("" if n.right else " (wrong)") + ("" if p.named or not n.right else " (rival)")
+                ] += 1
             if not said:
                 by[p.kind]["-"] += 1
     for kind, said in sorted(by.items()):

@@ -19,7 +19,6 @@ from planner.effects.waves import Angle, Cosine, Sine
 from planner.model import Model, Parameter
 from planner.model.parameters import transform
 from planner.run import Samples
-from tests.catalogue.columns import Seen
 from tests.generator.arm import Arm
 from tests.generator.benches import BENCHES
 from tests.generator.scene import Scene
@@ -31,7 +30,7 @@ def everything(rig, n, rng):
     """Samples with every column, all of them at random."""
     s = rigs.samples(rig.robot, n, rng, force=rig.kind == "length")
     N = rig.robot.n_joints
-    return Seen(
+    return Samples(
         **{
             **vars(s),
             "t": np.sort(rng.uniform(0, 3600, n)),
@@ -43,8 +42,8 @@ def everything(rig, n, rng):
             "direction": rng.choice([-1.0, 1.0], (n, N)),
             "speed": rng.normal(0, 0.5, (n, N)),
             "length": rng.uniform(0.3, 0.5, n) if rig.kind == "length" else None,
-        },
-        reversals=s.q[:, :, None] + rng.normal(0, 0.1, (n, N, 3)),
+            "reversals": s.q[:, :, None] + rng.normal(0, 0.1, (n, N, 3)),
+        }
     )
 
 
@@ -113,7 +112,7 @@ def test_moments_are_those_of_the_generators_own_physics(name):
     bench, rig = BENCHES[name], rigs.rig(name, "length", rng)
     rig = replace(
         rig, p_BX=bench.fixture[None], p_FM=bench.tool[None], com_F=np.array(bench.com_mm) / 1e3,
-        gravity_B=np.array([0, 0, -9.81]), place_names=("A",), point_names=("",),
+        gravity_B=np.array([0, 0, -9.81]), place_names=("A",), point_names=("",), tool_mass=0.0,
     )  # fmt: skip
     q = rng.uniform(rig.robot.q_lower, rig.robot.q_upper, (30, 6))
     payload, force = rng.uniform(0, 6, 30), rng.uniform(0, 500, 30)
@@ -155,7 +154,7 @@ def test_weights_are_those_of_newton_and_euler():
         found = np.stack([WeightTorque(i, link)(c) for i in range(6)], axis=1)
         assert np.allclose(found[:, : link + 1], -more[:, : link + 1], atol=1e-9)
     assert np.allclose(PayloadTorque(2)(c), c.samples.payload * WeightTorque(2, 6)(c))
-    alone = replace(c.rig, robot=replace(robot, masses=(None,) * 6))
+    alone = replace(c.rig, robot=replace(robot, masses=(None,) * 6), tool_mass=0.0)
     assert np.allclose(Context(alone, c.samples).load_torque[:, 2], PayloadTorque(2)(c), atol=1e-9)
 
 

@@ -105,7 +105,9 @@ def test_load_torques_are_those_of_newton_and_euler(name):
         model, frames = robot.pin_model()
         parent, T = frames[-1]
         T_F = T * robot.flange_frame()
-        model.appendBodyToJoint(parent, pin.Inertia(float(s.payload[k] + rig.tool_mass), rig.com_F, np.zeros((3, 3))), T_F)
+        model.appendBodyToJoint(
+            parent, pin.Inertia(float(s.payload[k] + rig.tool_mass), rig.com_F, np.zeros((3, 3))), T_F
+        )
         model.gravity.linear = rig.gravity_B
         data = model.createData()
         held = pin.rnea(model, data, theta[k], np.zeros(6), np.zeros(6))

@@ -42,7 +42,18 @@ def _frame(n_joints: int, tour: list[Instruction]) -> Program:
         JointMove(home, 4.0, 800.0, 35.9),
         Comment("end; of (the) session"),
     ]
-    return Program(PLAN_ID, "comau-nj130", n_joints, home, tuple([*start, *tour, *end]), tool=1, base=0, load=2, sync_output=5, gauge_input=7)
+    return Program(
+        PLAN_ID,
+        "comau-nj130",
+        n_joints,
+        home,
+        tuple([*start, *tour, *end]),
+        tool=1,
+        base=0,
+        load=2,
+        sync_output=5,
+        gauge_input=7,
+    )
 
 
 def static(n_joints: int = 6, n_poses: int = 4) -> Program:

@@ -19,7 +19,11 @@ def _program(*instructions: Instruction, **changes: object) -> Program:
 
 
 def test_a_good_one() -> None:
-    assert _program(MOVE, Sync(1), LogAxes(1), Dwell(1.0), ROUNDED, Sync(2), MOVE).moves == (MOVE, ROUNDED, MOVE)
+    assert _program(MOVE, Sync(1), LogAxes(1), Dwell(1.0), ROUNDED, Sync(2), LogAxes(2), MOVE).moves == (
+        MOVE,
+        ROUNDED,
+        MOVE,
+    )
 
 
 @pytest.mark.parametrize(
@@ -37,7 +41,8 @@ def test_a_good_one() -> None:
         ((dataclasses.replace(MOVE, blend_mm=-1.0),), {}, "blend_mm = -1"),
         ((ROUNDED, MOVE), {}, "first and the last move"),
         ((MOVE, ROUNDED), {}, "first and the last move"),
-        ((MOVE, ROUNDED, LogAxes(1), MOVE), {}, "only a move that ends in an exact stop .* LogAxes"),
+        ((MOVE,), {"mass_kg": -1.0}, "-1.0 kg"),
+        ((MOVE,), {"map_mm": (0.0, math.nan, 0.0)}, "no sensible number"),
         ((MOVE, ROUNDED, Dwell(1.0), MOVE), {}, "only a move that ends in an exact stop .* Dwell"),
         ((MOVE, ROUNDED, Sync(1), Pause("x"), MOVE), {}, "only a move that ends in an exact stop .* Pause"),
         ((MOVE, Dwell(0.0)), {}, "out of range"),

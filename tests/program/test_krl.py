@@ -1,12 +1,13 @@
 """KRL stays inside the subset that every KRC and the public grammar of the language take."""
 
+import dataclasses
 import re
 import tomllib
 from itertools import pairwise
 
 import pytest
 
-from planner.program import ProgramFile, import_map, write_program
+from planner.program import LogAxes, ProgramFile, import_map, write_program
 from tests.program import sessions
 
 _NUMBER = r"-?\d+\.\d+"
@@ -17,18 +18,25 @@ _SOURCE = (
     r"WAIT SEC (0|\d+\.\d+)",
     r"WAIT FOR \$IN\[\d+\]",
     r"BAS \(#(INITMOV|VEL_PTP|ACC_PTP|TOOL|BASE),\d+ \)",
-    r"\$(OV_PRO|ADVANCE|APO\.CPTP)=\d+",
+    r"\$(ADVANCE|APO\.CPTP)=\d+",
+    r"\$OV_PRO=(OV_[0-9A-F]{12}|\(OV_[0-9A-F]{12}\*\d+\+99\)/100)",
+    r"OV_[0-9A-F]{12}=\$OV_PRO",
+    r"NUM_[0-9A-F]{12}=(\d+|NUM_[0-9A-F]{12}\+1)",
     r"\$OUT\[\d+\]=(TRUE|FALSE)",
     r"\$LOAD=LOAD_DATA\[\d+\]",
     r"(TRIGGER WHEN DISTANCE=1 DELAY=0 DO )?PULSE \(\$OUT\[\d+\],TRUE,0\.\d+\)",
     r"GLOBAL INTERRUPT DECL 3 WHEN \$STOPMESS==TRUE DO IR_STOPM \( \)",
     r"INTERRUPT ON 3",
-    r"LOG_[0-9A-F]{12}\[\d+\]\.AX=\$AXIS_ACT",
+    r"LOG_[0-9A-F]{12}\[(\d+|NUM_[0-9A-F]{12})\]\.AX=\$AXIS_ACT",
+    r"TRIGGER WHEN DISTANCE=1 DELAY=0 DO PASS_[0-9A-F]{12} \( \) PRIO=-1",
+    r"GLOBAL DEF PASS_[0-9A-F]{12} \( \)",
+    r"END",
     r"[A-Z]\w{0,23} \( \)",
 )
 _DATA = (
     r"GLOBAL STRUC ROW_[0-9A-F]{12} INT POSE,E6AXIS AX",
     r"DECL GLOBAL ROW_[0-9A-F]{12} LOG_[0-9A-F]{12}\[\d+\]",
+    r"DECL GLOBAL INT (NUM|OV)_[0-9A-F]{12}=(0|100)",
     r"LOG_[0-9A-F]{12}\[\d+\]=\{POSE \d+,AX \{A1 0\.0(,[AE]\d 0\.0){11}\}\}",
 )
 
@@ -79,5 +87,41 @@ def test_override_changes_only_at_a_stop_and_is_given_back() -> None:
         if line.startswith("$OV_PRO"):
             assert not before.endswith("C_PTP")
     overrides = [x for x in moves if x.startswith("$OV_PRO")]
-    assert overrides[0] != "$OV_PRO=100"
-    assert overrides[-1] == "$OV_PRO=100"
+    assert overrides[0] != "$OV_PRO=OV_0123456789AB"
+    assert overrides[-1] == "$OV_PRO=OV_0123456789AB"
+    assert lines.index("OV_0123456789AB=$OV_PRO") < lines.index(overrides[0])
+    assert not re.search(r"\$OV_PRO=\d", text)
+
+
+@pytest.mark.parametrize("found", [1, 3, 30, 99, 100])
+def test_override_is_a_part_of_the_one_found(found: int) -> None:
+    """The printed expression, with KRL's whole-number division: never nothing, never more than found or planned."""
+    text = write_program(sessions.continuous(), "krl", "a")[0].text
+    scaled = re.findall(r"\$OV_PRO=\(\w+\*(\d+)\+99\)/100", text)
+    assert scaled
+    for percent in map(int, scaled):
+        value = (found * percent + 99) // 100
+        assert 1 <= value <= min(found, percent)
+        assert value - 1 < found * percent / 100 <= value
+
+
+def test_axes_in_passing_are_read_in_the_subprogram_that_pulses() -> None:
+    source, data = write_program(sessions.mixed(), "krl", "a")
+    main, _, passing = source.text.partition("GLOBAL DEF ")
+    body = [x for x in passing.split("\r\n") if x]
+    assert body[-3:-1] == ["LOG_0123456789AB[NUM_0123456789AB].AX=$AXIS_ACT", "PULSE ($OUT[5],TRUE,0.05)"]
+    lines = main.split("\r\n")
+    triggers = [i for i, x in enumerate(lines) if x.startswith("TRIGGER")]
+    assert all(lines[i + 1].endswith("C_PTP") for i in triggers)
+    poses = [int(x.split()[2]) for x in lines if re.fullmatch("; pose .* in passing", x)]
+    rested = re.findall(r"LOG_\w+\[(\d+)\]\.AX=\$AXIS_ACT\r\nNUM_\w+=(\d+)", main)
+    assert [(int(a), int(b)) for a, b in rested] == [(3, 3), (4, 4)]  # the two in passing filled rows 1 and 2
+    assert [int(p) for p in re.findall(r"POSE (\d+)", data.text)] == [*poses, 1, 2]
+
+
+def test_without_a_log_the_trigger_pulses_by_itself() -> None:
+    program = sessions.continuous()
+    bare = tuple(i for i in program.instructions if not isinstance(i, LogAxes))
+    source, _ = write_program(dataclasses.replace(program, instructions=bare), "krl", "a")
+    assert source.text.count("TRIGGER WHEN DISTANCE=1 DELAY=0 DO PULSE ($OUT[5],TRUE,0.05)") == 4
+    assert "PASS_" not in source.text

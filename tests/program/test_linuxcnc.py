@@ -77,7 +77,7 @@ def test_dwells_pulses_and_stops(tmp_path: Path) -> None:
     ]
     assert dwells == planned
     pulses = sum(isinstance(i, Sync) for i in program.instructions)
-    assert commands.count("SET_AUX_OUTPUT_BIT(0)") == commands.count("CLEAR_AUX_OUTPUT_BIT(0)") == pulses
+    assert commands.count("SET_AUX_OUTPUT_BIT(5)") == commands.count("CLEAR_AUX_OUTPUT_BIT(5)") == pulses
     assert commands.count("PROGRAM_STOP()") == sum(isinstance(i, Pause) for i in program.instructions)
     modes = [c for c in commands if c.startswith("SET_MOTION_CONTROL_MODE")]
     assert modes == ["SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)"]
@@ -114,7 +114,7 @@ def test_the_log_has_the_columns_of_the_import_map(tmp_path: Path) -> None:
 
 def test_the_interpreter_would_notice(tmp_path: Path) -> None:
     text = _written(sessions.static())
-    for old, new in ((" F15.0000", ""), ("Z-60.0000", "X-60.0000"), ("M66 P0 L3", "M66 P0 E0 L3")):
+    for old, new in ((" F15.0000", ""), ("Z-60.0000", "X-60.0000"), ("M66 P7 L3", "M66 P7 E0 L3")):
         assert old in text
         code, _ = _canonical(text.replace(old, new), tmp_path)
         assert code != 0, f"{old!r} -> {new!r}"

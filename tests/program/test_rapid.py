@@ -1,5 +1,6 @@
 """The third-party RAPID checker reads every module."""
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -23,8 +24,13 @@ def _check(text: str, folder: Path) -> tuple[int, str]:
 
 @pytest.mark.parametrize(
     "program",
-    [sessions.static(6, 1), sessions.static(7, 1), sessions.continuous(6, 2)],
-    ids=["static", "seven joints", "continuous"],
+    [
+        sessions.static(6, 1),
+        sessions.static(7, 1),
+        sessions.continuous(6, 2),
+        dataclasses.replace(sessions.continuous(6, 1), tool=None, sync_output=None, gauge_input=None),
+    ],
+    ids=["static", "seven joints", "continuous", "no tool and no signals"],
 )
 def test_module_is_accepted(program, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     (file,) = write_program(program, "rapid", "edbb")

@@ -1,18 +1,16 @@
 """The numbers behind speed and rounding words keep what they must not exceed, for any legs."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.program import JointMove, dialects, write_program
+from planner.program import JointMove
 from planner.program.blends import blend_values
-from planner.program.dialect import Blend, Speed, root
+from planner.program.dialect import Blend, Speed
 from planner.program.numbers import fixed, floored
 from planner.program.speeds import overrides, speed_value
-from tests.program.sessions import continuous, static
 
 PERCENT = Speed(kind="axis_percent", unit="%", decimals=0, overrides=(100, 50, 20, 10, 5, 2, 1))
 
@@ -103,17 +101,3 @@ def test_numbers_are_plain() -> None:
     assert floored(2.9999999999999996, 0) == 3.0
     assert floored(0.29999, 4) == 0.2999
     assert floored(16.6667, 2) == 16.66
-
-
-@pytest.mark.parametrize("name", [d.name for d in dialects()])
-@pytest.mark.parametrize("session", [static, continuous])
-def test_the_cell_names_the_signals(name, session):
-    """Output and input numbers of the cell stand where the dialect has numbers, and nothing stays unfilled."""
-    plain = session()
-    numbered = replace(plain, sync_output=37, gauge_input=41)
-    texts = ["\n".join(f.text for f in write_program(p, name, "s")) for p in (plain, numbered)]
-    assert not [word for text in texts for word in ("{output}", "{input}", "{what}", "{number}") if word in text]
-    if "{output}" in (root() / name / "dialect.toml").read_text():
-        assert "37" in texts[1]
-        assert "41" in texts[1]
-        assert texts[0] != texts[1]

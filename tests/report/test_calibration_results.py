@@ -11,9 +11,9 @@ import pytest
 
 from planner.identification import Calibration, error_size
 from planner.identification.gauge_frames import gauge_frames
-from planner.identification.leftover import leftover
 from planner.identification.results import identification_content, identification_text, residuals_csv
 from planner.identification.results_file import Identification
+from planner.residuals import leftover
 from tests.report.calibrated import calibrated
 
 CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
@@ -29,7 +29,7 @@ def c(request: pytest.FixtureRequest) -> Calibration:
 
 
 def test_keys_are_the_contracts(c: Calibration) -> None:
-    content = identification_content(c)
+    content = identification_content(c, leftover(c))
     assert content.keys() >= KEYS
     assert content["schema"] == "edbb-identification/1"
     assert content["robot"] == "comau-nj130"
@@ -46,7 +46,7 @@ def test_keys_are_the_contracts(c: Calibration) -> None:
 
 
 def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
-    content = identification_content(c)
+    content = identification_content(c, leftover(c))
     factor = {"mm": 1e3, "deg": 180 / math.pi, "urad/Nm": 1e6}
     for p, e in zip(content["parameters"], c.estimates, strict=True):
         assert p["unit"] == {"m": "mm", "rad": "deg", "rad/Nm": "urad/Nm"}[e.unit]
@@ -61,8 +61,8 @@ def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
 
 
 def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
-    text = identification_text(c)
-    assert text == identification_text(c)
+    text = identification_text(c, leftover(c))
+    assert text == identification_text(c, leftover(c))
     data = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
     read = Identification.model_validate(data)
     assert read.n_samples == len(c.run)
@@ -71,8 +71,8 @@ def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
 
 def test_condition_without_end_is_null() -> None:
     c = replace(calibrated("edbb_static", 90), condition_number=math.inf, noise_floor=None)
-    assert identification_content(c)["condition_number"] is None
-    assert identification_content(c)["noise_floor_mm"] is None
+    assert identification_content(c, leftover(c))["condition_number"] is None
+    assert identification_content(c, leftover(c))["noise_floor_mm"] is None
 
 
 def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
@@ -134,7 +134,7 @@ def test_a_wave_of_one_joint_is_found_there() -> None:
     left = leftover(c)
     assert left.structured
     assert "joint 4" in [t.along for t in left.found]
-    unexplained = identification_content(c)["unexplained"]
+    unexplained = identification_content(c, leftover(c))["unexplained"]
     assert unexplained["structured"] is True
     assert "joint 4" in unexplained["along"]
     assert 0 < unexplained["structured_rms_mm"] < 1.05 * unexplained["rms_mm"]

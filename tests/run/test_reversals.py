@@ -22,8 +22,9 @@ def plain(q, last):
 def test_reversals_agree_with_a_plain_loop():
     t = np.linspace(0, 20, 4000)
     q = np.stack([np.sin(t), np.sin(1.7 * t) + 0.3 * np.sin(5 * t), 0.2 * t], axis=1)
-    np.testing.assert_allclose(reversals(q, 3), plain(q, 3), atol=1e-2)  # a step of travel may show a sample later
-    assert np.mean(np.abs(reversals(q, 3) - plain(q, 3)) < 1e-6) > 0.97
+    alike = np.abs(reversals(q, 3) - plain(q, 3)) < 1e-4
+    assert alike.mean() > 0.97  # a reversal shows only after a step of travel, a few samples later
+    assert alike[-1].all()
 
 
 def test_noise_of_the_encoder_is_no_reversal():

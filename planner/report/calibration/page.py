@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.identification import Calibration, Estimate, Metrics, error_size
-from planner.identification.results import in_file_units
+from planner.identification.shown import in_file_units
 from planner.report.calibration.data import Told
 from planner.report.calibration.sentences import (
     GROUPS,

@@ -9,6 +9,7 @@ from plotly.offline import get_plotlyjs
 
 from planner.files import write_bytes, write_text
 from planner.identification import Calibration
+from planner.identification.leftover import Leftover
 from planner.report.calibration.data import Told
 from planner.report.calibration.page import build_page
 from planner.report.calibration.pictures import pictures
@@ -32,8 +33,10 @@ def report_pictures(calibration: Calibration) -> dict[str, bytes]:
     return _prints(pictures(Told(calibration)))
 
 
-def write_calibration_report(calibration: Calibration, folder: Path) -> list[Path]:
+def write_calibration_report(calibration: Calibration, folder: Path, left: Leftover | None = None) -> list[Path]:
     """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
+
+    ``left`` is what the tests of its residual say, where they were made before.
 
     Returns:
         What was written, the page first.
@@ -41,7 +44,7 @@ def write_calibration_report(calibration: Calibration, folder: Path) -> list[Pat
     Raises:
         InputError: the folder does not exist, or may not be written.
     """
-    told = Told(calibration)
+    told = Told(calibration, left)
     drawn = pictures(told)
     prints = _prints(drawn)
     write_text(folder / "report.html", _page(told, drawn, prints))

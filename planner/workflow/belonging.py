@@ -1,0 +1,92 @@
+"""Holds a plan against the cell beside it: a program must not be written from two that do not belong together."""
+
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.plan import Course
+from planner.plan.header import Loose, PlanFile
+from planner.schema import read_json, validate
+from planner.units import Array
+
+LENGTH_MM, ANGLE_DEG, DURATION = 1e-3, 1e-6, 1e-4
+
+
+class MeasuredPose(Loose):
+    """A pose with the bar length that was planned for it."""
+
+    id: int
+    q_deg: tuple[float, ...]
+    length_mm: float
+    fixture: str
+
+
+class Driven(Loose):
+    """How long the whole session takes."""
+
+    duration_s: float
+
+
+class PlannedFor(Loose):
+    """What ``plan.json`` says of the robot and the cell that it was planned for."""
+
+    robot: str
+    poses: tuple[MeasuredPose, ...]
+    trajectory: Driven
+
+
+def check_robot(path: Path, beside: Path, cell: Cell, plan: PlanFile) -> PlannedFor:
+    """Hold robot and fixtures of the plan at ``path`` against the cell, before anything is made of both.
+
+    Raises:
+        InputError: another robot, or other fixtures.
+    """
+    found = validate(read_json(path), PlannedFor, str(path))
+    if found.robot != cell.robot.name:
+        raise InputError(
+            f"{path} is a plan for {found.robot}, but {beside} is a cell of {cell.robot.name}: "
+            "put the cell.toml that was written with the plan beside it"
+        )
+    driven, there = [d.fixture for d in plan.drives], [f.name for f in cell.fixtures]
+    if driven != there:
+        raise InputError(
+            f"{path} drives the fixtures {', '.join(driven)}, but {beside} has {', '.join(there)}: "
+            "put the cell.toml that was written with the plan beside it"
+        )
+    return found
+
+
+def check_courses(path: Path, beside: Path, cell: Cell, plan: PlannedFor, courses: list[Course]) -> None:
+    """Hold home, bar lengths and duration against what the cell makes of the plan's poses.
+
+    Raises:
+        InputError: tool, fixture, home, robot or motion is not that of the plan.
+    """
+    off = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
+    if off > ANGLE_DEG:
+        raise _apart(path, beside, f"home is {off:.4g} deg away from where the plan starts")
+    lengths = _lengths(cell, plan)
+    worst = int(np.argmax(np.abs(lengths)))
+    if abs(lengths[worst]) > LENGTH_MM:
+        pose = plan.poses[worst].id
+        raise _apart(path, beside, f"the bar at pose {pose} would be {lengths[worst]:+.3f} mm longer than planned")
+    seconds = sum(c.trajectory.duration_s for c in courses)
+    if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
+        planned = plan.trajectory.duration_s
+        raise _apart(path, beside, f"measuring would take {seconds:.2f} s, planned are {planned:.2f} s")
+
+
+def _lengths(cell: Cell, plan: PlannedFor) -> Array:
+    """Bar length by the cell less that of the plan, one a pose [mm]."""
+    p_BX = {f.name: f.p_BX for f in cell.fixtures}
+    bar = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses])) - np.array([p_BX[p.fixture] for p in plan.poses])
+    return np.asarray(np.linalg.norm(bar, axis=1) * 1e3 - [p.length_mm for p in plan.poses])
+
+
+def _apart(path: Path, beside: Path, because: str) -> InputError:
+    return InputError(
+        f"{beside} is not the cell of {path}: {because}; "
+        "use the cell.toml that was written with the plan, or plan again"
+    )
