@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from planner.cell import load_cell
+from planner.run import load_run
 from tests.workflow.conftest import edbb
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
@@ -20,19 +21,32 @@ def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
     assert (tmp_path / "out" / "report.html").stat().st_size > 100_000
 
 
+def test_the_run_and_its_cell_are_read(tmp_path):
+    (rows,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
+    (cell,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "run.csv").write_text(rows)
+    (tmp_path / "cell.toml").write_text(cell)
+    robot = load_cell(str(tmp_path / "cell.toml"), planning=False).robot
+    assert len(load_run(tmp_path / "run.csv", robot.n_joints)) == 2
+    done = edbb("identify", tmp_path / "run.csv", "--cell", tmp_path / "cell.toml", "-o", tmp_path / "out")
+    assert done.returncode == 2  # two samples say nothing, and that is said
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_every_command_of_the_readme_is_known():
     verbs = set(re.findall(r"^\$ edbb (\w+)", README, re.MULTILINE))
-    assert verbs == {"plan", "study", "export", "robots", "dialects"}
+    assert verbs == {"plan", "study", "export", "robots", "dialects", "simulate", "identify", "compensate", "import"}
     for verb in sorted(verbs):
         done = edbb(verb, "--help")
         assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(
-    "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own cell")[0].split("Other verbs")[1])))
+    "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    helps = "".join(edbb(verb, "--help").stdout for verb in ("plan", "study", "export"))
+    helps = "".join(edbb(verb, "--help").stdout for verb in ("plan", "study", "export", "import"))
     assert option in helps
 
 

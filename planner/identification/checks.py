@@ -13,6 +13,7 @@ from planner.run import Run
 from planner.units import DEG, MM
 
 LARGEST = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
+TRACEABLE = 20  # readings beyond the parameters, below which nothing is traced
 NAMED = 5  # outliers that a warning names
 
 
@@ -45,6 +46,9 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     beyond = 0 if length is None else int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
     if beyond:
         out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
+    spare = len(run) * found.model.width - len(found.errors)
+    if spare < TRACEABLE:
+        out.append(f"only {spare} readings beyond the parameters: too few to trace what is left, nothing was looked for")
     if len(found.outliers):
         named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
         more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""

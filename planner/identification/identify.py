@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.errors import InputError
-from planner.identification.checks import problems_of, warnings_of
+from planner.identification.checks import TRACEABLE, problems_of, warnings_of
 from planner.identification.estimates import estimates
 from planner.identification.fit import Fit
 from planner.identification.placed import placed, rig_for, with_motion
@@ -89,7 +89,7 @@ def identify(
     say("geometry")
     stages.append(fitted("geometry", model, run, parts, judge, settings.robust, stages[-1].fit))
     bench = Bench(run, parts, judge, settings.robust)
-    if tracer is not None:
+    if tracer is not None and _spare(run, model) >= TRACEABLE:
         more, traced = tracer(stages[-1], bench, say)
         return _finished([*stages, *more], whole, seen.dropped, bench, cell, validation, traced)
     say("joint compliance")

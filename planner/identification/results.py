@@ -28,7 +28,7 @@ def identification_text(calibration: Calibration, left: Leftover) -> str:
 
 
 def identification_content(calibration: Calibration, left: Leftover) -> dict[str, object]:
-    """Return what ``identification.json`` says, in the contract's keys; ``left`` is what the tests of its residual say."""
+    """Return what ``identification.json`` says, in the contract's keys; ``left`` is what the residual's tests say."""
     c = calibration
     traced = c.traced
     content = {

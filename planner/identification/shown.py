@@ -1,4 +1,4 @@
-"""A calibration's numbers as files and pages give them: their units, and inner numbers with what they were found about."""
+"""A calibration's numbers as files and pages give them: their units, and inner numbers with their whole value."""
 
 from dataclasses import replace
 

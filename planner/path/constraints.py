@@ -23,11 +23,14 @@ class Constraints:
         fixture: which fixture the bar is on.
         bar: whether the bar is attached; without it the arm travels free of length, cones and twist about the bar.
         scene: bodies and pairs, where a collision world has already found out which pairs always overlap.
+        room: distance of bodies that is wanted beyond the cell's clearance [m].
     """
 
-    def __init__(self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None) -> None:
+    def __init__(
+        self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
+    ) -> None:
         scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
-        self.cell, self.bar = cell, bar
+        self.cell, self.bar, self.room = cell, bar, room
         self.workspace = Workspace(cell, fixture, bar)
         self.scene = scene if bar else scene.without_bar()
         self.world = CoalPairs(self.scene)
@@ -36,7 +39,11 @@ class Constraints:
     @property
     def clearance(self) -> float:
         """Smallest distance of two bodies that is allowed [m]."""
-        return self.cell.motion.clearance
+        return self.cell.motion.clearance + self.room
+
+    def with_room(self, room: float) -> "Constraints":
+        """Return the same constraints with bodies kept ``room`` [m] further apart than the cell asks."""
+        return Constraints(self.cell, self.workspace.fixture, self.bar, self.scene, room)
 
     def valid(self, q: Array) -> np.ndarray:
         """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""

@@ -14,6 +14,7 @@ from planner.units import Array, frozen
 PASSES = 6  # of pulling supports towards the straight line
 DRAWS = 10_000  # states drawn, twice, where no pool is given
 SPREAD = 0.4  # [rad] about the poses
+ROOMS = (1e-4, 1e-3)  # [m] beyond the clearance for detours: the judges' distances differ by 1e-5; and a wider try
 
 
 def join(
@@ -22,7 +23,8 @@ def join(
     """Join poses in the given order by a path that keeps every constraint throughout.
 
     Straight legs first; then a roadmap (OMPL's PRM, proven lazily) over the pool and the poses, reused for all legs;
-    then OMPL's RRT-Connect for what the roadmap leaves apart. Detours are shortened with proven motions only.
+    then OMPL's RRT-Connect for what the roadmap leaves apart. Detours are shortened with proven motions only. A leg
+    that either engine does not prove in the end is led round once more, further away from everything.
 
     Args:
         constraints: what every state and motion keeps.
@@ -41,14 +43,38 @@ def join(
     direct = constraints.prove(q[wanted[:, 0]], q[wanted[:, 1]]).proven
     ways = {_pair(leg): q[leg] for leg in wanted[direct]}
     bent = wanted[~direct]
-    if len(bent):
-        roadmap = Roadmap.grow(constraints, q, _drawn(constraints, q, seed) if pool is None else pool, seed)
-        found = _detours(roadmap, bent)
-        ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
-        failed = tuple(_pair(leg) for leg in bent if _pair(leg) not in ways)
-        if failed:
-            return _gaps(roadmap, failed, visits)
-    return _path(constraints, q, visits, ways)
+    reasons: tuple[str, ...] = ()
+    for room in ROOMS:
+        if len(bent):
+            wide = constraints.with_room(_common_room(constraints, q[visits], room))
+            roadmap = Roadmap.grow(wide, q, _drawn(wide, q, seed) if pool is None else pool, seed)
+            found = _detours(roadmap, bent)
+            ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
+            failed = tuple(_pair(leg) for leg, way in zip(bent, found, strict=True) if way is None)
+            if failed:  # in a second try the poses themselves are known to be within reach
+                return Gaps(failed, (), reasons) if reasons else _gaps(roadmap, failed, visits)
+        path = _path(constraints, q, visits, ways)
+        if path.clear:
+            return path
+        bent, reasons = _unproven(path)
+    return Gaps(tuple(_pair(leg) for leg in bent), (), reasons)
+
+
+def _common_room(constraints: Constraints, q: Array, room: float) -> float:
+    """Return ``room`` [m], or none if a pose to be visited (n, N) has not that much itself."""
+    return 0.0 if constraints.world.near(q, constraints.clearance + room).any() else room
+
+
+def _unproven(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Legs (m, 2) with a motion that an engine does not prove, smaller row first, and a sentence for each."""
+    last = np.cumsum([len(leg.supports) + 1 for leg in path.legs])
+    why: dict[tuple[int, int], str] = {}
+    for v in (path.verdict, path.second):
+        for motion, failure in zip(v.unproven, v.failures, strict=True):
+            leg = path.legs[int(np.searchsorted(last, motion, side="right"))]
+            why.setdefault((min(leg.start, leg.end), max(leg.start, leg.end)), f"{v.engine} does not prove {failure}")
+    pairs = sorted(pair for pair in why if pair[0] != pair[1])
+    return np.array(pairs, dtype=int).reshape(-1, 2), tuple(why[pair] for pair in pairs)
 
 
 def _detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:

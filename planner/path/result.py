@@ -37,6 +37,7 @@ class Verdict:
         length_min, length_max: shortest and longest bar on the path, to half a millimetre [m].
         evaluations: states that it looked at.
         failures: a sentence for each motion that is not proven.
+        unproven: which these are, counted from 0; blends count on after the motions.
     """
 
     engine: str
@@ -46,6 +47,7 @@ class Verdict:
     length_max: float
     evaluations: int
     failures: tuple[str, ...]
+    unproven: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

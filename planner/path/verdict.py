@@ -43,6 +43,7 @@ def verdict(
         if not proof.proven[k]
     ]
     proofs = [proof for proof, _ in parts]
+    unproven = np.flatnonzero(~np.concatenate([proof.proven for proof in proofs]))
     return Verdict(
         engine,
         not failures,
@@ -51,4 +52,5 @@ def verdict(
         length_max=max(e.length_max for e in found),
         evaluations=sum(p.evaluations for p in proofs),
         failures=tuple(failures),
+        unproven=tuple(unproven.tolist()),
     )

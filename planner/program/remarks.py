@@ -23,7 +23,7 @@ def cautions(program: Program, dialect: Dialect, steps: tuple[Step, ...]) -> tup
     if any(s.kind == "unlogged" for s in steps):
         found.append(
             "the axis angles in passing are not logged by this program, a continuous session needs a record by the "
-            f"controller ({dialect.trace}), which edbb import reads"
+            f"controller, with {dialect.trace}, edbb import reads it"
         )
     passing = any(s.kind in ("sync_on", "log_passing") or (s.move is not None and s.move.pulse) for s in steps)
     if dialect.sync.passing and passing:

@@ -16,7 +16,7 @@ FEW = 3  # sessions up to which each may have joint offsets of its own
 
 
 def joints(problem: Problem, detail: int) -> Iterator[tuple[str, Array]]:
-    """Yield the first ``detail`` harmonics of each joint's angle, in its angle and in the reading: columns (m, r, k)."""
+    """Yield the first ``detail`` harmonics of each joint's angle, in angle and reading: columns (m, r, k)."""
     screws, each = _screws(problem), _each(problem)
     for j, q in enumerate(problem.samples.q.T):
         angles = np.arange(1, detail + 1) * q[:, None]
@@ -106,7 +106,7 @@ def _both(curves: Array, screw: Array, each: Array) -> Array:
 
 def _spread(curves: Array, through: Array) -> Array:
     """Every curve (m, w) through every column (m or 1, r, k): (m, r, w·k)."""
-    m, w = curves.shape
+    m = len(curves)
     return np.asarray((curves[:, None, :, None] * through[:, :, None, :]).reshape(m, through.shape[1], -1))
 
 

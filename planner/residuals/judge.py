@@ -2,9 +2,9 @@
 
 Along each quantity the alternatives are smooth functions of it (harmonics of an angle), in the reading and in the
 joints' angles. The fitted parameters are projected out of them first, so that only what the model cannot take up
-counts; then an F test each, Bonferroni over all. Readings of one group (a pose with its repeats) count as one, and along
-a continuous run as many samples as are correlated count as one. Of poses at rest the order is tested too (Ljung and Box
-1978); where it matters, they count like a continuous run.
+counts; then an F test each, Bonferroni over all. Readings of one group (a pose with its repeats) count as one, and
+along a continuous run as many samples as are correlated count as one. Of poses at rest the order is tested too (Ljung
+and Box 1978); where it matters, they count like a continuous run.
 """
 
 from collections.abc import Sequence
@@ -77,7 +77,8 @@ def judged(rest: Rest, tests: Tests, moving: bool, rms: float) -> Leftover:
         trials.append(_order(rest, tests.count + 1, rms))
         if trials[0].p_value < LEVEL:
             tests = replace(tests, memory=_careful(rest, tests))
-    trials += [_along(rest, tests, n, U, len(trials) + tests.count, rms) for n, U in zip(tests.names, tests.bases)]
+    each, many = zip(tests.names, tests.bases, strict=True), tests.count + (not moving)
+    trials += [_along(rest, tests, n, U, many, rms) for n, U in each]
     found = tuple(sorted((t for t in trials if t.p_value < LEVEL), key=lambda t: (-t.rms, t.along)))
     share = 0.0
     if found:

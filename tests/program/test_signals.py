@@ -75,10 +75,10 @@ def test_named_signals_are_those_of_the_cell(name, session):
         program = replace(session(), sync_output=output, gauge_input=gauge_input)
         text = "\n".join(f.text for f in write_program(program, name, "s"))
         assert not [w for w in ("{output}", "{input}", "{what}", "{number}") if w in text]
-        assert re.search(rf"(?<![\d.]){gauge_input}(?![\d.])", text)
+        for number in (output, gauge_input):
+            assert re.search(rf"(?<![\d.]){number}(?![\d.])", re.sub(r"-?\d+\.\d+", "", text)), number
         texts[output] = text
     assert texts[37] != texts[38]
-    assert texts[38] == texts[37].replace("41", "42").replace("37", "38") or "37" in texts[37]
 
 
 def test_rapid_signals_have_names_of_a_stated_pattern():

@@ -14,6 +14,7 @@ from planner.residuals import leftover
 from planner.units import Array, to_deg, to_mm
 
 LOOK = 20_000  # samples of a long run that means are taken over
+FEW = 1_500  # samples that single effects are drawn from
 POINTS = 500  # of them that are drawn in one panel
 POSES = 1500  # that are drawn one by one
 
@@ -58,6 +59,12 @@ class Told:
     def looked(self) -> np.ndarray:
         """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
         return spread(len(self.calibration.run), LOOK)
+
+    @cached_property
+    def few_rows(self) -> tuple[np.ndarray, Array]:
+        """Samples that effects are drawn from, (m,) int, and the model's rows there without orientation, (m, r, P)."""
+        fit, which = self.calibration.fit, spread(len(self.calibration.run), FEW)
+        return which, fit.model.rows(self.calibration.run.samples.take(which), fit.errors)[:, :3]
 
     @cached_property
     def moves(self) -> Array:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.identification import Calibration, Estimate, Metrics, error_size
-from planner.identification.shown import in_file_units
+from planner.identification.shown import shown_estimates
 from planner.report.calibration.data import Told
+from planner.report.calibration.loop import Found, LimitTable, findings, in_short, limit_table, rejected
 from planner.report.calibration.sentences import (
     GROUPS,
     headline,
@@ -15,12 +16,14 @@ from planner.report.calibration.sentences import (
     refused,
     strongest_pairs,
 )
+from planner.report.calibration.units import unit_of_estimate
 from planner.report.words import count, sized
 from planner.units import to_deg, to_mm
 
 Row = tuple[str, ...]
 MOST_MOVED = 5  # parameters on the first sheet
 OUTLIERS = 50  # that are listed
+SHORT = 6  # stages up to which the first sheet lists all of them
 STAGES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
 
 
@@ -34,6 +37,12 @@ class Page:
     headline: tuple[str, ...]
     facts: tuple[Row, ...]
     stages: tuple[Row, ...]
+    first_stages: tuple[Row, ...]
+    found: tuple[str, ...]
+    loop: tuple[Found, ...]
+    limits: LimitTable
+    rejected: tuple[Row, ...]
+    traced: bool
     validated: bool
     warnings: tuple[str, ...]
     held_out: str
@@ -52,22 +61,32 @@ class Page:
 def build_page(told: Told) -> Page:
     """Set all texts of the report."""
     c = told.calibration
+    stages = tuple(_stage(told, k) for k in range(len(c.stages)))
+    estimates = shown_estimates(c)
     return Page(
         title=f"Calibration of {c.fit.model.rig.robot.title}",
         about=_about(c),
         problems=refused(c),
         headline=headline(told),
         facts=_facts(told),
-        stages=tuple(_stage(told, k) for k in range(len(c.stages))),
+        stages=stages,
+        first_stages=stages if len(stages) <= SHORT else (*stages[:3], ("all effects", *stages[-1][1:])),
+        found=in_short(told),
+        loop=findings(told),
+        limits=limit_table(told),
+        rejected=rejected(told),
+        traced=c.traced is not None,
         validated=any(s.validation is not None for s in c.stages),
         warnings=(*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         held_out=how_held_out(c),
         noise=of_noise(told),
         left=told.left.sentence,
-        trials=tuple((t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in told.left.trials),
+        trials=tuple(
+            (t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in sorted(told.left.trials, key=lambda t: t.p_value)
+        ),
         moved=_most_moved(told),
-        parameters=tuple(_parameter(told, e) for e in c.estimates if e.identifiable),
-        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable),
+        parameters=tuple(_parameter(told, e) for e in estimates if e.identifiable),
+        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in estimates if not e.identifiable),
         pairs=strongest_pairs(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
         outliers=tuple(_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]),
         outliers_more=max(0, len(c.fit.outliers) - OUTLIERS),
@@ -120,7 +139,7 @@ def _most_moved(told: Told) -> tuple[Row, ...]:
     shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, told.moves, strict=True)]
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
     return tuple(
-        (e.name, e.what, f"{_fixed(e, e.value - e.nominal, '+')} ± {_size(e)}", in_file_units(e.unit)[0], _mm(m, 2))
+        (e.name, e.what, f"{_fixed(e, e.value - e.nominal, '+')} ± {_size(e)}", unit_of_estimate(e)[0], _mm(m, 2))
         for e, m in robot[:MOST_MOVED]
     )
 
@@ -130,7 +149,7 @@ def _parameter(told: Told, e: Estimate) -> Row:
     assert e.std is not None
     change = e.value - e.nominal
     moves = dict(zip(told.calibration.fit.model.names, told.moves, strict=True))
-    unit = in_file_units(e.unit)[0]
+    unit = unit_of_estimate(e)[0]
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
     return (
         e.name,
@@ -147,20 +166,20 @@ def _parameter(told: Told, e: Estimate) -> Row:
 
 
 def _nominal(e: Estimate) -> str:
-    return f"{e.nominal * in_file_units(e.unit)[1]:.6g}"
+    return f"{e.nominal * unit_of_estimate(e)[1]:.6g}"
 
 
 def _fixed(e: Estimate, value: float, sign: str = "") -> str:
     """Write a value with as many decimals as its standard deviation has at two digits."""
-    return f"{value * in_file_units(e.unit)[1]:{sign}.{_decimals(e)}f}"
+    return f"{value * unit_of_estimate(e)[1]:{sign}.{_decimals(e)}f}"
 
 
 def _size(e: Estimate) -> str:
-    return "–" if e.std is None else f"{e.std * in_file_units(e.unit)[1]:.{_decimals(e)}f}"
+    return "–" if e.std is None else f"{e.std * unit_of_estimate(e)[1]:.{_decimals(e)}f}"
 
 
 def _decimals(e: Estimate) -> int:
-    size = (e.std or 0.0) * in_file_units(e.unit)[1]
+    size = (e.std or 0.0) * unit_of_estimate(e)[1]
     return int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
 
 

@@ -4,7 +4,9 @@ import numpy as np
 
 from planner.identification import error_size
 from planner.report.calibration.data import Told, error_by_pose
+from planner.report.calibration.evidence import by_stage, found
 from planner.report.calibration.scatter import KINDS, approach, residuals
+from planner.report.calibration.story import steps
 from planner.report.picture import BLUE, ORANGE, Cells, Panel, Picture, Series
 from planner.report.words import sized
 from planner.units import Array, to_mm
@@ -20,7 +22,8 @@ def pictures(told: Told) -> tuple[Picture, ...]:
     if told.calibration.run.samples.direction is not None:
         drawn.append(approach(told))
     matrix = (correlation(told),) if len(told.calibration.fit.errors) > 1 else ()
-    return (histogram(told), by_pose(told), *drawn, *matrix)
+    loop = (by_stage(told), *(found(told, step) for step in steps(told)))
+    return (histogram(told), by_pose(told), *loop, *drawn, *matrix)
 
 
 def histogram(told: Told) -> Picture:

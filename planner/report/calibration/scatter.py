@@ -3,7 +3,7 @@
 import numpy as np
 
 from planner.report.calibration.data import POINTS, Against, Told, error_along, spread
-from planner.report.picture import BLACK, BLUE, GREEN, RED, Limit, Panel, Picture, Series
+from planner.report.picture import BLACK, BLUE, GREEN, GREY, RED, Limit, Panel, Picture, Series
 from planner.units import Array, to_mm
 
 MEANS = 16  # points of the line through the residuals
@@ -69,8 +69,8 @@ def _scatter(a: Against, error: Array, title: str) -> Panel:
         at, mean = _means(a.values, error[:, k])
         series.append(Series("mean", at, mean, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
-    zero = (Limit(0.0, ""),)
-    return Panel(title, a.label, "error (mm)", tuple(series), zero, y_range=(-span, span), height=150)
+    series.append(Series("", np.array([a.values.min(), a.values.max()]), np.zeros(2), GREY, dashed=True, width=1.0))
+    return Panel(title, a.label, "error (mm)", tuple(series), y_range=(-span, span), height=150)
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:

@@ -1,0 +1,141 @@
+"""A program is written later only from a plan and its own cell, into the file that was asked for."""
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.cell import load_cell
+from planner.cell.reading import read_cell
+from planner.errors import InputError
+from planner.plan import Waypoints, course, settled
+from planner.workflow import export_plan, write_program_as
+from planner.workflow.notes import session_notes
+from planner.workflow.writing import cell_text
+from tests.workflow.conftest import edbb
+
+POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
+
+
+def _course(cell):
+    mount = np.deg2rad([20, -85, 95, 0, 50, 10])
+    travel = settled(np.array([cell.home, mount]))
+    measuring = settled(np.array([mount, *np.deg2rad(POSES), mount]))
+    ids, stop = np.arange(4), np.zeros(4)
+    return course(cell, 0, Waypoints(travel, np.array([-1, 0]), np.zeros(2)), Waypoints(measuring, ids, stop))
+
+
+def _points(way):
+    rows = zip(way.q, way.visit, way.blend, strict=True)
+    return [{"q_deg": np.rad2deg(q).tolist(), "visit": int(v), "blend_mm": 1e3 * float(b)} for q, v, b in rows]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A small plan at rest: its keys are those of the contract, its lengths come from plain distances."""
+    cell = load_cell("kuka-kr6-r700/edbb")
+    made = _course(cell)
+    q = made.measuring.q
+    lengths = np.linalg.norm(cell.map_position(q) - cell.fixtures[0].p_BX, axis=1) * 1e3
+    pose = {"fixture": "A", "role": "calibrate"}
+    plan = {
+        "schema": "edbb-plan/1",
+        "plan_id": "0123456789ab",
+        "robot": cell.robot.name,
+        "poses": [
+            {"id": i, "q_deg": np.rad2deg(q[i]).tolist(), "length_mm": float(lengths[i]), **pose} for i in range(4)
+        ],
+        "trajectory": {"duration_s": made.trajectory.duration_s},
+        "drives": [{"fixture": "A", "travel": _points(made.travel), "waypoints": _points(made.measuring)}],
+    }
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    (tmp_path / "cell.toml").write_text(cell_text(cell, tmp_path))
+    return tmp_path
+
+
+def _change(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_a_plan_and_its_cell_belong_together(folder):
+    files = export_plan(folder / "plan.json", "krl", "a.src")
+    assert [f.name for f in files] == ["A.src", "A.dat"]
+
+
+def test_signals_and_numbers_may_be_named_later(folder):
+    _change(folder / "cell.toml", "sync_output = 1", "sync_output = 33")
+    assert "PULSE ($OUT[33]," in export_plan(folder / "plan.json", "krl", "a")[0].text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('robot = "kuka-kr6-r700"', 'robot = "ur10"', "plan for kuka-kr6-r700, but .* is a cell of ur10"),
+        ('name = "A"', 'name = "North"', "drives the fixtures A, but .* has North"),
+        ("position_mm = [\n    ", "position_mm = [\n    1", "the bar at pose . would be .* mm longer than planned"),
+        ("map_mm = [\n    ", "map_mm = [\n    1", "the bar at pose . would be .* mm longer than planned"),
+        ("home_deg = [\n    0.0", "home_deg = [\n    3.0", "home is 3 deg away"),
+        ("settle_s = ", "settle_s = 1", "measuring would take .* s, planned are"),
+    ],
+)
+def test_another_cell_is_refused(folder, old, new, said):
+    _change(folder / "cell.toml", old, new)
+    with pytest.raises(InputError, match=said):
+        export_plan(folder / "plan.json", "krl", "a")
+
+
+def test_the_file_as_given_is_written_and_the_rest_is_told(folder, tmp_path):
+    for given, rest in (("p.src", "p.dat"), ("Tour 1.src", "TOUR_1.dat"), ("p.txt", "p.dat")):
+        out = tmp_path / given.replace(".", "_")
+        out.mkdir()
+        done = edbb("export", folder / "plan.json", "--dialect", "krl", "-o", out / given)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == ""
+        assert sorted(p.name for p in out.iterdir()) == sorted([given, rest])
+        legal = given.partition(".")[0].upper().replace(" ", "_") + ".src"
+        assert f"{given} is written; the controller takes it under the name {legal}" in done.stderr
+        assert f"{rest} is written too" in done.stderr
+        assert "DEF " + legal.removesuffix(".src") in (out / given).read_text()
+
+
+def test_the_name_of_a_companion_is_refused(folder, tmp_path):
+    done = edbb("export", folder / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.dat")
+    assert done.returncode == 2
+    assert "another file of the program" in done.stderr
+    assert not (tmp_path / "p.dat").exists()
+
+
+def test_a_name_that_fits_needs_no_word(folder, tmp_path):
+    files = export_plan(folder / "plan.json", "rapid", "tour.mod")
+    assert write_program_as(files, tmp_path / "tour.mod") == []
+    assert (tmp_path / "tour.mod").read_text() == files[0].text
+
+
+def test_repeats_that_a_continuous_session_does_not_drive_are_told(tmp_path):
+    text = load_cell("kuka-kr6-r700/edbb").path.read_text()
+    for measure, repeat, expected in (("continuous", 3, True), ("continuous", 0, False), ("static", 3, False)):
+        path = tmp_path / f"{measure}{repeat}.toml"
+        path.write_text(_with(text, measure, repeat))
+        cell = read_cell(path, "cell")
+        told = session_notes(cell, [_course(cell)], "0" * 12, ["krl"])
+        assert any(n.startswith(f"plan.repeat = {repeat} is for poses at rest") for n in told) == expected
+
+
+def test_notes_that_programs_share_are_said_once():
+    cell = load_cell("ur10/edbb")
+    q = settled(np.array([cell.home, cell.home + 0.1, cell.home]))
+    way = Waypoints(q, np.array([-1, 1, -1]), np.zeros(3))
+    told = session_notes(cell, [course(cell, 0, way, way)], "0" * 12, ["krl", "rapid", "pdl2"])
+    assert sum("sync_output" in n for n in told) == sum("gauge_input" in n for n in told) == 1
+    assert all(n.startswith("krl, rapid, pdl2: ") for n in told if "controller." in n)
+
+
+def _with(text, measure, repeat):
+    kept = [line for line in text.splitlines() if not line.startswith(("measure =", "repeat ="))]
+    kept.insert(kept.index("[motion]") + 1, f'measure = "{measure}"')
+    if "[plan]" not in kept:
+        kept.append("[plan]")
+    kept.insert(kept.index("[plan]") + 1, f"repeat = {repeat}")
+    return "\n".join(kept) + "\n"
