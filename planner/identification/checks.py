@@ -48,7 +48,7 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
         out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
     spare = len(run) * found.model.width - len(found.errors)
     if spare < TRACEABLE:
-        out.append(f"only {spare} readings beyond the parameters: too few to trace what is left, nothing was looked for")
+        out.append(f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought")
     if len(found.outliers):
         named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
         more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""

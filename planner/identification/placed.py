@@ -55,14 +55,14 @@ def placed(rig: Rig, run: Run) -> Rig:
     Raises:
         InputError, NoSolutionError: the run cannot tell where the gauge stands.
     """
+    known = None if rig.tool_prior >= FOUND else np.asarray(rig.p_FM)
+    if rig.kind == "length" and len(rig.p_BX) and known is not None:
+        return rig
     p_BF, R_BF = flanges(rig, run.samples.q)
     place, point = run.samples.place, run.samples.point
     point = np.zeros(len(run), dtype=int) if point is None else point
-    known = None if rig.tool_prior >= FOUND else np.asarray(rig.p_FM)
     readings = run.readings
     if readings.length is not None:
-        if len(rig.p_BX) and known is not None:
-            return rig
         bar = place_lengths(p_BF, R_BF, readings.length, place, point, known, rig.p_BX if len(rig.p_BX) else None)
         prior = rig.place_prior if len(rig.p_BX) else np.full(len(bar.p_BX), FOUND)
         return replace(rig, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
