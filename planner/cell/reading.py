@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.file import CellFile, FixtureFile, GaugeFile, ToolFile
+from planner.cell.likely_units import check_units
 from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
 from planner.errors import InputError, nearest
 from planner.resources import folder
@@ -57,6 +58,8 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
         raise InputError(
             f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(LENGTH_GAUGES)}"
         )
+    if planning:
+        check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
     if planning and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")

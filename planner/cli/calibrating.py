@@ -61,7 +61,7 @@ def identify_command(
     if as_json:
         print_json(identification_content(done.calibration, done.left))
     else:
-        identification_summary(done.calibration, output)
+        identification_summary(done.calibration, done.left, output)
     if done.calibration.problems:
         raise NoSolutionError(
             "the fit failed its own checks, no robot was written: " + "; ".join(done.calibration.problems)

@@ -1,7 +1,7 @@
 """``identification.json``: what a calibration says to other programs, in mm and degrees."""
 
 import json
-from math import exp, log
+from math import exp, isfinite, log
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def _finding(f: Finding) -> dict[str, object]:
         "std": f.std * factor,
         "unit": unit,
         "p_value": exp(max(f.log_p, LEAST)),
-        "log10_p": f.log_p / log(10),
+        "log10_p": f.log_p / log(10) if isfinite(f.log_p) else None,
         "held_out_gain": f.held_out_gain / MM,
         "rivals": list(f.rivals),
         "note": f.note,

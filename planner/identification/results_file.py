@@ -68,8 +68,8 @@ class FindingSection(Strict):
     """An effect that was found in the residual; its parameters are those of the group ``effect, on``.
 
     ``value`` is the length of the vector of its parameters. ``p_value`` is corrected for everything that was tried;
-    ``log10_p`` is its logarithm, which does not run out of digits. ``held_out_gain`` [mm] is the fall of the rms on
-    held-out samples in the stage that brought the effect.
+    ``log10_p`` is its logarithm, which runs out of digits later (then it is null). ``held_out_gain`` [mm] is the fall
+    of the rms on held-out samples in the stage that brought the effect.
     """
 
     effect: str
@@ -78,7 +78,7 @@ class FindingSection(Strict):
     std: float
     unit: str
     p_value: float
-    log10_p: float
+    log10_p: float | None
     held_out_gain: float
     rivals: tuple[str, ...]
     note: str

@@ -107,7 +107,10 @@ class Sync(Strict):
 
 
 class Select(Strict):
-    """How the numbers of tool, base and load are said; an empty pattern: the language cannot select it."""
+    """How the numbers of tool, base and load are said; an empty pattern: the program does not select it.
+
+    ``note`` says what the speeds are of; ``{map}`` in it is the place of the measured point in the flange frame.
+    """
 
     tool: str = ""
     base: str = ""

@@ -1,7 +1,7 @@
 """From the neutral program to the steps that a template prints: words chosen, numbers rounded."""
 
 import unicodedata
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, assert_never
 
 from planner.errors import InputError
@@ -20,6 +20,7 @@ from planner.program.instructions import (
     Sync,
     WaitInput,
 )
+from planner.program.marks import Mark, marks
 from planner.program.numbers import fixed
 from planner.program.speeds import overrides, speed_value
 
@@ -68,14 +69,6 @@ class Step:
     log: bool = False
 
 
-@dataclass(frozen=True)
-class Mark:
-    """What the instructions between a move and the next want of the pose that the move ends at."""
-
-    sync: int | None = None
-    log: int | None = None
-
-
 def plain(text: str, style: CommentStyle) -> str:
     """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
     ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
@@ -112,7 +105,7 @@ class _Lowering:
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
-        for item, mark in zip(program.instructions, _marks(program.instructions), strict=True):
+        for item, mark in zip(program.instructions, marks(program.instructions), strict=True):
             self._add(item, mark)
         self._set_override(100)
 
@@ -195,7 +188,7 @@ class _Lowering:
             speed_changed=speed != self.last_speed,
             turn_deg_s=turned / item.duration_s,
             approach=self.moves == 0,
-            sync=_either(mark) if with_move else None,
+            sync=mark.pose if with_move else None,
             pose=item.pose,
             pulse=self._pulsed(mark),
             log=self._logged(mark),
@@ -209,7 +202,7 @@ class _Lowering:
 
     def _passed(self, mark: Mark) -> None:
         """The steps of a pose that the robot has just driven through."""
-        pose, pulse, log = _either(mark), self._pulsed(mark), self._logged(mark)
+        pose, pulse, log = mark.pose, self._pulsed(mark), self._logged(mark)
         if pose is None:
             return
         if self.dialect.sync.flying == "after":
@@ -222,25 +215,3 @@ class _Lowering:
             self._log("log_passing", pose)
         elif mark.log is not None:
             self.steps.append(Step("unlogged", number=pose))
-
-
-def _either(mark: Mark) -> int | None:
-    return mark.sync if mark.sync is not None else mark.log
-
-
-def _marks(instructions: tuple[Instruction, ...]) -> list[Mark]:
-    """Return for each instruction the marks that stand between it and the next move."""
-    mark = Mark()
-    ahead: list[Mark] = []
-    for item in reversed(instructions):
-        ahead.append(mark)
-        match item:
-            case JointMove():
-                mark = Mark()
-            case Sync(pose=pose):
-                mark = replace(mark, sync=pose)
-            case LogAxes(pose=pose):
-                mark = replace(mark, log=pose)
-            case _:
-                pass
-    return ahead[::-1]

@@ -3,6 +3,7 @@
 from planner.program.dialect import Dialect
 from planner.program.instructions import Program, Sync, WaitInput
 from planner.program.lowering import Step
+from planner.program.numbers import fixed
 
 NUMBERS = ("tool", "base", "load")
 
@@ -22,8 +23,8 @@ def cautions(program: Program, dialect: Dialect, steps: tuple[Step, ...]) -> tup
         found.append(f"select {', '.join(by_hand)} by hand before the start, the program does not")
     if any(s.kind == "unlogged" for s in steps):
         found.append(
-            "the axis angles in passing are not logged by this program, a continuous session needs a record by the "
-            f"controller, with {dialect.trace}, edbb import reads it"
+            "the axis angles in passing are not logged by this program, a continuous session needs the actual "
+            f"positions of the axes recorded with {dialect.trace}, which edbb import reads"
         )
     passing = any(s.kind in ("sync_on", "log_passing") or (s.move is not None and s.move.pulse) for s in steps)
     if dialect.sync.passing and passing:
@@ -38,7 +39,9 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.wait_note if program.gauge_input is not None else "",
         dialect.select.note,
     ]
-    return tuple(dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
+    place = "[" + ", ".join(fixed(v, 3) for v in program.map_mm) + "]"
+    told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
+    return tuple(n.replace("{map}", place) for n in told)
 
 
 def _unsaid(program: Program, dialect: Dialect, name: str) -> bool:

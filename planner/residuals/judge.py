@@ -4,7 +4,8 @@ Along each quantity the alternatives are smooth functions of it (harmonics of an
 joints' angles. The fitted parameters are projected out of them first, so that only what the model cannot take up
 counts; then an F test each, Bonferroni over all. Readings of one group (a pose with its repeats) count as one, and
 along a continuous run as many samples as are correlated count as one. Of poses at rest the order is tested too (Ljung
-and Box 1978); where it matters, they count like a continuous run.
+and Box 1978); where it matters, they count like a continuous run. Far outliers are pulled in (a score test by Huber's
+ψ), so that heavy tails are not taken for structure.
 """
 
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ NOTHING = Leftover((), (), 0.0, TOO_FEW)
 
 
 @dataclass(frozen=True)
-class Tests:
+class Battery:
     """What a residual is tested along: names and orthonormal bases (m, rank) beyond the model; ``memory`` of noise."""
 
     names: tuple[str, ...]
@@ -51,11 +52,11 @@ def leftover(calibration: Calibration) -> Leftover:
     which = np.unique(np.linspace(0, len(c.run) - 1, min(len(c.run), MOST)).astype(int))
     problem = c.fit.problem.take(which)
     rest = Rest.of(problem, c.fit.errors, c.run.continuous)
-    tests = tests_of(problem, rest, c.run.continuous)
+    tests = battery_of(problem, rest, c.run.continuous)
     return NOTHING if tests is None else judged(rest, tests, c.run.continuous, c.stages[-1].train.rms)
 
 
-def tests_of(problem: Problem, rest: Rest, moving: bool) -> Tests | None:
+def battery_of(problem: Problem, rest: Rest, moving: bool) -> Battery | None:
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
     for detail in range(DETAIL, 0, -1):
         turned = {name: rest.beyond(problem, columns) for name, columns in joints(problem, detail)}
@@ -66,12 +67,13 @@ def tests_of(problem: Problem, rest: Rest, moving: bool) -> Tests | None:
         more = {name: rest.beyond(problem, columns) for name, columns in others(problem, detail)}
         kept = turned | {name: U for name, U in more.items() if U.shape[1] <= most}
         shown = {name: U for name, U in kept.items() if U.shape[1]}
-        return Tests(tuple(shown), tuple(shown.values()), known)
+        return Battery(tuple(shown), tuple(shown.values()), known)
     return None
 
 
-def judged(rest: Rest, tests: Tests, moving: bool, rms: float) -> Leftover:
+def judged(rest: Rest, tests: Battery, moving: bool, rms: float) -> Leftover:
     """Judge a residual; ``rms`` [m] is its size, of which each alternative takes its share."""
+    rest = rest.tame
     trials = list[Trial]()
     if not moving:
         trials.append(_order(rest, tests.count + 1, rms))
@@ -89,7 +91,7 @@ def judged(rest: Rest, tests: Tests, moving: bool, rms: float) -> Leftover:
     return Leftover(tuple(trials), found, share, _sentence(trials, found, share))
 
 
-def _along(rest: Rest, tests: Tests, name: str, U: Array, many: int, rms: float) -> Trial:
+def _along(rest: Rest, tests: Battery, name: str, U: Array, many: int, rms: float) -> Trial:
     """F test of what one basis explains, more samples than one being worth one."""
     rank, worth = U.shape[1], tests.memory.time
     inner = float(((U.T @ rest.white) ** 2).sum())
@@ -117,7 +119,7 @@ def _order(rest: Rest, many: int, rms: float) -> Trial:
     return Trial(ORDER, p, float(rms * np.sqrt(max(0.0, rho.max(initial=0.0)))))
 
 
-def _careful(rest: Rest, tests: Tests) -> Memory:
+def _careful(rest: Rest, tests: Battery) -> Memory:
     """Memory of poses at rest whose order matters, after everything that the tests look for."""
     known = memory(rest, _within(rest, tests.bases))
     return known if known.dof >= FEWEST else Memory(1.0, FEWEST)

@@ -1,16 +1,18 @@
 """The whitened residual with the model taken out of it, and what the other columns reach beyond the model."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from planner.identification import Problem
+from planner.identification.fit import MEDIAN
 from planner.identification.splits import poses
 from planner.identification.spread import correlation_time
 from planner.units import Array
 
 SHOWN = 1e-3  # part of a column that must be left beyond the model for it to count
+FAR = 2.5  # standard deviations
 MOST_GONE = 0.8  # part of the slow noise that may be taken out before its memory is no longer known
 
 
@@ -48,6 +50,13 @@ class Rest:
     def square(self) -> float:
         """Sum of squares."""
         return float(self.white @ self.white)
+
+    @property
+    def tame(self) -> "Rest":
+        """The same with numbers beyond ``FAR`` robust standard deviations brought there, the model taken out anew."""
+        far = FAR * float(np.median(np.abs(self.white))) / MEDIAN[1]
+        white = np.clip(self.white, -far, far)
+        return replace(self, white=white - self.basis @ (self.basis.T @ white))
 
     def beyond(self, problem: Problem, columns: Array) -> Array:
         """Orthonormal basis (m, rank) of what columns (n, r, k) of the reading reach beyond the model."""

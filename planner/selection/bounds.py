@@ -141,7 +141,8 @@ def _first(rows: Array, index: str, poses: int | None, seed: int, near: Certific
 
 
 def _solved(rows: Array, index: str, poses: int | None, state: _State, accuracy: float) -> tuple[_State, Dual]:
-    problem = Problem(index, rows[state.active], poses or 1, poses is not None)
+    capped = poses is not None and len(state.active) > poses  # with no row to spare the cap leaves nothing inside it
+    problem = Problem(index, rows[state.active], poses or 1, capped)
     z, duals = solve(problem, inside(problem, state.weights), accuracy)
     return _State(state.active, z[: problem.count]), frozen_dual(index, poses, *problem.proof(z, duals))
 

@@ -17,6 +17,8 @@ import numpy as np
 
 from planner.units import Array
 
+EVENINGS = 200  # of weights that start at their cap
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -166,8 +168,13 @@ def _root_curvature(rows: Array, mu: Array, axes: Array) -> Array:
 def inside(problem: Problem, weights: Array) -> Array:
     """Return a strictly feasible z near the given weights: some of each, none at its cap, M above I."""
     w = 0.9 * weights + 0.1 * np.mean(weights)
-    while problem.capped and np.max(w) >= 0.97 * np.sum(w) / problem.poses:
-        w = np.minimum(w, 0.9 * np.sum(w) / problem.poses) + 0.02 * np.mean(w)
+    if problem.capped:
+        for _ in range(EVENINGS):
+            if np.max(w) < 0.97 * np.sum(w) / problem.poses:
+                break
+            w = np.minimum(w, 0.9 * np.sum(w) / problem.poses) + 0.02 * np.mean(w)
+        else:  # hardly more rows than poses: only weights that are all alike keep from the cap
+            w = np.full(len(w), np.mean(w))
     if problem.index == "O1":
         return np.asarray(w * (problem.poses / np.sum(w)))
     mu = np.linalg.eigvalsh(problem.mass(w))

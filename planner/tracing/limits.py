@@ -8,8 +8,8 @@ from scipy.stats import chi2, ncx2
 
 from planner.catalogue import Entry
 from planner.identification import Limit
+from planner.tracing.judging import SURE
 from planner.tracing.screen import SHOWN, Shade, scored
-from planner.tracing.search import SURE
 
 POWER = 0.95
 

@@ -4,37 +4,43 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.model import Parameter
 from planner.tracing.dictionary import Dictionary
+from planner.tracing.masses import GROUP, KIND
 from planner.tracing.screen import Shade, scored
+from planner.tracing.softness import with_weights
 from planner.tracing.state import Held, State
 
 MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
 
 
 def without(shade: Shade, state: State, held: Held) -> Shade:
-    """Return the fitted model less one effect and its inner number, linear about the fit."""
-    names = {p.name for p in held.entry.make(held.inner)} | {
-        f"{held.entry.name}, {held.entry.inner.name}" if held.entry.inner else ""
-    }
-    model, problem = shade.problem.model, shade.problem
-    own = [j for j, n in enumerate(model.names) if n in names]
-    rest = [j for j in range(len(model.names)) if j not in own]
-    piece = problem.piece(slice(None), shade.errors)
+    """Return the fitted model less one effect, its inner number and what wrong weights do through it, about the fit."""
+    names = {p.name for p in held.entry.make(held.inner)} | {held.slope_name}
+    where = {m.index for p in held.entry.make(held.inner) for m in p.moves} if held.entry.kind == KIND else set[int]()
+    kept, errors = list[Parameter](), list[float]()
+    for p, value in zip(shade.problem.model.parameters, shade.errors, strict=True):
+        moves = tuple(m for m in p.moves if m.index not in where) if p.group == GROUP else p.moves
+        if p.name not in names and moves:
+            kept.append(replace(p, moves=moves))
+            errors.append(float(value))
+    problem = shade.problem.with_model(replace(shade.problem.model, parameters=tuple(kept)))
+    piece = problem.piece(slice(None), np.array(errors))
     rows = piece.rows.reshape(-1, piece.rows.shape[2])
     scale = np.sqrt(len(problem) / len(state.fit.problem))
-    Q = np.linalg.qr(np.vstack([rows[:, rest], np.eye(len(rest)) * scale]))[0][: len(rows)]
-    residual = piece.residual.reshape(-1) + rows[:, own] @ (shade.errors[own] / problem.prior[own])
+    Q = np.linalg.qr(np.vstack([rows, np.eye(len(kept)) * scale]))[0][: len(rows)]
+    residual = piece.residual.reshape(-1)
     return replace(shade, basis=Q, residual=residual - Q @ (Q.T @ residual))
 
 
 def rivals(shade: Shade, state: State, held: Held, dictionary: Dictionary) -> tuple[str, ...]:
     """Names of the entries that would explain what ``held`` explains, within uncertainty, the likeliest first."""
     bare = without(shade, state, held)
-    own = scored(bare, bare.lay_out([(held.entry, held.inner)]))[0]
-    variance = max(shade.scatter / shade.spare, 1e-300)
+    own = with_weights(bare, scored(bare, bare.lay_out([(held.entry, held.inner)])))[0]
+    variance = shade.variance / shade.worth
     taken = {h.entry.name for h in state.effects}
     best: dict[str, float] = {}
-    for s in scored(bare, dictionary):
+    for s in with_weights(bare, scored(bare, dictionary)):
         if s.entry.name in taken:
             continue
         # more parameters explain more by chance alone

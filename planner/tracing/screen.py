@@ -13,11 +13,10 @@ from scipy.stats import f as f_distribution
 from planner.catalogue import Entry
 from planner.identification import Fit, Problem
 from planner.tracing.dictionary import Dictionary, Item, Pair, products
-from planner.tracing.types import Candidate
 from planner.units import Array
 
 LOOK = 4_000  # samples of a long run that are screened
-SHOWN = 1e-4  # share of a column that must be left off the model's for its parameter to count as shown
+SHOWN = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
 
 
 @dataclass(frozen=True)
@@ -59,6 +58,16 @@ class Shade:
         """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
 
+    @property
+    def variance(self) -> float:
+        """Variance of one whitened reading."""
+        return float(max(self.scatter / max(1, len(self.residual) - self.basis.shape[1]), 1e-300))
+
+    @property
+    def worth(self) -> float:
+        """How many independent readings one of the screened ones stands for, at most 1."""
+        return min(1.0, (self.spare + self.basis.shape[1]) / len(self.residual))
+
     def lay_out(self, pairs: list[Pair]) -> Dictionary:
         """Lay out entries over the samples that are screened."""
         return Dictionary.of(self.problem.context, pairs)
@@ -66,13 +75,17 @@ class Shade:
 
 @dataclass(frozen=True)
 class Scored:
-    """An entry at one inner value: gain, how many of its parameters are shown, and its information after projection."""
+    """An entry at one inner value: gain, how many of its parameters are shown, and after projection, per prior sizes,
+
+    its information (k, k) and its products ``along`` the residual (k,).
+    """
 
     entry: Entry
     inner: float | None
     gain: float
     size: int
     information: Array
+    along: Array
 
 
 def scored(shade: Shade, dictionary: Dictionary) -> list[Scored]:
@@ -91,7 +104,7 @@ def _score(item: Item, G: Array, a: Array, length: Array) -> Scored:
     shown = mu > SHOWN
     along = axes.T @ (a / scale)
     gain = float((along[shown] ** 2 / mu[shown]).sum())
-    return Scored(item.entry, item.inner, gain, int(shown.sum()), G)
+    return Scored(item.entry, item.inner, gain, int(shown.sum()), G, a)
 
 
 def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:
@@ -99,25 +112,11 @@ def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:
     if size == 0:
         return 0.0
     spare = max(1.0, shade.spare - size)
-    # of a long run only every so many samples is worth one: the gain counts by their number
-    worth = (shade.spare + shade.basis.shape[1]) / len(shade.residual)
     rest = max(shade.scatter - gain, 1e-300)
-    ratio = (min(worth, 1.0) * gain / size) / (min(worth, 1.0) * rest / spare)
+    ratio = shade.worth * gain / size / (shade.worth * rest / spare)
     return min(0.0, float(f_distribution.logsf(ratio, size, spare)) + float(np.log(tried)))
 
 
 def grid(entry: Entry) -> list[Pair]:
     """An entry at every value of its inner number."""
     return [(entry, None)] if entry.inner is None else [(entry, float(v)) for v in entry.inner.values]
-
-
-def ranked(shade: Shade, dictionary: Dictionary, left: frozenset[str]) -> list[Candidate]:
-    """Every entry named in ``left`` at its best inner value, the most surprising first; ties in catalogue order."""
-    scores = [s for s in scored(shade, dictionary) if s.entry.name in left]
-    best: dict[str, Scored] = {}
-    for s in scores:
-        if s.entry.name not in best or s.gain > best[s.entry.name].gain:
-            best[s.entry.name] = s
-    tried = len(dictionary.items)
-    out = [Candidate(s.entry, s.inner, s.gain, s.size, log_p(shade, s.gain, s.size, tried)) for s in best.values()]
-    return sorted(out, key=lambda c: (c.log_p, -c.gain))

@@ -1,25 +1,34 @@
-"""The search: add the most surprising effect while held-out samples gain, then take out what is no longer needed."""
+"""The search: add the effect that explains most while held-out samples gain, then mend what an early choice got wrong.
+
+Forward steps, each with backward pruning; when no step is left, effects are swapped for others that the run is
+likelier under; and at the very end corrections without a name are tried.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
 from planner.identification import Bench
-from planner.identification.spread import correlation_time
+from planner.tracing.again import numbered
 from planner.tracing.dictionary import Dictionary
 from planner.tracing.inner import refined
-from planner.tracing.screen import Shade, grid, ranked
-from planner.tracing.state import Held, State, gain_in_errors, refit
+from planner.tracing.judging import SURE, reason, wald_log_p
+from planner.tracing.memory import quick_memory
+from planner.tracing.ranking import ranked
+from planner.tracing.rivals import without
+from planner.tracing.screen import Shade, grid
+from planner.tracing.state import Held, State, refit
 from planner.tracing.types import Candidate
+from planner.tracing.unnamed import unnamed
 
-SURE = np.log(2e-3)  # chance, corrected for everything that was tried, below which an effect may be added
 TRIES = 6  # of the most surprising entries that are refitted before the search gives up
 ALIKE = 0.9  # share of the best gain above which another entry is refitted beside it
+SIDES = 4  # entries that are refitted side by side
 MOST = 25  # effects
-SEEN = 3.0  # standard deviations that an effect's size must be above zero
+BETTER = 4.0  # fall of minus twice the log evidence for which an effect is swapped
+SWAPS = 2  # rounds of swaps
 Say = Callable[[str], None]
 
 
@@ -56,105 +65,105 @@ class Trace:
         return self.path[-1]
 
 
-def worth(state: State, bench: Bench) -> float:
-    """How many samples are worth one, for their correlation along a continuous run."""
-    if not bench.run.continuous:
-        return 1.0
-    return correlation_time(state.fit.problem.white_residual(state.fit.errors)[:, 0])
+def memory(state: State, bench: Bench) -> float:
+    """How many samples are worth one where effects are screened: along a continuous run errors remember each other."""
+    return quick_memory(state) if bench.run.continuous else 1.0
 
 
 def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Trace:
     """Trace the residual of ``start`` to entries of the catalogue."""
-    path, rejected = [start], list[Rejected]()
-    dictionary = Shade.of(start.fit).lay_out([pair for e in entries for pair in grid(e)])
-    while len(path[-1].effects) < MOST:
-        state = path[-1]
-        names = {h.entry.name for h in state.effects}
-        left = frozenset(e.name for e in entries) - names
-        shade = Shade.of(state.fit, worth(state, bench))
-        likely = [c for c in ranked(shade, dictionary, left) if c.log_p < SURE][:TRIES]
-        if not likely:
+    rejected: list[Rejected] = []
+    shade = Shade.of(start.fit)
+    dictionary = shade.lay_out([pair for e in entries for pair in grid(e)])
+    path = _forward([start], dictionary, bench, say, rejected)
+    for _ in range(SWAPS):
+        swapped = _swapped(path[-1], dictionary, bench, say)
+        if swapped is None:
             break
-        say(f"trying {likely[0].entry.name}")
-        after, refused = _best(state, shade, likely, bench)
-        rejected += refused
-        if after is None:
-            break
-        path.append(_pruned(after, bench, len(dictionary.items)))
-        if {h.entry.name for h in path[-1].effects} == names:
-            path.pop()
-            break
+        path = _forward([*path, swapped], dictionary, bench, say, rejected)
+    nameless = shade.lay_out([(e, None) for e in unnamed(start.base, shade.problem.samples.q)])
+    path = _forward(path, nameless, bench, say, rejected)
     return Trace(tuple(path), dictionary, tuple(rejected))
 
 
-def _best(state: State, shade: Shade, likely: list[Candidate], bench: Bench) -> tuple[State | None, list[Rejected]]:
+def _forward(
+    path: list[State], dictionary: Dictionary, bench: Bench, say: Say, rejected: list[Rejected]
+) -> list[State]:
+    """Add effects one by one while any holds; returns the path so far with the states that came."""
+    path = list(path)
+    while len(path[-1].effects) < MOST:
+        state = path[-1]
+        shade = Shade.of(state.fit, memory(state, bench))
+        likely = [c for c in ranked(shade, dictionary, state.effects) if c.log_p < SURE][:TRIES]
+        if not likely:
+            break
+        say(f"trying {likely[0].entry.name}")
+        after = _best(state, shade, likely, bench, len(dictionary.items), rejected)
+        if after is None:
+            break
+        after = _pruned(after, bench, len(dictionary.items))
+        if any(after.names == s.names for s in path):
+            break
+        path.append(after)
+    return path
+
+
+def _best(
+    state: State, shade: Shade, likely: list[Candidate], bench: Bench, tried: int, rejected: list[Rejected]
+) -> State | None:
     """Refit the likely entries, alike ones side by side, and return the first kind that holds."""
-    rejected: list[Rejected] = []
     while likely:
-        near = [c for c in likely if c.gain > ALIKE * likely[0].gain][:3]
+        near = [c for c in likely if c.gain > ALIKE * likely[0].gain][:SIDES]
         likely = [c for c in likely if c not in near]
-        trials = [_with(state, c, shade, bench) for c in near]
-        reasons = [_reason(state, t, bench) for t in trials]
+        trials = [_with(state.effects, c, state, shade, bench) for c in near]
+        reasons = [reason(state, t, bench, tried) for t in trials]
         rejected += [Rejected(t.effects[-1].entry.name, r) for t, r in zip(trials, reasons, strict=True) if r]
         held = [t for t, r in zip(trials, reasons, strict=True) if r is None]
         if held:
-            return min(held, key=lambda t: t.fit.solution.cost + _log_noise(t)), rejected
-    return None, rejected
-
-
-def _log_noise(state: State) -> float:
-    """Minus twice the log likelihood's part that the size of the noise has."""
-    white = state.fit.problem.whitener
-    few = slice(0, None, max(1, len(state.fit.problem) // 3000))
-    C = white.covariance(few)
-    return float(np.linalg.slogdet(C)[1].mean() * len(state.fit.problem))
-
-
-def _with(state: State, candidate: Candidate, shade: Shade, bench: Bench) -> State:
-    inner = candidate.inner
-    if inner is not None:
-        inner = refined(shade, candidate.entry, inner)
-    effects = (*state.effects, Held(candidate.entry, inner))
-    return refit(bench, candidate.entry.name, state.base, effects, state)
-
-
-def _reason(before: State, after: State, bench: Bench) -> str | None:
-    """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
-    held = after.effects[-1]
-    gain, error = gain_in_errors(before.stage, after.stage, bench.split)
-    if gain <= error:
-        return "held-out samples gain no more than chance"
-    size = float(np.linalg.norm(after.sizes(held)))
-    if size > held.entry.largest:
-        return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
-    if strength(after, held) < SEEN**2:
-        return "its size is not determined once everything is refitted"
+            worth = memory(held[0], bench)
+            return min(held, key=lambda t: t.evidence(worth))
     return None
 
 
-def strength(state: State, held: Held) -> float:
-    """Wald statistic of an effect over its number of parameters: how far its size is from zero."""
-    which = state.positions(held)
-    root = state.fit.solution.root(state.fit.problem.prior)[which]
-    value = state.fit.errors[which]
-    return float(value @ np.linalg.solve(root @ root.T, value)) / len(which)
-
-
-def wald_log_p(state: State, held: Held, tried: int, worth: float = 1.0) -> float:
-    """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried."""
-    which = state.positions(held)
-    spare = max(1.0, len(state.fit.problem) * state.fit.model.width / worth - state.fit.effective)
-    one = f_distribution.logsf(strength(state, held) / worth, len(which), spare)
-    return min(0.0, float(one) + float(np.log(tried)))
+def _with(effects: tuple[Held, ...], candidate: Candidate, before: State, shade: Shade, bench: Bench) -> State:
+    """Refit with effects and a further one."""
+    inner = candidate.inner
+    if inner is not None:
+        inner = refined(shade, candidate.entry, inner)
+    entry = numbered(candidate.entry, effects)
+    return refit(bench, entry.name, before.base, (*effects, Held(entry, inner)), before)
 
 
 def _pruned(state: State, bench: Bench, tried: int) -> State:
     """Take out effects that the later ones made needless, the faintest first."""
     while len(state.effects) > 1:
-        chances = [wald_log_p(state, h, tried, worth(state, bench)) for h in state.effects]
+        chances = [wald_log_p(state, h, tried) for h in state.effects]
         faint = int(np.argmax(chances))
         if chances[faint] < SURE:
             break
         effects = tuple(h for k, h in enumerate(state.effects) if k != faint)
         state = refit(bench, effects[-1].entry.name, state.base, effects, state)
-    return replace(state)
+    return state
+
+
+def _swapped(state: State, dictionary: Dictionary, bench: Bench, say: Say) -> State | None:
+    """Put another entry in the place of each effect where the run is likelier so; ``None`` if it nowhere is."""
+    found = None
+    for held in state.effects:
+        shade = Shade.of(state.fit, memory(state, bench))
+        bare = without(shade, state, held)
+        rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
+        best = ranked(bare, dictionary, rest)[:2]
+        other = next((c for c in best if c.entry.name != held.entry.name), None)
+        if other is None or (best[0].entry.name == held.entry.name and best[0].score > other.score + BETTER):
+            continue
+        say(f"trying {other.entry.name} for {held.entry.name}")
+        trial = _with(rest, other, state, bare, bench)
+        tried = len(dictionary.items)
+        worth = memory(state, bench)
+        if (
+            trial.evidence(worth) < state.evidence(worth) - BETTER
+            and wald_log_p(trial, trial.effects[-1], tried) < SURE
+        ):
+            state = found = trial
+    return found

@@ -8,8 +8,9 @@ from planner.catalogue import Entry
 from planner.identification import Bench, Fit, Problem, Split, Stage, error_size
 from planner.identification.solve import solve
 from planner.identification.stages import Fitted, fitted
-from planner.model import Model
-from planner.tracing.inner import slope, spacing
+from planner.model import Model, Parameter
+from planner.tracing.inner_grid import slope, spacing, within
+from planner.tracing.masses import KIND, weights
 from planner.units import Array
 
 ROUNDS = 6  # in which inner numbers settle
@@ -22,6 +23,11 @@ class Held:
 
     entry: Entry
     inner: float | None
+
+    @property
+    def slope_name(self) -> str:
+        """Name of the parameter that moves the inner number, empty where there is none."""
+        return f"{self.entry.name}, {self.entry.inner.name}" if self.entry.inner else ""
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,11 @@ class State:
         """The stage with its errors."""
         return self.fitted.stage
 
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the effects."""
+        return frozenset(h.entry.name for h in self.effects)
+
     def positions(self, held: Held) -> list[int]:
         """Positions of an effect's own parameters in the model, its inner number left aside."""
         names = {p.name for p in held.entry.make(held.inner)}
@@ -57,6 +68,19 @@ class State:
         """Values of an effect's parameters."""
         return self.fit.errors[self.positions(held)]
 
+    def evidence(self, worth: float = 1.0) -> float:
+        """Minus twice the logarithm of the run's likelihood under this model, its parameters averaged over (Laplace).
+
+        Each parameter costs what the readings narrow its prior by, each inner number what they narrow its grid by
+        (MacKay 1992): of two models that fit alike the simpler one has the lower value. ``worth`` samples are one.
+        """
+        problem, solution = self.fit.problem, self.fit.solution
+        few = slice(0, None, max(1, len(problem) // 3000))
+        noise = float(np.linalg.slogdet(problem.whitener.covariance(few))[1].mean() * len(problem))
+        scanned = sum(2 * float(np.log(len(h.entry.inner.values))) for h in self.effects if h.entry.inner is not None)
+        narrowed = 2 * float(np.log(np.maximum(np.abs(np.diag(solution.factor)) / np.sqrt(worth), 1.0)).sum())
+        return (solution.cost + noise) / worth + narrowed + scanned
+
 
 def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: State) -> State:
     """Fit the base model with effects: inner numbers settle first, noise and priors as they were, then all together."""
@@ -64,16 +88,35 @@ def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], befor
     if len(quick) > QUICK:
         quick = quick.take(np.unique(np.linspace(0, len(quick) - 1, QUICK).astype(int)))
     errors = dict(zip(before.fit.model.names, before.fit.errors, strict=True))
-    for _ in range(ROUNDS if any(h.inner is not None for h in effects) else 0):
+    inside = any(h.inner is not None or h.entry.kind == KIND for h in effects)
+    for _ in range(ROUNDS if inside else 0):
         effects, errors, settled = _settled(quick, base, effects, errors)
         if settled:
             break
-    sizes = [np.array([errors.get(p.name, 0.0) for p in h.entry.make(h.inner)]) for h in effects]
+    sizes = [_known(h, errors) for h in effects]
     slopes = [
         slope(h.entry, h.inner, s) for h, s in zip(effects, sizes, strict=True) if h.inner is not None and s.any()
     ]
-    model = base.plus([*(p for h in effects for p in h.entry.make(h.inner)), *slopes])
+    more = [*(p for h in effects for p in h.entry.make(h.inner)), *slopes, *_weights(base, effects, errors)]
+    model = base.plus(more)
     return State(base, effects, fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, before.fit))
+
+
+def _known(held: Held, errors: dict[str, float]) -> Array:
+    return np.array([errors.get(p.name, 0.0) for p in held.entry.make(held.inner)])
+
+
+def _weights(base: Model, effects: tuple[Held, ...], errors: dict[str, float]) -> list[Parameter]:
+    """Wrong weights, as the compliances that are known so far show them."""
+    transforms = base.rig.chain.transforms
+    soft = []
+    for h in effects:
+        if h.entry.kind == KIND:
+            first = h.entry.make(None)[0]
+            joint, size = transforms[first.main.index].joint, errors.get(first.name, 0.0)
+            if joint is not None and size:
+                soft.append((joint, round(size, 12)))
+    return weights(base, soft)
 
 
 def _settled(
@@ -81,14 +124,14 @@ def _settled(
 ) -> tuple[tuple[Held, ...], dict[str, float], bool]:
     """One step of the inner numbers with everything else free, and whether none moved by more than σ/10."""
     own = [h.entry.make(h.inner) for h in effects]
-    known = [np.array([errors.get(p.name, 0.0) for p in parameters]) for parameters in own]
     slopes = {
         h.entry.name: slope(h.entry, h.inner, size)
-        for h, size in zip(effects, known, strict=True)
-        if h.inner is not None and size.any()
+        for h in effects
+        if h.inner is not None and (size := _known(h, errors)).any()
     }
+    soft = _weights(base, effects, errors)
     priors = dict(zip(quick.model.names, quick.model.prior, strict=True))
-    everything = [*base.parameters, *(p for parameters in own for p in parameters), *slopes.values()]
+    everything = [*base.parameters, *(p for parameters in own for p in parameters), *slopes.values(), *soft]
     model = replace(base, parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in everything))
     here = quick.with_model(model)
     starts = np.array([0.0 if p in slopes.values() else errors.get(p.name, 0.0) for p in everything])
@@ -105,6 +148,8 @@ def _settled(
     )
     settled = len(slopes) == sum(h.inner is not None for h in effects)
     settled = settled and all(abs(shift) <= 0.1 * std for shift, std in step.values())
+    yielding = [h.entry.make(None)[0].name for h in effects if h.entry.kind == KIND]
+    settled = settled and all(abs(value[n] - errors.get(n, 0.0)) <= 0.02 * abs(value[n]) for n in yielding)
     return (effects if settled else moved), value, settled
 
 
@@ -112,8 +157,7 @@ def _within(held: Held, value: float) -> float:
     """Keep an inner number within one grid spacing of where it was: beyond it the linear step means nothing."""
     assert held.inner is not None
     width = spacing(held.entry, held.inner)
-    value = float(np.clip(value, held.inner - width, held.inner + width))
-    return value if held.inner <= 0 else max(value, 0.1 * held.inner)
+    return within(held.entry, float(np.clip(value, held.inner - width, held.inner + width)))
 
 
 def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:

@@ -5,47 +5,54 @@ import numpy as np
 from planner.catalogue import catalogue
 from planner.identification import Bench, Finding, Traced
 from planner.identification.stages import Fitted
+from planner.tracing.again import plain
+from planner.tracing.judging import wald_log_p
 from planner.tracing.limits import limits
+from planner.tracing.memory import inflation
 from planner.tracing.rivals import rivals
 from planner.tracing.screen import Shade
-from planner.tracing.search import Say, Trace, search, wald_log_p, worth
+from planner.tracing.search import Say, Trace, memory, search
 from planner.tracing.sentence import sized
 from planner.tracing.state import Held, State
+
+HIDDEN = ("link mass",)  # shows through joints that yield only, and is fitted along with them
 
 
 def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Traced]:
     """Trace what the geometry leaves; returns the stages that were added, and what was found."""
-    entries = catalogue(geometry.fit.model.rig, bench.run.samples)
+    offered = catalogue(geometry.fit.model.rig, bench.run.samples)
+    entries = tuple(e for e in offered if e.kind not in HIDDEN)
     start = State(geometry.fit.model, (), geometry)
     found = search(start, entries, bench, say)
     last = found.last
-    shade = Shade.of(last.fit, worth(last, bench))
+    shade = Shade.of(last.fit, memory(last, bench))
     say("rivals")
-    findings = tuple(_finding(found, h, shade, bench, rivals(shade, last, h, found.dictionary)) for h in last.effects)
+    findings = tuple(_finding(found, h, rivals(shade, last, h, found.dictionary)) for h in last.effects)
     say("detection limits")
-    taken = {h.entry.name for h in last.effects}
+    taken = last.names
     silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))
     rejected = tuple((r.name, r.because) for r in found.rejected)
     return [s.fitted for s in found.path[1:]], Traced(findings, silent, rejected, found.tried)
 
 
-def _finding(found: Trace, held: Held, shade: Shade, bench: Bench, others: tuple[str, ...]) -> Finding:
+def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
     last = found.last
     which = last.positions(held)
     root = last.fit.solution.root(last.fit.problem.prior)[which]
     sizes = last.fit.errors[which]
+    wide = inflation(last, held)
     value = float(np.linalg.norm(sizes))
     along = sizes / max(value, 1e-300)
-    std = float(np.linalg.norm(along @ root)) * np.sqrt(worth(last, bench))
+    std = float(np.linalg.norm(along @ root)) * np.sqrt(wide)
     inner = held.entry.inner
-    name = f"{held.entry.name}, {inner.name}" if inner else ""
+    name = held.slope_name
     spread = None
     if name in last.fit.model.names:
         row = last.fit.solution.root(last.fit.problem.prior)[last.fit.model.names.index(name)]
-        spread = float(np.linalg.norm(row))
+        spread = float(np.linalg.norm(row) * np.sqrt(wide))
     unit = held.entry.make(held.inner)[0].unit
     return Finding(
-        effect=held.entry.kind,
+        effect=plain(held.entry.kind),
         on=held.entry.on,
         value=value if len(which) > 1 else float(sizes[0]),
         std=std,
@@ -54,7 +61,7 @@ def _finding(found: Trace, held: Held, shade: Shade, bench: Bench, others: tuple
         inner=held.inner,
         inner_std=spread,
         inner_unit=inner.unit if inner else None,
-        log_p=wald_log_p(last, held, found.tried, worth(last, bench)),
+        log_p=wald_log_p(last, held, found.tried, wide),
         held_out_gain=_gain(found, held),
         rivals=others,
         note=sized(held.entry, value, std, unit, held.inner, spread),

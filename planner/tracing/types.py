@@ -14,6 +14,7 @@ class Candidate:
         gain: fall of the whitened sum of squares by its parameters, after the model has taken what it can.
         size: number of its parameters that the readings show.
         log_p: logarithm of the chance of so large a gain, corrected for everything that was tried.
+        score: gain in noise variances less what parameters and inner numbers explain by being many.
     """
 
     entry: Entry
@@ -21,3 +22,4 @@ class Candidate:
     gain: float
     size: int
     log_p: float
+    score: float

@@ -128,7 +128,7 @@ def _ruckig_phases(steps: Steps) -> tuple[Array, Mask]:
 
 
 def _solved(solver: ruckig.Ruckig, move: ruckig.InputParameter, answer: ruckig.Trajectory) -> bool:
-    """Tell whether ruckig finds a move that ends where it should and never leaves the speeds from 0 to its bound."""
+    """Tell whether ruckig finds a move that ends where it should and keeps its bounds throughout."""
     try:
         result = solver.calculate(move, answer)
     except ruckig.RuckigError:  # its tolerances are absolute: a feasible move at the edge of its limits can fail them
@@ -136,4 +136,5 @@ def _solved(solver: ruckig.Ruckig, move: ruckig.InputParameter, answer: ruckig.T
     p = answer.profiles[0][0]
     at_end = abs(p.p[7] - 1.0) <= TOLERANCE and abs(p.v[7] - move.target_velocity[0]) <= TOLERANCE
     within = p.brake.duration == 0.0 and min(p.v) >= -TOLERANCE and max(p.v) <= 1.0 + TOLERANCE
-    return bool(result == ruckig.Result.Working and at_end and within)
+    gentle = max(map(abs, p.a)) <= move.max_acceleration[0] * (1.0 + TOLERANCE)  # seen 9 % beyond it, near its edges
+    return bool(result == ruckig.Result.Working and at_end and within and gentle)

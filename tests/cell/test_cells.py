@@ -51,6 +51,12 @@ def test_angles_and_lengths_are_si_inside():
         ("mass_kg = 5", "mass_kg = 500", ["500", "130 kg"]),
         ("axis = [0, 0, 1]\n\n[[obst", "axis = [0, 0, 0]\n\n[[obst", ["no direction"]),
         ("axes = [4, 6]", "axes = [4, 9]", ["axis 9", "6 joints"]),
+        ("[258, 1468, 708]", "[0.258, 1.468, 0.708]", ["fixtures.A.position_mm", "metres", "[258.0, 1468.0, 708.0]"]),
+        ("map_mm = [50, 0, 150]", "map_mm = [0.05, 0, 0.15]", ["tool.map_mm", "metres", "[50.0, 0.0, 150.0]"]),
+        ("[0, 0, 0, 0, -90, 0]", "[0, 0, 0, 0, -1.571, 0]", ["home_deg", "radians", "-90.01"]),
+        ("[0, 0, 0, 0, -90, 0]", "[0.3, 1.5708, 0, -0.785, -3.1416, 0]", ["home_deg", "radians", "-180.0"]),
+        ('zero = "free"', 'zero = "free"\nmount_deg = [0, 0, 0, 0, 0.7854, 0]', ["gauge.mount_deg", "radians", "45.0"]),
+        ("{ fixture = 80, map = 80 }", "{ fixture = 80, map = 1.2 }", ["cone_deg.map", "radians", "68.75"]),
         ("schema = ", "schema = 3 # ", ["schema"]),
         ("schema = ", "schema ", ["not valid TOML"]),
     ],
@@ -59,6 +65,23 @@ def test_a_wrong_cell_is_refused(tmp_path, old, new, words):
     with pytest.raises(InputError) as err:
         loaded(tmp_path, old, new)
     assert all(w in str(err.value) for w in words), str(err.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("map_mm = [50, 0, 150]", "map_mm = [0, 0, 0]"),
+        ("map_mm = [50, 0, 150]", "map_mm = [0, 0, 4.5]"),
+        ("[258, 1468, 708]", "[5, 0, 12]"),
+        ("[258, 1468, 708]", "[0, 0, 0]"),
+        ("[0, 0, 0, 0, -90, 0]", "[0, 0, 0, 0, 0, 0]"),
+        ("[0, 0, 0, 0, -90, 0]", "[0, -1.5, 2, 0, -5, 0]"),
+        ("[0, 0, 0, 0, -90, 0]", "[0, -1.571, 20, 0, -90, 0]"),
+        ("{ fixture = 80, map = 80 }", "{ fixture = 5, map = 12 }"),
+    ],
+)
+def test_zeros_and_small_values_that_make_sense_are_taken_as_written(tmp_path, old, new):
+    assert loaded(tmp_path, old, new).robot.name == "comau-nj130"
 
 
 def test_an_unknown_cell_names_the_nearest():

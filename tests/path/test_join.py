@@ -8,6 +8,8 @@ import pytest
 
 from planner.collision import FclJudge
 from planner.path import Constraints, Gaps, Path, join, judge, parts
+from planner.path.distances import FclPairs
+from planner.path.proof import Prover
 from planner.units import Array
 from planner.workspace import Workspace
 from tests.path.poses import cell_and_world, dense, valid_poses
@@ -178,3 +180,54 @@ def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
     assert isinstance(found, Path)
     assert found.clear, found.second.failures
     assert not world.collides(dense(found.q[:-1], found.q[1:], 200)).any()
+
+
+class Strict:
+    """Fcl's distances, but none left within ``reach`` [rad] of a state: a judge that sees more than coal does."""
+
+    def __init__(self, judge: FclPairs, state: Array, reach: float) -> None:
+        self.judge, self.state, self.reach = judge, state, reach
+
+    def wanted(self, q: Array, mask: np.ndarray) -> Array:
+        """Distances as fcl gives them, shortened near the state."""
+        out = self.judge.wanted(q, mask)
+        out[np.abs(q - self.state).max(axis=1) <= self.reach] -= 1.0
+        return out
+
+
+def judged_strictly(state: Array, reach: float, monkeypatch: pytest.MonkeyPatch) -> Constraints:
+    free = constraints()
+    strict = Prover(free.bounds, free.pairs, Strict(FclPairs(free.scene), state, reach), free.clearance)
+    monkeypatch.setitem(free.__dict__, "_judge", strict)
+    return free
+
+
+def test_a_leg_that_the_second_judge_does_not_prove_is_led_round(
+    path: Path, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    q, order, pool = tour
+    straight = next(leg for leg in path.legs if leg.direct)
+    free = judged_strictly((q[straight.start] + q[straight.end]) / 2, 1e-3, monkeypatch)
+    assert len(judge(free, path.q)[1].unproven) == 1
+    found = join(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, Path), found.reasons
+    assert found.clear
+    again = next(leg for leg in found.legs if (leg.start, leg.end) == (straight.start, straight.end))
+    assert not again.direct
+    assert all(v.clear for v in judge(constraints(), found.q))
+
+
+def test_legs_that_no_detour_makes_right_for_the_second_judge_are_named(
+    path: Path, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All about one pose is what it refuses: the legs to it come back, with the judge's words."""
+    q, order, pool = tour
+    free = judged_strictly(q[3], 0.3, monkeypatch)
+    refused = judge(free, path.q)[1]
+    assert 0 < len(refused.unproven) == len(refused.failures)
+    found = join(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, Gaps)
+    assert found.unreachable == ()
+    assert set(found.failed) >= {(2, 3), (3, 4)}
+    assert len(found.reasons) == len(found.failed) < 10
+    assert all("python-fcl does not prove motion" in reason for reason in found.reasons)

@@ -1,5 +1,6 @@
 """LinuxCNC's own interpreter runs the program; its canonical commands are compared with the plan."""
 
+import dataclasses
 import re
 import shutil
 import subprocess
@@ -98,6 +99,18 @@ def test_path_mode_and_pulses_in_passing(tmp_path: Path) -> None:
     assert len(on) == len(off) == sum(isinstance(i, Sync) for i in program.instructions)
     for begin, end in zip(on, off, strict=True):
         assert sum(c.startswith("STRAIGHT_FEED") for c in commands[begin:end]) == 1
+
+
+@pytest.mark.parametrize("session", [sessions.static, sessions.dense])
+def test_without_signals_no_output_is_switched_and_no_input_awaited(session, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    program = session()
+    signals = ("SET_AUX", "CLEAR_AUX", "SET_MOTION_OUTPUT", "CLEAR_MOTION_OUTPUT", "WAIT(")
+    counts = []
+    for one in (program, dataclasses.replace(program, sync_output=None, gauge_input=None)):
+        code, commands = _canonical(_written(one), tmp_path)
+        assert code == 0
+        counts.append(sum(c.startswith(signals) for c in commands))
+    assert counts[0] > 0 == counts[1]
 
 
 def test_the_log_has_the_columns_of_the_import_map(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
     told = info(name).trace in notes
     assert told == (not info(name).logs_passing)
     if told:
-        assert "record by the controller" in " ".join(re.sub(r"[^a-z]+", " ", text).split())
+        assert "recorded with" in " ".join(re.sub(r"[^a-z]+", " ", text).split())
     bare = replace(program, instructions=tuple(i for i in program.instructions if not isinstance(i, LogAxes)))
     assert info(name).trace not in " ".join(program_notes(bare, name))
 
@@ -139,6 +139,13 @@ def test_rapid_drives_the_measured_point():
     assert "PERS tooldata" not in given
     assert given.count(", tool1 \\WObj:=wobj0;") == moves
     assert "[40.000,-1.500,100.250] mm in the flange frame" in given
+
+
+def test_where_the_feed_is_of_the_tool_point_the_program_says_of_which():
+    program = replace(sessions.static(), map_mm=(40.0, -1.5, 100.25))
+    text = write_program(program, "bnr", "s")[0].text
+    said = " ".join(line.strip("; ") for line in text.splitlines() if line.startswith(";"))
+    assert "must end in the measured point, [40.000, -1.500, 100.250] mm" in said
 
 
 def test_rapid_tooldata_without_a_mass_is_that_of_tool0():

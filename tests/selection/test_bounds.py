@@ -142,3 +142,16 @@ def test_bad_input_is_refused():
         bound(rows, "O9", 5)
     with pytest.raises(InputError, match="shape"):
         bound(rows[:, 0], "O2", 5)
+
+
+@pytest.mark.parametrize("kind", INDICES)
+@pytest.mark.parametrize("spare", [0, 1, 2])
+def test_hardly_more_candidates_than_poses(kind, spare):
+    """All of the pool, or all but one or two: the cap leaves the weights next to no room, and none at all."""
+    rows = pool(5, count=60 + spare)
+    certificate = bound(rows, kind, 60)
+    assert certificate.verified
+    values = [index_value(kind, np.delete(rows, out, axis=0)) for out in combinations(range(60 + spare), spare)]
+    best = max(values) if RULES[kind].maximise else min(values)
+    assert best <= certificate.value * (1 + 1e-9) if RULES[kind].maximise else best >= certificate.value * (1 - 1e-9)
+    assert certificate.value == pytest.approx(best, rel=0.06)

@@ -58,12 +58,12 @@ def found(told: Told, step: Step) -> Picture:
     )
     panels = tuple(
         _panel(e, values, side, fitted, span)
-        for values, side, fitted in ((e.before, "before it was added", True), (e.after, "after", False))
+        for values, side, fitted in ((e.before, "before", True), (e.after, "after", False))
     )
     caption = (
-        "Held-out residuals, each as the error of the effect's own axis that it stands for. Black: their mean"
+        "Held-out residuals, each as the error of the effect's own axis. Points: readings; black: their mean"
         if e.unit == "rad"
-        else "Held-out residuals along what the effect moves. Black: their mean"
+        else "Held-out residuals along what the effect moves. Points: readings; black: their mean"
     )
     return Picture(
         step.name,
@@ -80,13 +80,12 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
     shown = heavy[spread(len(heavy), POINTS)]
     inside = shown[np.abs(y[shown]) <= span]
     zero = Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
-    series = [zero, Series("a reading", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
+    series = [zero, Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
     if fitted:
         series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight), RED, width=3.0))
     at, mean = weighted_means(x, y, e.weight)
     series.append(Series("mean", at, mean, BLACK, width=1.8))
-    label = f"error ({SIZES[e.unit]})"
-    return Panel(title, e.against.label, label, tuple(series), y_range=(-span, span), height=210)
+    return Panel(f"{title} ({SIZES[e.unit]})", e.against.label, "", tuple(series), y_range=(-span, span), height=210)
 
 
 def _apart(x: Array) -> Array:

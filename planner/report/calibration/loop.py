@@ -16,7 +16,7 @@ Row = tuple[str, ...]
 NAMED = 4  # rivals that are listed by name
 FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
 NOTHING = "Nothing beyond noise that the catalogue can name."
-MOST_REJECTED, MOST_NAMED = 20, 8  # in the table, and findings on the first sheet
+MOST_REJECTED, MOST_NAMED = 20, 6  # in the table, and findings on the first sheet
 BLIND = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
 """Sizes of an effect that no arm has: a run that shows only such ones does not see it."""
 
@@ -106,11 +106,13 @@ def _rivals(f: Finding) -> str:
 
 
 def _or(rivals: Row) -> str:
-    return "" if not rivals else f" — or {rivals[0]}" + (f" or {len(rivals) - 1} others" if len(rivals) > 1 else "")
+    return "" if not rivals else f" — or {rivals[0]}" + (f" or {len(rivals) - 1} more" if len(rivals) > 1 else "")
 
 
 def _chance(log_p: float) -> str:
     ten = log_p / np.log(10)
+    if ten < -300:
+        return "below 10^-300"
     return f"10^{ten:.0f}" if ten < -4 else sized(float(np.exp(log_p)), 2)
 
 

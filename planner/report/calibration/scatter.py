@@ -14,20 +14,17 @@ KINDS = {
     "circumstances": ("residual_circumstances", "Error against time and circumstances"),
 }
 SCATTER = (
-    "On the left with only the gauge placed, on the right calibrated, each on its own scale; always on samples that "
-    "the fit had not seen. The line is the mean: where it leaves zero, the model does not say all."
+    "What the calibrated robot leaves, on samples that the fit had not seen. The line is the mean: where it leaves "
+    "zero, the model does not say all."
 )
 
 
 def residuals(told: Told, kind: str) -> Picture:
-    """Residuals against every quantity of one kind: before on the left, after on the right."""
+    """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
-    panels = []
-    for number, a in enumerate(x for x in told.against if x.kind == kind):
-        for stage, side in ((told.before, "gauge placed"), (told.after, "calibrated")):
-            error = to_mm(stage.held_residual[told.looked][:, :3])
-            panels.append(_scatter(a, error, side if number == 0 else ""))
-    return Picture(name, title, SCATTER, tuple(panels), columns=2)
+    error = to_mm(told.after.held_residual[told.looked][:, :3])
+    panels = tuple(_scatter(a, error) for a in told.against if a.kind == kind)
+    return Picture(name, title, SCATTER, panels, columns=2)
 
 
 def approach(told: Told) -> Picture:
@@ -57,7 +54,7 @@ def approach(told: Told) -> Picture:
     return Picture("residual_approach", "Error against the sense of the last approach", caption, tuple(panels), 2)
 
 
-def _scatter(a: Against, error: Array, title: str) -> Panel:
+def _scatter(a: Against, error: Array) -> Panel:
     """One panel: points, and for each component the line of means."""
     wide = error.shape[1] > 1
     colours = (BLUE, GREEN, RED) if wide else (BLUE,)
@@ -70,7 +67,7 @@ def _scatter(a: Against, error: Array, title: str) -> Panel:
         series.append(Series("mean", at, mean, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
     series.append(Series("", np.array([a.values.min(), a.values.max()]), np.zeros(2), GREY, dashed=True, width=1.0))
-    return Panel(title, a.label, "error (mm)", tuple(series), y_range=(-span, span), height=150)
+    return Panel("", a.label, "error (mm)", tuple(series), y_range=(-span, span), height=150)
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:

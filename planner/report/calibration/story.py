@@ -64,8 +64,14 @@ def steps(told: Told) -> tuple[Step, ...]:
         what = f"{f.effect}, {f.on}"
         with_it = [k for k, s in enumerate(c.stages) if what in s.effects]
         first = with_it[0] if with_it else len(c.stages) - 1
-        out.append((first, Step(f, f"found_{len(out) + 1}", what, c.stages[max(0, first - 1)], c.stages[first])))
+        out.append((first, Step(f, f"found_{len(out) + 1}", what, _before(c.stages, first), c.stages[first])))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
+
+
+def _before(stages: tuple[Stage, ...], first: int) -> Stage:
+    """Return the last stage before number ``first`` that has nothing which a later one took out again."""
+    kept = set(stages[-1].effects)
+    return next(s for s in reversed(stages[: max(first, 1)]) if kept.issuperset(s.effects))
 
 
 def evidence(told: Told, step: Step) -> Evidence:

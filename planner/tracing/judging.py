@@ -1,0 +1,50 @@
+"""Whether an effect that was added to the model stays in it."""
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from planner.identification import Bench
+from planner.tracing.masses import GROUP
+from planner.tracing.memory import inflation
+from planner.tracing.state import Held, State, gain_in_errors
+
+SURE = float(np.log(2e-3))  # chance, corrected for everything that was tried, below which an effect may be added
+SEEN = 3.0  # standard deviations that an effect's size must be above zero
+
+
+def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
+    """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
+    held = after.effects[-1]
+    gain, error = gain_in_errors(before.stage, after.stage, bench.split)
+    if gain <= error:
+        return "held-out samples gain no more than chance"
+    size = float(np.linalg.norm(after.sizes(held)))
+    if size > held.entry.largest:
+        return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
+    memory = inflation(after, held)
+    if strength(after, held) / memory < SEEN**2:
+        return "its size is not determined once everything is refitted"
+    if wald_log_p(after, held, tried, memory) > SURE:
+        return "it is no larger than chance would have it among so many"
+    return None
+
+
+def strength(state: State, held: Held) -> float:
+    """Wald statistic of an effect over its number of parameters: how far its size is from zero.
+
+    Wrong weights count as known: they show through the compliances only, and go with them.
+    """
+    model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
+    kept = np.array([j for j, p in enumerate(model.parameters) if p.group != GROUP])
+    which = np.searchsorted(kept, state.positions(held))
+    root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
+    value = (state.fit.errors / prior)[kept][which]
+    return float(value @ np.linalg.solve(root @ root.T, value)) / len(which)
+
+
+def wald_log_p(state: State, held: Held, tried: int, memory: float | None = None) -> float:
+    """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried."""
+    memory = inflation(state, held) if memory is None else memory
+    spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
+    one = f_distribution.logsf(strength(state, held) / memory, len(state.positions(held)), spare)
+    return min(0.0, float(one) + float(np.log(tried)))

@@ -1,0 +1,172 @@
+"""The loop in file and report: findings with their units, evidence that fits the truth, limits, the first sheet."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from planner.cell import load_cell
+from planner.identification import Calibration, Limit, identify
+from planner.identification.results import identification_content
+from planner.identification.results_file import Identification
+from planner.report.calibration.data import Told
+from planner.report.calibration.evidence import found, weighted_means
+from planner.report.calibration.loop import silence
+from planner.report.calibration.page import build_page
+from planner.report.calibration.story import evidence, steps
+from planner.report.calibration.units import unit_of
+from planner.residuals import leftover
+from planner.resources import folder
+from planner.run import load_run
+from planner.tracing import trace
+from tests.generator import runs
+from tests.generator.arm import Arm
+from tests.generator.kinds import Effect
+from tests.generator.truth import draw_truth
+
+RIPPLE, WAVES = 6e-5, 24.738  # [rad], waves a turn of joint 3
+PLAY = 8e-5  # [rad] of joint 2
+
+
+@pytest.fixture(scope="module")
+def c() -> Calibration:
+    arm = Arm.from_toml(folder("robots") / "comau-nj130" / "robot.toml")
+    effects = (
+        Effect("reducer-ripple", 3, RIPPLE, (("frequency", WAVES), ("phase", 1.0))),
+        Effect("backlash-approach", 2, PLAY),
+    )
+    made = runs.edbb_static(arm, 160, seed=5, truth=draw_truth(arm, 5, effects))
+    with TemporaryDirectory() as place:
+        run_file, cell_file = made.write(Path(place))
+        return identify(load_run(run_file, 6), load_cell(str(cell_file), planning=False), tracer=trace)
+
+
+@pytest.fixture(scope="module")
+def told(c: Calibration) -> Told:
+    return Told(c)
+
+
+def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
+    content = identification_content(c, leftover(c))
+    Identification.model_validate(content)
+    by_place = {(f["effect"], f["on"]): f for f in content["findings"]}
+    ripple, play = by_place["gear ripple", "joint 3"], by_place["backlash", "joint 2"]
+    for f, size in ((ripple, RIPPLE), (play, PLAY)):
+        assert f["unit"] == "deg"
+        assert abs(f["value"] - math.degrees(size)) < 4 * f["std"]
+        assert f["p_value"] == pytest.approx(10 ** f["log10_p"])
+        assert f["held_out_gain"] > 0
+        own = [p["value"] for p in content["parameters"] if p["group"] == f"{f['effect']}, {f['on']}"]
+        shape = [p for p in content["parameters"] if p["name"].endswith("frequency") and f is ripple]
+        assert math.hypot(*(v for v in own if not shape or v != shape[0]["value"])) == pytest.approx(
+            f["value"], rel=1e-6
+        )
+    inner = ripple["inner"]
+    assert inner["name"] == "frequency"
+    assert inner["unit"] == "1/turn"
+    assert abs(inner["value"] - WAVES) < 4 * inner["std"]
+    whole = next(p for p in content["parameters"] if p["name"] == "gear ripple, joint 3, frequency")
+    assert whole["value"] == pytest.approx(inner["value"], abs=inner["std"])
+    assert "inner" not in play
+
+
+def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
+    assert c.traced is not None
+    sure = replace(c.traced, findings=(replace(c.traced.findings[0], log_p=-math.inf),))
+    found_one = identification_content(replace(c, traced=sure), leftover(c))["findings"][0]
+    assert found_one["log10_p"] is None
+    assert 0 <= found_one["p_value"] < 1e-300
+
+
+def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
+    content = identification_content(c, leftover(c))
+    assert content["tried"] > 100
+    limits = {(x["effect"], x["on"]): x for x in content["limits"]}
+    assert ("backlash", "joint 2") not in limits
+    assert limits["backlash", "joint 3"]["unit"] == "deg"
+    assert 0 < limits["backlash", "joint 3"]["size"] < math.degrees(1e-3)
+    untraced = identification_content(replace(c, traced=None), leftover(c))
+    assert untraced["findings"] == []
+    assert untraced["limits"] == []
+    assert untraced["tried"] is None
+
+
+def test_ripple_shows_before_and_is_gone_after(told: Told) -> None:
+    step = next(s for s in steps(told) if s.what == "gear ripple, joint 3")
+    e = evidence(told, step)
+    assert e.against.period == pytest.approx(360 / WAVES, rel=1e-2)
+    phase = 2 * np.pi * e.against.folded / e.against.period
+    waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    sizes = []
+    for values in (e.before, e.after, e.fitted):
+        root = np.sqrt(e.weight)
+        sizes.append(np.linalg.norm(np.linalg.lstsq(waves * root[:, None], values * root, rcond=None)[0]))
+    assert sizes[0] == pytest.approx(RIPPLE, rel=0.3)
+    assert sizes[2] == pytest.approx(RIPPLE, rel=0.25)
+    assert sizes[1] < 0.25 * sizes[0]
+
+
+def test_play_shows_on_both_sides(told: Told) -> None:
+    step = next(s for s in steps(told) if s.what == "backlash, joint 2")
+    e = evidence(told, step)
+    assert set(np.unique(e.against.values)) <= {-1.0, 0.0, 1.0}
+    sides, mean = weighted_means(e.against.values, e.before, e.weight)
+    gap = abs(mean[sides == 1.0] - mean[sides == -1.0])
+    assert gap == pytest.approx(PLAY, rel=0.35)
+    assert abs(np.ptp(weighted_means(e.against.values, e.after, e.weight)[1])) < 0.3 * gap
+
+
+def test_what_was_taken_out_again_is_not_what_stood_before(c: Calibration) -> None:
+    """A stage with a rival that left later says nothing of what its successor explains."""
+    geometry, *_, last = c.stages[2:]
+    rival = replace(last, name="gauge lag, gauge", effects=("gauge lag, gauge",))
+    changed = Told(replace(c, stages=(*c.stages[:3], rival, last)))
+    assert {s.before.name for s in steps(changed)} == {geometry.name}
+    assert all(s.after is last for s in steps(changed))
+
+
+def test_every_finding_has_its_picture_and_evidence(told: Told) -> None:
+    page = build_page(told)
+    assert [f.picture for f in page.loop] == [s.name for s in steps(told)]
+    for f, step in zip(page.loop, steps(told), strict=True):
+        assert "Rivals" in f.lines[-1]
+        assert step.finding.note.lower() == f.heading.lower()
+        picture = found(told, step)
+        assert len(picture.panels) == 2
+        assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
+    assert page.found[0].startswith("Joint ")
+    assert page.limits.joints == tuple(f"joint {j}" for j in range(1, 7))
+    play = next(row for row in page.limits.rows if row[0] == "backlash")
+    assert play[3] == ""  # joint 2 was found
+    assert 1 < float(play[4]) < 1000
+
+
+def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
+    sizes = (3e-5, 4.5e-5, 0.4)
+    limits = [Limit("backlash", f"joint {j + 1}", size, "rad") for j, size in enumerate(sizes)]
+    assert silence(limits) == ("Would have been seen 95 times in 100: backlash of 2 joints above 45 µrad.",)
+    assert silence(limits[2:]) == ()
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "said"),
+    [
+        ("rad", 3e-5, (30.0, "µrad")),
+        ("rad/Nm", 2e-7, (0.2, "µrad/Nm")),
+        ("rad/rad", 7e-4, (700.0, "ppm")),
+        ("m/N", 5e-7, (0.5, "µm/N")),
+        ("1", 1e-4, (100.0, "ppm")),
+        ("1", 0.4, (40.0, "%")),
+        ("s", 4e-3, (4.0, "ms")),
+        ("s", 300.0, (300.0, "s")),
+        ("1/K", 1.2e-5, (12.0, "ppm/K")),
+        ("rad/s", 1e-8, (36.0, "µrad/h")),
+        ("1/turn", 24.7, (24.7, "a turn")),
+    ],
+)
+def test_small_numbers_have_units_of_their_size(unit: str, value: float, said: tuple[float, str]) -> None:
+    name, factor = unit_of(unit, value)
+    assert (pytest.approx(value * factor), name) == said

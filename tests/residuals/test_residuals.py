@@ -1,0 +1,126 @@
+"""Tests of a residual: as many false alarms as they say, and everything that is planted is found where it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.identification import Calibration, Problem
+from planner.identification.problem import Memory
+from planner.residuals import leftover
+from planner.residuals.judge import LEVEL, ORDER, Battery, battery_of, judged
+from planner.residuals.rest import Rest, grouped
+from tests.report.calibrated import calibrated
+
+CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
+DRAWS = 400
+
+
+@pytest.fixture(scope="module")
+def c() -> Calibration:
+    return calibrated("edbb_static", 160)
+
+
+def drawn(rest: Rest, white: np.ndarray) -> Rest:
+    """A residual of white numbers (m,), the model fitted to it."""
+    return replace(rest, white=white - rest.basis @ (rest.basis.T @ white))
+
+
+def looked_at(problem: Problem, c: Calibration) -> tuple[Rest, Battery]:
+    rest = Rest.of(problem, c.fit.errors, c.run.continuous)
+    tests = battery_of(problem, rest, c.run.continuous)
+    assert tests is not None
+    return rest, tests
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
+def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
+    left = leftover(calibrated(*case))
+    assert left.trials
+    assert not left.structured
+    assert left.rms == 0.0
+    assert "chance" in left.sentence
+
+
+@pytest.mark.parametrize("tail", ["normal", "heavy"])
+def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
+    rest, tests = looked_at(c.fit.problem, c)
+    rng, alarms, each = np.random.default_rng(1), 0, []
+    for _ in range(DRAWS):
+        white = rng.standard_normal(len(rest.white)) if tail == "normal" else rng.standard_t(4, len(rest.white))
+        left = judged(drawn(rest, white), tests, False, 1e-5)
+        alarms += left.structured
+        each += [t.p_value / len(left.trials) for t in left.trials if t.p_value < 1]
+    assert alarms <= 12  # 1 in 100 is 4 of 400; more than 12 comes by chance once in 4 000 times
+    if tail == "normal":  # single tests, before they are corrected: as many below 1 % as there should be
+        small = sum(p < 0.01 for p in each) / (DRAWS * (tests.count + 1))
+        assert 0.007 < small < 0.013
+
+
+def test_what_repeats_share_counts_once(c: Calibration) -> None:
+    """Each pose four times with one error: told apart from chance only if the four were taken for four."""
+    problem = c.fit.problem.take(np.tile(np.arange(100), 4))
+    assert len(np.unique(grouped(problem))) == len(np.unique(grouped(c.fit.problem.take(np.arange(100)))))
+    rest, tests = looked_at(problem, c)
+    rng, alarms = np.random.default_rng(2), 0
+    for _ in range(100):
+        alarms += judged(drawn(rest, 2 * rng.standard_normal(len(rest.white))), tests, False, 1e-5).structured
+    assert alarms <= 6
+    naive = replace(rest, white=np.repeat(rest.white, 4), basis=np.repeat(rest.basis, 4, axis=0) / 2)
+    assert naive.dof > 3 * rest.dof
+
+
+def test_slow_noise_is_called_by_its_name(c: Calibration) -> None:
+    """Noise that remembers the pose before: along the order of measuring, and hardly ever along anything else."""
+    rest, tests = looked_at(c.fit.problem, c)
+    rng, named, others = np.random.default_rng(3), 0, 0
+    for _ in range(60):
+        white = rng.standard_normal(len(rest.white))
+        for k in range(1, len(white)):
+            white[k] = 0.8 * white[k - 1] + 0.6 * white[k]
+        found = {t.along for t in judged(drawn(rest, white), tests, False, 1e-5).found}
+        named += ORDER in found
+        others += bool(found - {ORDER})
+    assert named >= 55
+    assert others <= 9
+
+
+def planted(c: Calibration, error: np.ndarray) -> set[str]:
+    """Names along which structure is found when an error (n,) [m] is added to the lengths read."""
+    problem = c.fit.problem
+    length = problem.targets.length + error
+    problem = replace(problem, targets=replace(problem.targets, length=length), memory=Memory())
+    rest, tests = looked_at(problem, c)
+    return {t.along for t in judged(rest, tests, c.run.continuous, 1e-5).found}
+
+
+def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
+    s, length = c.run.samples, c.run.readings.length
+    assert s.t is not None
+    assert s.temperature is not None
+    assert s.direction is not None
+    assert planted(c, np.zeros(len(length))) == set()
+    hours = (s.t - s.t.mean()) / np.ptp(s.t)
+    assert "time" in planted(c, 1e-4 * hours**2)
+    assert "temperature" in planted(c, 1e-4 * (s.temperature - s.temperature.mean()) / np.ptp(s.temperature))
+    assert "approach of joint 2" in planted(c, 1e-5 * s.direction[:, 1])
+    x = (length - length.mean()) / np.ptp(length)
+    assert "length" in planted(c, 3e-4 * x**3)
+    z = c.fit.problem.context.bar.direction[:, 2]
+    assert "direction of the bar" in planted(c, 3e-4 * z**2)
+    load = c.fit.problem.context.load_torque[:, 4]
+    assert "load on joint 5" in planted(c, 2e-5 * np.sign(load))
+
+
+def test_a_wave_of_one_joint_is_found_there() -> None:
+    left = leftover(calibrated("edbb_static", 160, 1e-4))
+    assert left.structured
+    assert "joint 4" in [t.along for t in left.found]
+    assert all(t.p_value < LEVEL for t in left.found)
+
+
+def test_too_small_a_run_says_so() -> None:
+    left = leftover(calibrated("edbb_static", 34))
+    assert not left.trials
+    assert not left.structured
+    assert "too few" in left.sentence
