@@ -19,12 +19,13 @@ from planner.identification.types import Calibration, Metrics, Traced, error_siz
 from planner.identification.validation import judged
 from planner.model import Model
 from planner.model.parameters import clock_offset, compliance_parameters
-from planner.observability import Dropped
+from planner.observability import Dropped, r_factor
 from planner.repeatable import single_threaded
 from planner.run import Run
 from planner.units import Array
 
 Say = Callable[[str], None]
+JUDGED = 8_000  # samples of a long run that the condition number is of
 SPARE = 5  # readings beyond the parameters, below which nothing is fitted
 
 
@@ -170,11 +171,12 @@ def _check_size(run: Run, model: Model) -> None:
 
 def _condition(found: Fit) -> float:
     """Condition number of the whitened rows per prior size, the prior left out."""
-    R = found.solution.factor
-    if not len(R):
+    problem = found.problem
+    if not len(found.errors):
         return 1.0
-    values = np.linalg.eigvalsh(R.T @ R - np.eye(len(R)))
-    return float(np.sqrt(values[-1] / values[0])) if values[0] > 0 else float("inf")
+    few = problem.take(np.unique(np.linspace(0, len(problem) - 1, min(len(problem), JUDGED)).astype(int)))
+    mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows), compute_uv=False)
+    return float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
 
 
 def _noise_floor(run: Run, residual: Array) -> float | None:

@@ -66,7 +66,7 @@ class Shade:
     @property
     def worth(self) -> float:
         """How many independent readings one of the screened ones stands for, at most 1."""
-        return min(1.0, (self.spare + self.basis.shape[1]) / len(self.residual))
+        return min(1.0, float(self.spare + self.basis.shape[1]) / len(self.residual))
 
     def lay_out(self, pairs: list[Pair]) -> Dictionary:
         """Lay out entries over the samples that are screened."""

@@ -1,0 +1,70 @@
+"""Scores against refits, refined inner numbers against what was planted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.catalogue import catalogue
+from planner.tracing.screen import Shade, scored
+from tests.tracing.worlds import calibrated, effect
+
+
+def cost(rows, residual, held):
+    """Least sum of squares, the first ``held`` columns with priors of one."""
+    hold = np.zeros((held, rows.shape[1]))
+    hold[:, :held] = np.eye(held)
+    A, b = np.vstack([rows, hold]), np.append(residual, np.zeros(held))
+    found = np.linalg.lstsq(A, b)[0]
+    return float(((b - A @ found) ** 2).sum())
+
+
+@pytest.mark.parametrize(
+    "kind", ["backlash", "gear ripple", "link bending", "gauge sag", "coupling", "axis wobble twice a turn", "drift"]
+)
+def test_the_score_is_what_a_refit_gains(kind):
+    found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
+    fit = found.fit
+    shade = Shade.of(fit)
+    entries = [e for e in catalogue(fit.model.rig, found.run.samples) if e.kind == kind][:3]
+    assert entries
+    for entry in entries:
+        inner = None if entry.inner is None else float(entry.inner.values[5])
+        score = scored(shade, shade.lay_out([(entry, inner)]))[0]
+        P = len(fit.errors)
+        wide = fit.model.plus(list(entry.make(inner)))
+        piece = fit.problem.with_model(wide).piece(slice(None), np.append(fit.errors, np.zeros(len(wide.prior) - P)))
+        rows = piece.rows.reshape(-1, len(wide.prior))
+        gain = cost(rows[:, :P], shade.residual, P) - cost(rows, shade.residual, P)
+        assert score.gain == pytest.approx(gain, rel=0.03, abs=1e-6 * shade.scatter)
+
+
+@pytest.mark.parametrize(("seed", "frequency"), [(2, 7.31), (4, 18.9), (6, 4.2)])
+def test_the_frequency_of_a_ripple_comes_out_with_its_uncertainty(seed, frequency):
+    found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=frequency, phase=1.0),), seed=seed)
+    first = found.traced.findings[0]
+    assert (first.effect, first.on) == ("gear ripple", "joint 3")
+    assert abs(first.inner - frequency) < 3.5 * first.inner_std
+    assert 1e-4 < first.inner_std < 0.2
+
+
+def test_the_size_comes_out_with_its_uncertainty():
+    z = []
+    for seed in (2, 4, 6, 8):
+        found = calibrated((effect("backlash-approach", 2, 8e-5),), seed=seed)
+        first = found.traced.findings[0]
+        assert (first.effect, first.on) == ("backlash", "joint 2")
+        z.append((abs(first.value) - 8e-5) / first.std)
+    assert np.abs(z).max() < 4
+    assert np.abs(z).max() > 0.05  # a stated uncertainty that is never used would be far too wide
+
+
+def test_a_worse_fit_scores_lower():
+    """Another residual has another gain: the score looks at the readings."""
+    found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
+    shade = Shade.of(found.fit)
+    entry = next(e for e in catalogue(found.fit.model.rig, found.run.samples) if e.name == "backlash, joint 3")
+    real = scored(shade, shade.lay_out([(entry, None)]))[0].gain
+    rng = np.random.default_rng(1)
+    noise = replace(shade, residual=rng.permutation(shade.residual))
+    assert scored(noise, shade.lay_out([(entry, None)]))[0].gain < 0.2 * real
