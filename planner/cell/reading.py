@@ -61,6 +61,8 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
+    if planning:
+        _check_drives(robot)
     if planning and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
@@ -94,6 +96,19 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
         file=file,
         path=path,
     )
+
+
+def _check_drives(robot: Robot) -> None:
+    """Refuse to plan where the robot's file leaves out what a path must keep to."""
+    parts = (
+        ("limit_deg", robot.q_upper),
+        ("speed_deg_s", robot.speed),
+        ("acceleration_deg_s2", robot.acceleration),
+        ("jerk_deg_s3", robot.jerk),
+    )
+    for key, values in parts:
+        for i in np.flatnonzero(np.isinf(values)):
+            raise InputError(f"{robot.path}: joint {i + 1} has no {key}, which planning needs")
 
 
 def _angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:

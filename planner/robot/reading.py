@@ -1,5 +1,6 @@
 """Reads ``robot.toml`` (and URDF) into a :class:`Robot`, with every check that a typing error deserves."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -31,17 +32,19 @@ class JointFile(Strict):
     sense: Literal[1, -1] = 1
     zero_deg: float = 0.0
     couple: dict[int, float] = {}
-    limit_deg: tuple[float, float]
-    speed_deg_s: PositiveFloat
-    acceleration_deg_s2: PositiveFloat
-    jerk_deg_s3: PositiveFloat
+    limit_deg: tuple[float, float] | None = None  # these four may be left out where nothing is planned
+    speed_deg_s: PositiveFloat | None = None
+    acceleration_deg_s2: PositiveFloat | None = None
+    jerk_deg_s3: PositiveFloat | None = None
     gear_ratio: PositiveFloat | None = None
     mass_kg: Annotated[float, Field(ge=0)] | None = None
     com_mm: Vector | None = None
 
     @field_validator("limit_deg")
     @classmethod
-    def _ordered(cls, value: tuple[float, float]) -> tuple[float, float]:
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is None:
+            return None
         if value[0] >= value[1]:
             raise ValueError("the lower limit must lie below the upper one")
         if max(abs(v) for v in value) <= 2 * np.pi + 1e-9:
@@ -230,9 +233,9 @@ def _robot(
         theta_zero=frozen(-sense * zero),
         q_lower=_limits(joints, 0),
         q_upper=_limits(joints, 1),
-        speed=frozen(from_deg([j.speed_deg_s for j in joints])),
-        acceleration=frozen(from_deg([j.acceleration_deg_s2 for j in joints])),
-        jerk=frozen(from_deg([j.jerk_deg_s3 for j in joints])),
+        speed=_or_unlimited(j.speed_deg_s for j in joints),
+        acceleration=_or_unlimited(j.acceleration_deg_s2 for j in joints),
+        jerk=_or_unlimited(j.jerk_deg_s3 for j in joints),
         repeatability=file.repeatability_mm * MM,
         priors=Priors(
             file.priors.length_mm * MM, float(from_deg(file.priors.angle_deg)), file.priors.compliance_urad_Nm * 1e-6
@@ -257,4 +260,8 @@ def _flange(file: RobotFile) -> tuple[Transform, ...]:
 
 
 def _limits(joints: tuple[JointFile, ...], side: int) -> Array:
-    return frozen(from_deg([j.limit_deg[side] for j in joints]))
+    return frozen(from_deg([(-np.inf, np.inf)[side] if j.limit_deg is None else j.limit_deg[side] for j in joints]))
+
+
+def _or_unlimited(values: Iterable[float | None]) -> Array:
+    return frozen(from_deg([np.inf if v is None else v for v in values]))

@@ -1,12 +1,17 @@
-"""Waves that come more than once at a joint: a gear errs with several periods, each a finding of its own."""
+"""Effects that come more than once at a place: a gear errs with several periods, an arm warms up in several ways.
+
+Each is a finding of its own, with an inner number of its own.
+"""
 
 from dataclasses import replace
+from functools import partial
 
 from planner.catalogue import Entry
+from planner.model import Parameter
 from planner.tracing.state import Held
 
-KIND = "gear ripple"
-MOST = 4  # waves of one joint
+KINDS = ("gear ripple", "warm-up")
+MOST = 4  # of one kind at one place
 APART = 3  # spacings of the grid between the frequencies of two of them
 MARK = " ("
 
@@ -14,12 +19,15 @@ MARK = " ("
 def numbered(entry: Entry, effects: tuple[Held, ...]) -> Entry:
     """Return the entry under a name that no effect has yet."""
     others = {h.entry.name for h in effects}
-    count = 1
-    again = entry
+    count, again = 1, entry
     while again.name in others:
         count += 1
-        again = replace(entry, kind=f"{entry.kind}{MARK}{count})")
+        again = replace(entry, kind=f"{entry.kind}{MARK}{count})", make=partial(_again, entry, count))
     return again
+
+
+def _again(entry: Entry, count: int, inner: float | None) -> tuple[Parameter, ...]:
+    return tuple(replace(p, name=f"{p.name}_{count}") for p in entry.make(inner))
 
 
 def plain(kind: str) -> str:
@@ -36,4 +44,4 @@ def open_to(entry: Entry, effects: tuple[Held, ...]) -> bool:
     """Whether the entry may be added to these effects."""
     if entry.name not in {h.entry.name for h in effects}:
         return True
-    return entry.kind == KIND and len(taken(entry, effects)) < MOST
+    return entry.kind in KINDS and len(taken(entry, effects)) < MOST

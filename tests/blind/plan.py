@@ -18,7 +18,8 @@ def tasks(part: str, count: int, table: bool, gauges: tuple[str, ...] = (), kind
     """Return ``count`` tasks of a part, spread evenly over gauges, kinds, shares or noises."""
     rows = [t for t in _turns(part) if (not gauges or t[0] in gauges) and (not kinds or t[2] in kinds)]
     first = BLOCK * PARTS.index(part) + int(table)
-    return [Task(part, *rows[k % len(rows)], first + 2 * k) for k in range(count)]
+    few = count < len(rows)
+    return [Task(part, *rows[k * len(rows) // count if few else k % len(rows)], first + 2 * k) for k in range(count)]
 
 
 def _turns(part: str) -> list[tuple[str, str, str, float, str]]:

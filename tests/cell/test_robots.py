@@ -1,10 +1,14 @@
 """The shipped robots against published poses, and URDF robots against pinocchio's own reader."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from planner.cell import load_cell
 from planner.errors import InputError
+from planner.resources import folder
 from planner.robot import load_robot, shipped_robots
 
 TOPICS = ("kinematics", "limits", "speeds", "accelerations", "jerks", "bodies")
@@ -148,3 +152,20 @@ def test_a_urdf_with_joints_that_do_not_match_its_rows(tmp_path):
     path.write_text('schema="edbb-robot/1"\nname="x"\nconvention="urdf"\nurdf="robot.urdf"\ntip="tip"\n' + 5 * joint)
     with pytest.raises(InputError, match=r"5 \[\[joints\]\] tables, but the chain of the URDF has 6"):
         load_robot(str(path))
+
+
+def test_a_robot_for_identification_needs_no_limits_but_planning_says_which_is_missing(tmp_path):
+    text = (folder("robots") / "ur10" / "robot.toml").read_text()
+    bare = re.sub(r"(?m)^(limit_deg|speed_deg_s|acceleration_deg_s2|jerk_deg_s3) = .*\n", "", text)
+    (tmp_path / "bare.toml").write_text(bare)
+    robot = load_robot(str(tmp_path / "bare.toml"))
+    assert np.isinf(robot.speed).all()
+    cell = tmp_path / "cell.toml"
+    cell.write_text('schema = "edbb-cell/1"\nrobot = "bare.toml"\n[gauge]\nkind = "tracker"\n')
+    assert load_cell(str(cell), planning=False).robot.n_joints == 6
+    cell.write_text(
+        'schema = "edbb-cell/1"\nrobot = "bare.toml"\nhome_deg = [0, -90, 90, -90, -90, 0]\n[tool]\nmap_mm = [50, 0, 120]\n'
+        '[gauge]\nkind = "edbb"\nlength_mm = [300, 520]\n[[fixtures]]\nposition_mm = [600, 500, 60]\n'
+    )
+    with pytest.raises(InputError, match="joint 1 has no limit_deg"):
+        load_cell(str(cell))

@@ -1,0 +1,43 @@
+"""``python -m tests.benchmarks.trace``: time to trace a run of 1000 poses x 3 coordinates, and a continuous one."""
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from planner.cell import load_cell
+from planner.identification import identify
+from planner.run import load_runs
+from planner.tracing import trace
+from tests.generator import runs
+from tests.generator.arm import Arm
+from tests.generator.draw import as_in_a_real_arm, random_run
+
+
+def timed(name, made):
+    """Identify with tracing, and print how long it took by the wall and by the processors."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = made.write(Path(folder))
+        cell = load_cell(str(files[1]), planning=False)
+        run = load_runs([files[0]], cell.robot.n_joints)
+        wall, spent = time.perf_counter(), time.process_time()
+        found = identify(run, cell, tracer=trace)
+        wall, spent = time.perf_counter() - wall, time.process_time() - spent
+    names = [f"{f.effect}, {f.on}" for f in found.traced.findings]
+    print(f"{name}: {len(run)} samples, {wall:.1f} s by the wall, {spent:.1f} s of processors; {names}", flush=True)
+
+
+def main():
+    """Time both."""
+    rows = int(sys.argv[1]) if len(sys.argv) > 1 else 500_000
+    kuka, comau = Arm.from_toml("kuka-kr6-r700"), Arm.from_toml("comau-nj130")
+    timed("tracker, seven effects", as_in_a_real_arm(runs.tracker, kuka, 2, 3.0, n_poses=1000))
+    moving = random_run(runs.edbb_continuous, comau, 2, ["reducer-ripple"], 3.0, n_rows=rows)
+    timed("continuous bar, one effect", moving)
+
+
+if __name__ == "__main__":
+    main()
