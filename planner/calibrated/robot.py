@@ -65,8 +65,7 @@ class CalibratedRobot:
     def _delta(self, q: Array) -> list[float | Array]:
         """What the effects add to every transform of the rig's chain [m, rad]."""
         rig = self._nominal_rig
-        carried = np.full(len(q), rig.tool_mass)
-        context = Context(rig, Samples(q, np.zeros(len(q), dtype=int), payload=carried))
+        context = Context(rig, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
         known: dict[Phi, Array] = {}
         out: list[float | Array] = [0.0] * len(self._rig.chain)
         for k, phi, value in self._acting:

@@ -5,7 +5,7 @@ model's basis therefore need only φ itself: with Q_k = Σ_r screw_r · Q_r, the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from planner.catalogue import Entry
 from planner.effects import Context
 from planner.identification import Problem
 from planner.model import Model, Move, Parameter
+from planner.model.parameters import transform
 from planner.units import Array
 
 Pair = tuple[Entry, float | None]
@@ -96,30 +97,31 @@ class Products:
     squares: tuple[Array, ...]
 
 
-def products(dictionary: Dictionary, problem: Problem, basis: Array, residual: Array) -> Products:
-    """Multiply every column with a basis (m, P) and a residual (m,), whitened as the problem is."""
+def products(dictionary: Dictionary, problem: Problem, errors: Array, basis: Array, residual: Array) -> Products:
+    """Multiply every column, about the model's ``errors``, with a basis (m, P) and a residual (m,), all whitened."""
     n, r = len(problem), problem.model.width
-    screws = _screws(dictionary, problem)
+    about = problem.model.fixing(errors)
+    screws = _screws(dictionary, problem, about)
     Q = basis.reshape(n, r, -1)
     e = residual.reshape(n, r)
     shadow, along = np.zeros((basis.shape[1], dictionary.width)), np.zeros(dictionary.width)
     for sheet, screw in zip(dictionary.sheets, screws, strict=True):
         shadow[:, sheet.columns] = np.einsum("nr,nrp->pn", screw, Q) @ sheet.phi
         along[sheet.columns] = np.einsum("nr,nr->n", screw, e) @ sheet.phi
-    columns = _mixed(dictionary, problem)
+    columns = _mixed(dictionary, problem, about)
     for (k, _), column in zip(dictionary.mixed, columns, strict=True):
         shadow[:, k], along[k] = basis.T @ column, float(column @ residual)
     return Products(shadow, along, tuple(_squares(dictionary, screws, columns)))
 
 
-def _screws(dictionary: Dictionary, problem: Problem) -> list[Array]:
+def _screws(dictionary: Dictionary, problem: Problem, about: Model) -> list[Array]:
     """Whitened change of the reading per unit of what each sheet moves, (n, r)."""
-    model, n = problem.model, len(problem)
-    raw = np.zeros((n, model.width, len(dictionary.sheets)))
+    n = len(problem)
+    raw = np.zeros((n, problem.model.width, len(dictionary.sheets)))
     turned = [j for j, s in enumerate(dictionary.sheets) if s.move.on == "transform"]
-    which = np.array([dictionary.sheets[j].move.index for j in turned], dtype=int)
-    if len(which):
-        raw[:, :, turned] = model.screws_in(dictionary.context, which).transpose(2, 1, 0)
+    moves = [transform(dictionary.sheets[j].move.index) for j in turned]
+    single = tuple(Parameter(str(m[0].index), "", 1.0, "", m) for m in moves)
+    raw[:, :, turned] = replace(about, parameters=single).linear_in(dictionary.context, None).rows
     for j, sheet in enumerate(dictionary.sheets):
         if sheet.move.on == "reading":
             raw[:, sheet.move.index, j] = 1.0
@@ -127,11 +129,11 @@ def _screws(dictionary: Dictionary, problem: Problem) -> list[Array]:
     return [np.ascontiguousarray(white[:, :, j]) for j in range(raw.shape[2])]
 
 
-def _mixed(dictionary: Dictionary, problem: Problem) -> list[Array]:
+def _mixed(dictionary: Dictionary, problem: Problem, about: Model) -> list[Array]:
     """Whitened columns (m,) of the parameters that move several things."""
     if not dictionary.mixed:
         return []
-    model = Model(problem.model.rig, tuple(p for _, p in dictionary.mixed))
+    model = replace(about, parameters=tuple(p for _, p in dictionary.mixed))
     rows = model.linear_in(dictionary.context, None).rows * model.prior
     white = problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None]
     return list(white.reshape(-1, rows.shape[2]).T)

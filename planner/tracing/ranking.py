@@ -46,8 +46,10 @@ def penalised(scored: Scored, variance: float) -> float:
 
 def _apart(scored: Scored, effects: tuple[Held, ...]) -> bool:
     """Whether an inner number is another one than those that effects of the same entry have."""
+    if scored.inner is None or not effects:
+        return True
     known = taken(scored.entry, effects)
-    if not known or scored.inner is None:
+    if not known:
         return True
     return min(abs(scored.inner - k) for k in known) > APART * spacing(scored.entry, scored.inner)
 

@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
 from planner.identification import Fit, Problem
-from planner.tracing.dictionary import Dictionary, Item, Pair, products
+from planner.tracing.dictionary import Dictionary, Pair, products
 from planner.units import Array
 
 LOOK = 4_000  # samples of a long run that are screened
@@ -75,9 +75,9 @@ class Shade:
 
 @dataclass(frozen=True)
 class Scored:
-    """An entry at one inner value: gain, how many of its parameters are shown, and after projection, per prior sizes,
+    """An entry at one inner value: its gain, and how many of its parameters the readings show.
 
-    its information (k, k) and its products ``along`` the residual (k,).
+    Per prior sizes, after projection: its ``information`` (k, k), and products ``along`` the residual, (k,).
     """
 
     entry: Entry
@@ -90,21 +90,37 @@ class Scored:
 
 def scored(shade: Shade, dictionary: Dictionary) -> list[Scored]:
     """Score every item of a dictionary, laid out over the same samples as the shade."""
-    done = products(dictionary, shade.problem, shade.basis, shade.residual)
-    out = []
-    for item, square in zip(dictionary.items, done.squares, strict=True):
-        W = done.shadow[:, item.columns]
-        out.append(_score(item, square - W.T @ W, done.along[item.columns], np.diag(square)))
-    return out
+    done = products(dictionary, shade.problem, shade.errors, shade.basis, shade.residual)
+    widths = np.array([s.shape[0] for s in done.squares])
+    out: list[Scored | None] = [None] * len(widths)
+    for width in np.unique(widths):
+        which = np.flatnonzero(widths == width)
+        starts = np.array([dictionary.items[k].columns.start for k in which])
+        columns = starts[:, None] + np.arange(width)
+        W = done.shadow[:, columns].transpose(1, 0, 2)
+        square = np.stack([done.squares[k] for k in which])
+        information, along = square - W.transpose(0, 2, 1) @ W, done.along[columns]
+        gain, size = _gains(information, along, np.einsum("kii->ki", square))
+        for j, k in enumerate(which):
+            item = dictionary.items[k]
+            out[k] = Scored(item.entry, item.inner, float(gain[j]), int(size[j]), information[j], along[j])
+    return [s for s in out if s is not None]
 
 
-def _score(item: Item, G: Array, a: Array, length: Array) -> Scored:
+def _gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
+    """Gain and number of shown parameters, (K,) each, of K items of k parameters.
+
+    Args:
+        G: their information after projection, (K, k, k).
+        a: products of their columns with the residual, (K, k).
+        length: squared lengths of their columns before projection, (K, k).
+    """
     scale = np.sqrt(np.maximum(length, 1e-300))
-    mu, axes = np.linalg.eigh(G / np.outer(scale, scale))
+    mu, axes = np.linalg.eigh(G / (scale[:, :, None] * scale[:, None, :]))
     shown = mu > SHOWN
-    along = axes.T @ (a / scale)
-    gain = float((along[shown] ** 2 / mu[shown]).sum())
-    return Scored(item.entry, item.inner, gain, int(shown.sum()), G, a)
+    along = np.einsum("kij,ki->kj", axes, a / scale)
+    gain = np.where(shown, along**2 / np.where(shown, mu, 1.0), 0.0).sum(axis=1)
+    return gain, shown.sum(axis=1)
 
 
 def log_p(shade: Shade, gain: float, size: int, tried: float) -> float:

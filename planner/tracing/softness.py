@@ -28,7 +28,7 @@ def _weighed(shade: Shade, plain: Scored) -> Scored:
     both = (*parameters, *(replace(p, prior=PART) for p in weights(model, [(joint, size)])))
     entry = replace(plain.entry, make=lambda _: both)
     dictionary = shade.lay_out([(entry, None)])
-    done = products(dictionary, shade.problem, shade.basis, shade.residual)
+    done = products(dictionary, shade.problem, shade.errors, shade.basis, shade.residual)
     hold = np.r_[0.0, np.full(len(both) - 1, shade.variance)]
     G, a = done.squares[0] - done.shadow.T @ done.shadow + np.diag(hold), done.along
     return replace(plain, gain=max(plain.gain, float(a @ np.linalg.lstsq(G, a)[0])))

@@ -243,7 +243,7 @@ def test_what_is_called_static_needs_nothing_but_angles_and_loads(tmp_path):
     made.fit.errors[:] *= 1e-3
     made.estimates = making.estimates_of(made)
     q = poses(robot)
-    made.samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.full(len(q), making.MASS))
+    made.samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q)))
     p, _ = CalibratedRobot(back(tmp_path, made)).flange(q)
     at_base = Targets(position=np.zeros((len(q), 3)))
     expected = -made.fit.model.residual(made.samples, at_base, made.fit.errors)

@@ -94,7 +94,7 @@ def test_a_grid_too_fine_is_refused(tmp_path):
         ),
         (("map_axis = [0, 0, 1]", "map_axis = [0, 0, -1]\nprior_mm = 2"), []),
         (
-            ("cone_deg = { fixture = 80, map = 80 }", "cone_deg = { fixture = 0.01, map = 0.01 }"),
+            ("cone_deg = { fixture = 80, map = 80 }", "cone_deg = { fixture = 5, map = 5 }"),
             ["0 within both cones", "gauge.cone_deg"],
         ),
         (("tool_about_bar_deg = 170", "tool_about_bar_deg = 1e-6"), ["0 within the cable", "cable"]),

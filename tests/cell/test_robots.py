@@ -164,7 +164,8 @@ def test_a_robot_for_identification_needs_no_limits_but_planning_says_which_is_m
     cell.write_text('schema = "edbb-cell/1"\nrobot = "bare.toml"\n[gauge]\nkind = "tracker"\n')
     assert load_cell(str(cell), planning=False).robot.n_joints == 6
     cell.write_text(
-        'schema = "edbb-cell/1"\nrobot = "bare.toml"\nhome_deg = [0, -90, 90, -90, -90, 0]\n[tool]\nmap_mm = [50, 0, 120]\n'
+        'schema = "edbb-cell/1"\nrobot = "bare.toml"\nhome_deg = [0, -90, 90, -90, -90, 0]\n'
+        "[tool]\nmap_mm = [50, 0, 120]\n"
         '[gauge]\nkind = "edbb"\nlength_mm = [300, 520]\n[[fixtures]]\nposition_mm = [600, 500, 60]\n'
     )
     with pytest.raises(InputError, match="joint 1 has no limit_deg"):
