@@ -12,6 +12,7 @@ from planner.tracing.softness import with_weights
 from planner.tracing.state import Held, State
 
 MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
+ALIKE = 0.98  # share of a finding's gain that makes another a rival however sure the run is: no model is that exact
 
 
 def without(shade: Shade, state: State, held: Held) -> Shade:
@@ -46,6 +47,6 @@ def rivals(shade: Shade, state: State, held: Held, dictionary: Dictionary) -> tu
         # more parameters explain more by chance alone
         score = s.gain / variance - 2 * s.size
         best[s.entry.name] = max(best.get(s.entry.name, -np.inf), score)
-    least = own.gain / variance - 2 * own.size - MARGIN
+    least = min(own.gain / variance - 2 * own.size - MARGIN, ALIKE * own.gain / variance)
     near = [(name, score) for name, score in best.items() if score > least and score > 0]
     return tuple(name for name, _ in sorted(near, key=lambda pair: -pair[1]))

@@ -81,6 +81,9 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
         if swapped is None:
             break
         path = _forward([*path, swapped], dictionary, bench, say, rejected)
+    pruned = _pruned(path[-1], bench, len(dictionary.items))
+    if pruned.names != path[-1].names:
+        path = _forward([*path, pruned], dictionary, bench, say, rejected)
     nameless = shade.lay_out([(e, None) for e in unnamed(start.base, shade.problem.samples.q)])
     path = _forward(path, nameless, bench, say, rejected)
     return Trace(tuple(path), dictionary, tuple(rejected))
@@ -90,21 +93,24 @@ def _forward(
     path: list[State], dictionary: Dictionary, bench: Bench, say: Say, rejected: list[Rejected]
 ) -> list[State]:
     """Add effects one by one while any holds; returns the path so far with the states that came."""
-    path = list(path)
+    path, barred = list(path), set[str]()
     while len(path[-1].effects) < MOST:
         state = path[-1]
         shade = Shade.of(state.fit, memory(state, bench))
-        likely = [c for c in ranked(shade, dictionary, state.effects) if c.log_p < SURE][:TRIES]
+        likely = [c for c in ranked(shade, dictionary, state.effects) if c.log_p < SURE]
+        likely = [c for c in likely if c.entry.name not in barred][:TRIES]
         if not likely:
             break
         say(f"trying {likely[0].entry.name}")
         after = _best(state, shade, likely, bench, len(dictionary.items), rejected)
         if after is None:
             break
+        added = after.effects[-1].entry
         after = _pruned(after, bench, len(dictionary.items))
         if any(after.names == s.names for s in path):
-            break
-        path.append(after)
+            barred |= {added.name}  # it drives out what brought it in: others first
+        else:
+            path.append(after)
     return path
 
 
