@@ -15,7 +15,7 @@ from planner.model import Model
 from planner.run import Run
 from planner.units import Array
 
-PART = 40_000  # samples of a long run that are fitted before the last stage
+PART = 24_000  # readings of a long run that are fitted before the last stage
 GAIN = 2.0  # standard errors that the held-out error must fall by before an effect is kept
 Judge = Callable[[Fit], Metrics | None]
 
@@ -45,7 +45,7 @@ def fitted(
     start = None if before is None else _start(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    few = None if whole or len(run) <= 2 * PART else np.unique(np.linspace(0, len(run) - 1, PART).astype(int))
+    few = None if whole or len(run) * model.width <= 2 * PART else _spread(len(run), PART // model.width)
     part = run if few is None else run.take(few)
     found = fit(Problem.of(model, part, noise, even=rough), robust, start)
     held = held_out(found, split if few is None else split.take(few))
@@ -64,6 +64,10 @@ def fitted(
         held_residual,
     )
     return Fitted(stage, found)
+
+
+def _spread(n: int, count: int) -> np.ndarray:
+    return np.unique(np.linspace(0, n - 1, count).astype(int))
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
