@@ -13,7 +13,7 @@ from planner.robot import load_robot
 from planner.run import Samples
 from tests.cell.test_robots import urdf_text
 
-PANDA = Path("/work/shared/data/panda-ball/panda.urdf")
+PANDA = Path(__file__).resolve().parents[3] / "shared" / "data" / "panda-ball" / "panda.urdf"
 SLANTED = ["0.6 0 0.8", "0 1 1", "0 0 1", "0 -1 0", "-1 0 0", "0 0 1"]
 TILT = np.array([0.3, -0.2, 0.7])  # of the base [rad]
 COM = np.array([0.02, -0.03, 0.11])  # of the tool [m]
