@@ -33,6 +33,11 @@ def single_threaded(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return wrapped
 
 
+def evenly(n: int, most: int) -> Places:
+    """Positions of at most ``most`` of n things, evenly over all of them, ascending."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))
+
+
 def canonical(values: Array) -> Array:
     """Round to 11 significant digits, so that rounding noise breaks no tie: ties then fall to the lower index."""
     values = np.asarray(values, dtype=float)

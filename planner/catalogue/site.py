@@ -11,6 +11,7 @@ from planner.effects import Context
 from planner.effects.basis import Phi
 from planner.effects.loads import Twist
 from planner.model import Move, Parameter
+from planner.repeatable import evenly
 from planner.rig import HEAD, Rig
 from planner.run import Samples
 from planner.units import Array
@@ -29,7 +30,7 @@ class Site:
     def of(cls, rig: Rig, samples: Samples) -> "Site":
         """Look at the samples of a run."""
         n = len(samples)
-        return cls(rig, samples.take(np.unique(np.linspace(0, n - 1, min(n, LOOK)).astype(int))))
+        return cls(rig, samples.take(evenly(n, LOOK)))
 
     @cached_property
     def context(self) -> Context:

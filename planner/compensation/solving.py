@@ -102,16 +102,16 @@ def solve(
         size = np.abs(e).max(axis=1, initial=0.0)
         better = size < best
         best, q_best = np.where(better, size, best), np.where(better[:, None], q, q_best)
-        todo = np.flatnonzero(best > TOLERANCE)
-        if not todo.size or count == last:
+        far = np.flatnonzero(best > TOLERANCE)
+        if not far.size or count == last:
             return q_best, count
         if count < first:
-            J = flange_jacobian(robot, q[todo])
+            J = flange_jacobian(robot, q[far])
         else:
-            q[todo] = q_best[todo] if count == first else q[todo]
-            e[todo] = _error(robot, poser, q[todo], p[todo], R[todo])
-            J = _own_jacobian(poser, q[todo])
-        q[todo] += _step(robot, J, e[todo], R[todo])
+            q[far] = q_best[far] if count == first else q[far]
+            e[far] = _error(robot, poser, q[far], p[far], R[far])
+            J = _own_jacobian(poser, q[far])
+        q[far] += _step(robot, J, e[far], R[far])
     raise AssertionError("the loop above returns")
 
 

@@ -14,6 +14,7 @@ from planner.identification.noise import Noise, estimated
 from planner.identification.problem import Problem
 from planner.identification.solve import ROUGH, Solution, solve
 from planner.model import Model, Parameter
+from planner.repeatable import evenly
 from planner.units import Array
 
 ROUNDS = 12
@@ -56,7 +57,7 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None, sett
         NoSolutionError: the fit does not come to rest.
     """
     long = len(problem) > 2 * LOOK
-    few = problem.take(np.linspace(0, len(problem) - 1, LOOK).astype(int)) if long else problem
+    few = problem.take(evenly(len(problem), LOOK)) if long else problem
     prior, errors = problem.model.prior, start
     for _ in range(ROUNDS if settle else 0):
         solution = solve(few, errors, ROUGH)

@@ -20,7 +20,7 @@ from planner.identification.validation import judged
 from planner.model import Model
 from planner.model.parameters import clock_offset, compliance_parameters
 from planner.observability import Dropped, r_factor
-from planner.repeatable import single_threaded
+from planner.repeatable import evenly, single_threaded
 from planner.run import Run
 from planner.units import Array
 
@@ -174,7 +174,7 @@ def _condition(found: Fit) -> float:
     problem = found.problem
     if not len(found.errors):
         return 1.0
-    few = problem.take(np.unique(np.linspace(0, len(problem) - 1, min(len(problem), JUDGED)).astype(int)))
+    few = problem.take(evenly(len(problem), JUDGED))
     mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows), compute_uv=False)
     return float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
 

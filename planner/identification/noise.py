@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.model import Model
+from planner.repeatable import evenly
 from planner.run import Samples
 from planner.units import Array
 
@@ -119,7 +120,7 @@ class _Spread:
     @classmethod
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
-        which = np.unique(np.linspace(0, len(residual) - 1, min(len(residual), SAMPLE)).astype(int))
+        which = evenly(len(residual), SAMPLE)
         unit = 1 / np.sqrt(white.declared[block])
         ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, None] * unit)
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)

@@ -2,11 +2,10 @@
 
 from collections.abc import Collection
 
-import numpy as np
-
 from planner.identification.noise import Whitener
 from planner.model import Model
 from planner.observability import Identifiability, identifiable
+from planner.repeatable import evenly
 from planner.run import Samples
 
 LOOK = 4000  # samples that decide
@@ -14,7 +13,7 @@ LOOK = 4000  # samples that decide
 
 def seen_by(model: Model, samples: Samples) -> tuple[Model, Identifiability]:
     """Return the model with the parameters that the samples can tell apart, and why the others are left out."""
-    few = samples.take(np.unique(np.linspace(0, len(samples) - 1, min(len(samples), LOOK)).astype(int)))
+    few = samples.take(evenly(len(samples), LOOK))
     rows = Whitener.of(model, few).white(slice(None), model.rows(few))
     order = range(len(model.names))
     seen = identifiable(rows, model.names, model.prior, order, noise=1.0, readings=len(samples) * model.width)

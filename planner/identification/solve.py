@@ -7,6 +7,7 @@ from scipy.linalg import solve_triangular
 
 from planner.errors import NoSolutionError
 from planner.identification.problem import Problem
+from planner.repeatable import evenly
 from planner.units import Array
 
 WARM = 3_000  # samples of a long run that find the minimum before all of them polish it
@@ -45,7 +46,7 @@ def solve(problem: Problem, start: Array | None = None, converged: float = CONVE
     """
     errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
     if len(problem) > 2 * WARM:
-        few = problem.take(np.linspace(0, len(problem) - 1, WARM).astype(int))
+        few = problem.take(evenly(len(problem), WARM))
         errors = _descend(few, errors, ROUGH).errors
     return _descend(problem, errors, converged)
 

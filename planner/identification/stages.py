@@ -1,6 +1,6 @@
 """The stages of a fit: nothing, the frames, the geometry, then one effect after the other while held-out poses gain."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from planner.identification.seeing import only
 from planner.identification.splits import Split
 from planner.identification.types import Metrics, Stage, error_size
 from planner.model import Model
+from planner.repeatable import evenly
 from planner.run import Run
 from planner.units import Array
 
@@ -45,7 +46,7 @@ def fitted(
     start = None if before is None else _start(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    few = None if whole or len(run) * model.width <= 2 * PART else _spread(len(run), PART // model.width)
+    few = None if whole or len(run) * model.width <= 2 * PART else evenly(len(run), PART // model.width)
     part = run if few is None else run.take(few)
     found = fit(Problem.of(model, part, noise, even=rough), robust, start)
     held = held_out(found, split if few is None else split.take(few))
@@ -64,10 +65,6 @@ def fitted(
         held_residual,
     )
     return Fitted(stage, found)
-
-
-def _spread(n: int, count: int) -> np.ndarray:
-    return np.unique(np.linspace(0, n - 1, count).astype(int))
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
@@ -94,18 +91,19 @@ def _start(model: Model, before: Fit) -> Array:
 
 def gains(before: Stage, after: Stage, split: Split) -> bool:
     """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
+    if len(np.unique(split.fine)) < 2:
+        return False
+    gain, error = gain_in_errors(before, after, split)
+    return gain > GAIN * error
+
+
+def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
+    """Fall of the held-out squared error [m²] from one stage to another, and its standard error, over groups."""
     fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
     each = np.bincount(split.fine, fall) / np.bincount(split.fine)
-    if len(each) < 2:
-        return False
-    return bool(each.mean() > GAIN * each.std(ddof=1) / np.sqrt(len(each)))
+    return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
 
 
 def frames_only(model: Model) -> Model:
     """Return the model with only what places the gauge."""
     return only(model, ("gauge",))
-
-
-def effects_of(stages: Sequence[Fitted]) -> tuple[str, ...]:
-    """Effects that the last stage has."""
-    return stages[-1].stage.effects

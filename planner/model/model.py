@@ -191,10 +191,6 @@ class Model:
                     rows[:, m.index, j] += known[m.phi]
         return Linear(residual, rows)
 
-    def screws_in(self, context: Context, which: np.ndarray) -> Array:
-        """Change of the reading per unit of each of the transforms ``which`` on the nominal rig, (k, r, n)."""
-        return self._projected(context, context.motion, which)
-
     @cached_property
     def _moved(self) -> np.ndarray:
         """Transforms that any parameter moves."""

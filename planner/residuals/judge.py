@@ -17,6 +17,7 @@ from scipy.stats import f as fisher
 
 from planner.identification import Calibration, Problem
 from planner.identification.leftover import Leftover, Trial
+from planner.repeatable import evenly
 from planner.residuals.along import joints, others
 from planner.residuals.rest import Memory, Rest, memory, spanned
 from planner.units import Array
@@ -49,7 +50,7 @@ class Battery:
 def leftover(calibration: Calibration) -> Leftover:
     """Test the whitened residual of the last stage for structure."""
     c = calibration
-    which = np.unique(np.linspace(0, len(c.run) - 1, min(len(c.run), MOST)).astype(int))
+    which = evenly(len(c.run), MOST)
     problem = c.fit.problem.take(which)
     rest = Rest.of(problem, c.fit.errors, c.run.continuous)
     tests = battery_of(problem, rest, c.run.continuous)

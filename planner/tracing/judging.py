@@ -4,9 +4,10 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from planner.identification import Bench
+from planner.identification.stages import gain_in_errors
 from planner.tracing.masses import GROUP
 from planner.tracing.memory import inflation
-from planner.tracing.state import Held, State, gain_in_errors
+from planner.tracing.state import Held, State
 
 SURE = float(np.log(2e-3))  # chance, corrected for everything that was tried, below which an effect may be added
 SEEN = 3.0  # standard deviations that an effect's size must be above zero

@@ -12,6 +12,7 @@ from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
 from planner.identification import Fit, Problem
+from planner.repeatable import evenly
 from planner.tracing.dictionary import Dictionary, Pair, products
 from planner.units import Array
 
@@ -42,7 +43,7 @@ class Shade:
         problem = fit.problem
         n = len(problem)
         if n > LOOK:
-            problem = problem.take(np.unique(np.linspace(0, n - 1, LOOK).astype(int)))
+            problem = problem.take(evenly(n, LOOK))
         piece = problem.piece(slice(None), fit.errors)
         tall = piece.rows.reshape(-1, piece.rows.shape[2])
         readings = len(tall)

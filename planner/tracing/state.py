@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.catalogue import Entry
-from planner.identification import Bench, Fit, Problem, Split, Stage, error_size
+from planner.identification import Bench, Fit, Problem, Stage
 from planner.identification.solve import solve
 from planner.identification.stages import Fitted, fitted
 from planner.model import Model, Parameter
+from planner.repeatable import evenly
 from planner.tracing.inner_grid import slope, spacing, within
 from planner.tracing.masses import KIND, weights
 from planner.units import Array
@@ -86,7 +87,7 @@ def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], befor
     """Fit the base model with effects: inner numbers settle first, noise and priors as they were, then all together."""
     quick = before.fit.problem
     if len(quick) > QUICK:
-        quick = quick.take(np.unique(np.linspace(0, len(quick) - 1, QUICK).astype(int)))
+        quick = quick.take(evenly(len(quick), QUICK))
     errors = dict(zip(before.fit.model.names, before.fit.errors, strict=True))
     inside = any(h.inner is not None or h.entry.kind == KIND for h in effects)
     for _ in range(ROUNDS if inside else 0):
@@ -158,10 +159,3 @@ def _within(held: Held, value: float) -> float:
     assert held.inner is not None
     width = spacing(held.entry, held.inner)
     return within(held.entry, float(np.clip(value, held.inner - width, held.inner + width)))
-
-
-def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
-    """Fall of the held-out squared error [m²] when an effect was added, and its standard error, over groups."""
-    fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
-    each = np.bincount(split.fine, fall) / np.bincount(split.fine)
-    return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))

@@ -3,20 +3,7 @@
 import numpy as np
 
 from planner.run import reversals
-
-
-def plain(q, last):
-    n, joints = q.shape
-    out = np.empty((n, joints, last))
-    for i in range(joints):
-        turned, way = [q[0, i]] * last, 0.0
-        for k in range(n):
-            step = q[k, i] - q[k - 1, i] if k else 0.0
-            if step * way < 0:
-                turned = [*turned[1:], q[k - 1, i]]
-            way = np.sign(step) or way
-            out[k, i] = turned
-    return out
+from tests.catalogue.columns import reversals as plain
 
 
 def test_reversals_agree_with_a_plain_loop():

@@ -10,6 +10,7 @@ from planner.gauge import bar_state
 from planner.identification import Calibration, Stage, error_size
 from planner.identification.gauge_frames import GaugeFrames, gauge_frames
 from planner.identification.leftover import Leftover
+from planner.repeatable import evenly
 from planner.residuals import leftover
 from planner.units import Array, to_deg, to_mm
 
@@ -58,12 +59,12 @@ class Told:
     @cached_property
     def looked(self) -> np.ndarray:
         """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
-        return spread(len(self.calibration.run), LOOK)
+        return evenly(len(self.calibration.run), LOOK)
 
     @cached_property
     def few_rows(self) -> tuple[np.ndarray, Array]:
         """Samples that effects are drawn from, (m,) int, and the model's rows there without orientation, (m, r, P)."""
-        fit, which = self.calibration.fit, spread(len(self.calibration.run), FEW)
+        fit, which = self.calibration.fit, evenly(len(self.calibration.run), FEW)
         return which, fit.model.rows(self.calibration.run.samples.take(which), fit.errors)[:, :3]
 
     @cached_property
@@ -120,11 +121,6 @@ class Told:
         return [Against("circumstances", label, v) for label, v in more if v is not None]
 
 
-def spread(n: int, most: int) -> np.ndarray:
-    """Return at most so many of the numbers 0 … n − 1, evenly spread, the ends among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))
-
-
 def error_along(residual: Array) -> Array:
     """Signed errors (n,) [m] of residuals (n, r): of lengths, or of positions along where they vary most."""
     error = residual[:, :3]
@@ -139,12 +135,12 @@ def error_by_pose(told: Told) -> tuple[tuple[str, ...], Array, Array]:
     run = told.calibration.run
     before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
     if run.continuous or run.samples.pose is None:
-        which = spread(len(run), POSES)
+        which = evenly(len(run), POSES)
         return tuple(f"sample {k + 1}" for k in which), before[which], after[which]
     pose, first = np.unique(run.samples.pose, return_index=True)
     pose = pose[np.argsort(first)]
     place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
     count = np.bincount(place)
     rms = [np.sqrt(np.bincount(place, size**2) / count) for size in (before, after)]
-    few = spread(len(pose), POSES)
+    few = evenly(len(pose), POSES)
     return tuple(f"pose {p}" for p in pose[few]), rms[0][few], rms[1][few]

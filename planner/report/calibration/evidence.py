@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from planner.report.calibration.data import POINTS, Told, spread
+from planner.repeatable import evenly
+from planner.report.calibration.data import POINTS, Told
 from planner.report.calibration.story import Evidence, Step, evidence
 from planner.report.picture import BLACK, BLUE, GREY, ORANGE, RED, Panel, Picture, Series
 from planner.units import Array, to_mm
@@ -77,7 +78,7 @@ def found(told: Told, step: Step) -> Picture:
 def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:
     x, y = e.against.folded, 1e6 * values
     heavy = np.flatnonzero(e.weight >= 0.09 * np.median(e.weight))
-    shown = heavy[spread(len(heavy), POINTS)]
+    shown = heavy[evenly(len(heavy), POINTS)]
     inside = shown[np.abs(y[shown]) <= span]
     zero = Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
     series = [zero, Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]

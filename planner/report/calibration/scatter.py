@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from planner.report.calibration.data import POINTS, Against, Told, error_along, spread
+from planner.repeatable import evenly
+from planner.report.calibration.data import POINTS, Against, Told, error_along
 from planner.report.picture import BLACK, BLUE, GREEN, GREY, RED, Limit, Panel, Picture, Series
 from planner.units import Array, to_mm
 
@@ -31,7 +32,7 @@ def approach(told: Told) -> Picture:
     """Residuals of every joint's two senses of approach, side by side."""
     samples = told.calibration.run.samples
     assert samples.direction is not None
-    which = told.looked[spread(len(told.looked), POINTS // 3)]
+    which = told.looked[evenly(len(told.looked), POINTS // 3)]
     sense = samples.direction[told.looked]
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * (np.arange(len(which)) * 0.6180339887 % 1 - 0.5)  # golden steps: points side by side, not on one
@@ -58,7 +59,7 @@ def _scatter(a: Against, error: Array) -> Panel:
     """One panel: points, and for each component the line of means."""
     wide = error.shape[1] > 1
     colours = (BLUE, GREEN, RED) if wide else (BLUE,)
-    series, shown = [], spread(len(error), POINTS)
+    series, shown = [], evenly(len(error), POINTS)
     for k, colour in enumerate(colours):
         name = f"along {'xyz'[k]}" if wide else "a reading"
         series.append(Series(name, a.values[shown], error[shown, k], colour, "points", size=3.5, opacity=0.4))
