@@ -14,8 +14,9 @@ from matplotlib.image import imread
 
 from planner.errors import InputError
 from planner.identification import Calibration
+from planner.repeatable import evenly
 from planner.report.calibration import report_html, write_calibration_report, writing
-from planner.report.calibration.data import POINTS, Told, spread
+from planner.report.calibration.data import POINTS, Told
 from planner.report.calibration.page import build_page
 from planner.report.calibration.pictures import histogram, pictures
 from planner.report.calibration.scatter import residuals
@@ -193,8 +194,8 @@ def test_long_runs_are_thinned_the_same_way_every_time() -> None:
     for picture in pictures(told):
         for panel in picture.panels:
             assert all(len(s.x) <= POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
-    assert np.array_equal(spread(10, 20), np.arange(10))
-    assert len(spread(1_000_000, POINTS)) == POINTS
+    assert np.array_equal(evenly(10, 20), np.arange(10))
+    assert len(evenly(1_000_000, POINTS)) == POINTS
 
 
 def test_line_is_the_mean_of_the_residuals(c: Calibration) -> None:
