@@ -53,12 +53,11 @@ def _grams(problem: Problem, errors: Array, split: Split) -> Array:
 
     def one(part: slice) -> Array:
         piece = problem.piece(part, errors)
-        A = np.concatenate([piece.rows, piece.residual[..., None]], axis=2)
-        fold = split.fold[part]
-        out = np.zeros((split.folds, A.shape[2], A.shape[2]))
+        fold, size = split.fold[part], len(piece.columns)
+        out = np.zeros((split.folds, size, size))
         for f in np.unique(fold):
-            rows = A[fold == f].reshape(-1, A.shape[2])
-            out[f] = rows.T @ rows
+            columns = piece.columns[:, :, fold == f].reshape(size, -1)
+            out[f] = columns @ columns.T
         return out
 
     return np.asarray(sum(problem.over_pieces(one)))

@@ -1,6 +1,7 @@
 """One noise model for planning, fitting and tracing: σ² = gauge² + J_q Σ_q J_qᵀ, full over the numbers of a reading."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -64,10 +65,15 @@ class Whitener:
 
     def white(self, part: slice, values: Array) -> Array:
         """Return L⁻¹ values for the readings of ``part``, with L Lᵀ their covariance; values (n, r, m)."""
-        C = self.covariance(part)
+        return np.asarray(np.einsum("nij,njm->nim", self.root[part], values))
+
+    @cached_property
+    def root(self) -> Array:
+        """L⁻¹ of every reading, with L Lᵀ its covariance, (n, r, r)."""
+        C = self.covariance(slice(None))
         if C.shape[1] == 1:
-            return values / np.sqrt(C)
-        return np.asarray(np.linalg.solve(np.linalg.cholesky(C), values))
+            return np.asarray(1 / np.sqrt(C))
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
 
 def estimated(white: Whitener, residual: Array, leverage: Array) -> Noise:

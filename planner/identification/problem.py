@@ -31,11 +31,30 @@ class Memory:
 
 @dataclass(frozen=True)
 class Piece:
-    """Whitened residuals (n, r) and rows (n, r, P) of the samples at ``part``; rows per prior size."""
+    """Whitened rows per prior size, and residuals, of the samples at ``part``.
+
+    Attributes:
+        columns: of every parameter, the residual's behind them, (P + 1, r, n): samples side by side.
+    """
 
     part: slice
-    residual: Array
-    rows: Array
+    columns: Array
+
+    @property
+    def residual(self) -> Array:
+        """Whitened residuals, (n, r)."""
+        return np.asarray(self.columns[-1].T)
+
+    @property
+    def rows(self) -> Array:
+        """Whitened rows, (n, r, P)."""
+        return np.asarray(self.columns[:-1].transpose(2, 1, 0))
+
+    @property
+    def gram(self) -> Array:
+        """Products of all columns with each other, (P + 1, P + 1)."""
+        flat = self.columns.reshape(len(self.columns), -1)
+        return np.asarray(flat @ flat.T)
 
 
 @dataclass(frozen=True)
@@ -118,9 +137,16 @@ class Problem:
     def piece(self, part: slice, errors: Array) -> Piece:
         """Linearise one piece about ``errors``, whitened."""
         linear = self.linear(part, errors)
-        rows = np.concatenate([linear.rows * self.prior, linear.residual[..., None]], axis=2)
-        white = self.whitener.white(part, rows) * np.sqrt(self.weight[part])[:, None, None]
-        return Piece(part, white[..., -1], white[..., :-1])
+        raw = linear.rows.transpose(2, 1, 0)
+        columns = np.empty((raw.shape[0] + 1, *raw.shape[1:]))
+        np.multiply(raw, self.prior[:, None, None], out=columns[:-1])
+        columns[-1] = linear.residual.T
+        root = np.ascontiguousarray((self.whitener.root[part] * np.sqrt(self.weight[part])[:, None, None]).T)
+        for i in reversed(range(columns.shape[1])):  # L⁻¹ is triangular: what is done is not needed any more
+            columns[:, i] *= root[i, i]
+            for j in range(i):
+                columns[:, i] += root[j, i] * columns[:, j]
+        return Piece(part, columns)
 
     def residual(self, errors: Array) -> Array:
         """Reading − prediction of every sample, (n, r) [m, rad]."""

@@ -1,9 +1,9 @@
-"""Levenberg–Marquardt on the exact non-linear model, by QR of the whitened rows, with priors as further rows."""
+"""Levenberg–Marquardt on the exact non-linear model, priors counted as further readings."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from planner.errors import NoSolutionError
 from planner.identification.problem import Problem
@@ -53,9 +53,11 @@ def solve(problem: Problem, start: Array | None = None, converged: float = CONVE
 
 @dataclass(frozen=True)
 class _Triangle:
-    """QR of the whitened rows and residuals with the prior's: the whole problem about some errors, in P+1 rows.
+    """The whole problem about some errors, rows and residuals with the prior's, in P + 1 rows.
 
     ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
+    The columns are per prior size and the prior is in: the information is never below 1, its root by Cholesky exact
+    enough.
     """
 
     factor: Array
@@ -64,13 +66,13 @@ class _Triangle:
 
     @classmethod
     def about(cls, problem: Problem, errors: Array) -> "_Triangle":
-        def one(part: slice) -> Array:
-            piece = problem.piece(part, errors)
-            return _upper(np.concatenate([piece.rows, piece.residual[..., None]], axis=2).reshape(-1, len(errors) + 1))
-
-        prior = np.column_stack([np.eye(len(errors)), -errors / problem.prior])
-        whole = _upper(np.concatenate([prior, *problem.over_pieces(one)]))
-        return cls(whole[:-1, :-1], whole[:-1, -1], float(whole[:, -1] @ whole[:, -1]))
+        whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
+        z = errors / problem.prior
+        if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow
+            return cls(np.eye(len(z)), 0 * z, np.inf)
+        factor = cholesky(whole[:-1, :-1] + np.eye(len(z)))
+        right = solve_triangular(factor, whole[:-1, -1] - z, trans="T")
+        return cls(factor, right, float(whole[-1, -1] + z @ z))
 
     def step(self, damping: float) -> Array:
         """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
@@ -80,14 +82,6 @@ class _Triangle:
         return np.asarray(
             np.linalg.lstsq(np.vstack([self.factor, np.diag(brake)]), np.append(self.right, 0 * brake))[0]
         )
-
-
-def _upper(tall: Array) -> Array:
-    """Triangular factor, square also where there are fewer rows than columns."""
-    factor = np.linalg.qr(tall, mode="r")
-    out = np.zeros((tall.shape[1], tall.shape[1]))
-    out[: len(factor)] = factor
-    return out
 
 
 def _descend(problem: Problem, errors: Array, converged: float) -> Solution:

@@ -10,7 +10,7 @@ from planner.identification.heldout import held_out
 from planner.identification.problem import Problem
 from planner.identification.seeing import only
 from planner.identification.splits import Split
-from planner.identification.types import Metrics, Stage, error_size
+from planner.identification.types import Metrics, Stage
 from planner.model import Model
 from planner.repeatable import evenly
 from planner.run import Run
@@ -98,9 +98,17 @@ def gains(before: Stage, after: Stage, split: Split) -> bool:
 
 
 def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
-    """Fall of the held-out squared error [m²] from one stage to another, and its standard error, over groups."""
-    fall = error_size(before.held_residual) ** 2 - error_size(after.held_residual) ** 2
-    each = np.bincount(split.fine, fall) / np.bincount(split.fine)
+    """Fall of the held-out squared error from one stage to another, and its standard error, over groups.
+
+    As a share of the error before, positions and angles each by their own where a probe measures both: 1 is all of it.
+    """
+    fall = np.zeros(len(before.held_residual))
+    width = before.held_residual.shape[1]
+    blocks = [slice(k, min(k + 3, width)) for k in range(0, width, 3)]
+    for block in blocks:
+        was, now = before.held_residual[:, block], after.held_residual[:, block]
+        fall += ((was**2).sum(axis=1) - (now**2).sum(axis=1)) / max(float((was**2).sum(axis=1).mean()), 1e-300)
+    each = np.bincount(split.fine, fall) / np.bincount(split.fine) / len(blocks)
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
 
 

@@ -177,19 +177,19 @@ class Model:
         projected = self._projected(context, motion, which)
         place = {int(k): i for i, k in enumerate(which)}
         known = phis(self.parameters, context)
-        rows = np.empty((len(context.samples), self.width, len(self.parameters)))
-        for j, p in enumerate(self.parameters):
+        columns = np.empty((len(self.parameters), self.width, len(context.samples)))  # samples side by side: quick
+        for p, column in zip(self.parameters, columns, strict=True):
             first = p.main
             if len(p.moves) == 1 and first.on == "transform":
-                rows[:, :, j] = (projected[place[first.index]] * known[first.phi]).T
+                np.multiply(projected[place[first.index]], known[first.phi], out=column)
                 continue
-            rows[:, :, j] = 0.0
+            column[:] = 0.0
             for m in p.moves:
                 if m.on == "transform":
-                    rows[:, :, j] += (projected[place[m.index]] * known[m.phi]).T
+                    column += projected[place[m.index]] * known[m.phi]
                 else:
-                    rows[:, m.index, j] += known[m.phi]
-        return Linear(residual, rows)
+                    column[m.index] += known[m.phi]
+        return Linear(residual, columns.transpose(2, 1, 0))
 
     @cached_property
     def _moved(self) -> np.ndarray:

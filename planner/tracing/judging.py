@@ -10,6 +10,8 @@ from planner.tracing.memory import inflation
 from planner.tracing.state import Held, State
 
 SURE = float(np.log(2e-3))  # chance, corrected for everything that was tried, below which an effect may be added
+WORTH = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
+MANY = 12  # parameters above which an effect is a curve: some of its waves are always faint
 SEEN = 3.0  # standard deviations that an effect's size must be above zero
 
 
@@ -19,11 +21,13 @@ def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
     gain, error = gain_in_errors(before.stage, after.stage, bench.split)
     if gain <= error:
         return "held-out samples gain no more than chance"
+    if gain < WORTH:
+        return f"held-out errors fall by {gain / 2:.1%} only"
     size = float(np.linalg.norm(after.sizes(held)))
     if size > held.entry.largest:
         return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
     memory = inflation(after, held)
-    if strength(after, held) / memory < SEEN**2:
+    if len(after.positions(held)) <= MANY and strength(after, held) / memory < SEEN**2:
         return "its size is not determined once everything is refitted"
     if wald_log_p(after, held, tried, memory) > SURE:
         return "it is no larger than chance would have it among so many"

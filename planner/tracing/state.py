@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.catalogue import Entry
 from planner.identification import Bench, Fit, Problem, Stage
-from planner.identification.solve import solve
+from planner.identification.solve import ROUGH, solve
 from planner.identification.stages import Fitted, fitted
 from planner.model import Model, Parameter
 from planner.repeatable import evenly
@@ -136,7 +136,7 @@ def _settled(
     model = replace(base, parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in everything))
     here = quick.with_model(model)
     starts = np.array([0.0 if p in slopes.values() else errors.get(p.name, 0.0) for p in everything])
-    found = solve(here, starts)
+    found = solve(here, starts, ROUGH)
     root = found.root(here.prior)
     sigma = dict(zip(model.names, np.linalg.norm(root, axis=1), strict=True))
     value = dict(zip(model.names, found.errors, strict=True))

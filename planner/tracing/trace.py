@@ -31,8 +31,7 @@ def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Trace
     say("detection limits")
     taken = last.names
     silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))
-    rejected = tuple((r.name, r.because) for r in found.rejected)
-    return [s.fitted for s in found.path[1:]], Traced(findings, silent, rejected, found.tried)
+    return [s.fitted for s in found.path[1:]], Traced(findings, silent, found.rejected, found.tried)
 
 
 def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
@@ -64,7 +63,7 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
         log_p=wald_log_p(last, held, found.tried, wide),
         held_out_gain=_gain(found, held),
         rivals=others,
-        note=sized(held.entry, value, std, unit, held.inner, spread),
+        note=sized(held.entry, value, std, unit, held.inner, spread, sizes),
     )
 
 

@@ -32,7 +32,12 @@ def main() -> None:
         t
         for part in parts
         for t in tasks(
-            part, arguments.runs or RUNS[part], arguments.table, tuple(arguments.gauge), tuple(arguments.kind)
+            part,
+            arguments.runs or RUNS[part],
+            arguments.table,
+            tuple(arguments.gauge),
+            tuple(arguments.kind),
+            arguments.skip,
         )
     ]
     outcomes = []
@@ -75,6 +80,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--kind", action="append", default=[])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--table", action="store_true", help="the seeds that are kept for the table")
+    parser.add_argument("--skip", type=int, default=0, help="seeds that were looked at before")
     parser.add_argument("--save")
     parser.add_argument("--verbose", action="store_true")
     return parser.parse_args()

@@ -14,10 +14,12 @@ PARTS = ("single", "arm", "clean", "outside")
 BLOCK = 10_000  # seeds of one part
 
 
-def tasks(part: str, count: int, table: bool, gauges: tuple[str, ...] = (), kinds: tuple[str, ...] = ()) -> list[Task]:
-    """Return ``count`` tasks of a part, spread evenly over gauges, kinds, shares or noises."""
+def tasks(
+    part: str, count: int, table: bool, gauges: tuple[str, ...] = (), kinds: tuple[str, ...] = (), skip: int = 0
+) -> list[Task]:
+    """Return ``count`` tasks of a part, spread evenly over gauges, kinds, shares or noises; ``skip`` seeds are left."""
     rows = [t for t in _turns(part) if (not gauges or t[0] in gauges) and (not kinds or t[2] in kinds)]
-    first = BLOCK * PARTS.index(part) + int(table)
+    first = BLOCK * PARTS.index(part) + 2 * skip + int(table)
     few = count < len(rows)
     return [Task(part, *rows[k * len(rows) // count if few else k % len(rows)], first + 2 * k) for k in range(count)]
 
