@@ -37,6 +37,11 @@ def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fi
     return tuple(out)
 
 
+def too_few(spare: int) -> str:
+    """Say why nothing was traced."""
+    return f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought"
+
+
 def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
     """Return what a person should know."""
     out, rig = [], found.model.rig
@@ -46,9 +51,6 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     beyond = 0 if length is None else int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
     if beyond:
         out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
-    spare = len(run) * found.model.width - len(found.errors)
-    if spare < TRACEABLE:
-        out.append(f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought")
     if len(found.outliers):
         named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
         more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""

@@ -56,8 +56,9 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None, sett
     Raises:
         NoSolutionError: the fit does not come to rest.
     """
-    long = len(problem) > 2 * LOOK
-    few = problem.take(evenly(len(problem), LOOK)) if long else problem
+    look = fewer(problem.model, LOOK)
+    long = len(problem) > 2 * look
+    few = problem.take(evenly(len(problem), look)) if long else problem
     prior, errors = problem.model.prior, start
     for _ in range(ROUNDS if settle else 0):
         solution = solve(few, errors, ROUGH)
@@ -78,6 +79,11 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None, sett
         whole = replace(whole, weight=_weights(whole, errors))
     solution = solve(whole, errors)
     return Fit(whole, solution, float((1 - _undecided(solution)).sum()), _outliers(whole, solution))
+
+
+def fewer(model: Model, samples: int) -> int:
+    """So many samples, or fewer where each of them brings more than three numbers."""
+    return samples * 3 // max(3, model.width)
 
 
 def _leverage(problem: Problem, solution: Solution) -> Array:

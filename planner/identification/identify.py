@@ -1,18 +1,19 @@
 """``identify()``: from a run to a calibrated robot, stage by stage."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.cell import Cell
 from planner.errors import InputError
-from planner.identification.checks import TRACEABLE, problems_of, warnings_of
+from planner.identification.checks import TRACEABLE, problems_of, too_few, warnings_of
 from planner.identification.estimates import estimates
 from planner.identification.fit import Fit
+from planner.identification.heldout import held_out
 from planner.identification.placed import placed, rig_for, with_motion
 from planner.identification.seeing import seen_by
-from planner.identification.splits import Split, poses, split
+from planner.identification.splits import Split, poses, split, within
 from planner.identification.spread import parameter_covariance
 from planner.identification.stages import Fitted, fitted, frames_only, gains, nominal
 from planner.identification.types import Calibration, Metrics, Traced, error_size
@@ -93,9 +94,10 @@ def identify(
     if tracer is not None and _spare(run, model) >= TRACEABLE:
         more, traced = tracer(stages[-1], bench, say)
         return _finished([*stages, *more], whole, seen.dropped, bench, cell, validation, traced)
+    scarce = [] if tracer is None else [too_few(_spare(run, model))]
     say("joint compliance")
     stages, whole, dropped = _with_compliance(stages, whole, seen.dropped, bench)
-    return _finished(stages, whole, dropped, bench, cell, validation, None)
+    return _finished(stages, whole, dropped, bench, cell, validation, None, scarce)
 
 
 def _with_compliance(
@@ -126,6 +128,7 @@ def _finished(
     cell: Cell,
     validation: Run | None,
     traced: Traced | None,
+    notes: Sequence[str] = (),
 ) -> Calibration:
     run, parts = bench.run, bench.split
     if len(run) > len(stages[-1].fit.problem):
@@ -142,6 +145,7 @@ def _finished(
         split_by=parts.by,
         hold_out=1.0 / parts.folds,
         n_groups=parts.groups,
+        within=_within(run, parts, found),
         stages=tuple(s.stage for s in stages),
         fit=found,
         dropped=dropped,
@@ -152,8 +156,28 @@ def _finished(
         noise_floor=_noise_floor(run, stages[-1].stage.residual),
         traced=traced,
         problems=problems_of(table, stages, found),
-        warnings=(*run.warnings, *warnings_of(run, cell, found, validation)),
+        warnings=(
+            *(*run.warnings, *warnings_of(run, cell, found, validation)),
+            *(*notes, *_fitted_there(parts, stages[-1])),
+        ),
     )
+
+
+def _within(run: Run, parts: Split, found: Fit) -> Metrics | None:
+    """Errors of the last stage where single poses are held out, for a run that is split by something coarser."""
+    finer = within(run, parts)
+    return None if finer is None else Metrics.of(held_out(found, finer).residual, finer.fold)
+
+
+def _fitted_there(parts: Split, last: Fitted) -> list[str]:
+    """What a reader of the held-out errors must know: numbers that were found on the held-out samples themselves."""
+    if not last.refitted:
+        return []
+    names = ", ".join(last.refitted[:6]) + (" …" if len(last.refitted) > 6 else "")
+    return [
+        f"each {parts.by} has {len(last.refitted) // parts.folds} or more parameters of its own ({names}): they were "
+        f"fitted on the {parts.by} itself where it was held out"
+    ]
 
 
 def _spare(run: Run, model: Model) -> int:

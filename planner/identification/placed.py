@@ -8,11 +8,13 @@ from planner.cell import Cell
 from planner.errors import InputError, nearest
 from planner.placing import place_lengths, place_points, place_poses, place_sockets
 from planner.rig import Rig, rig_of
-from planner.run import Run, reversals, speeds
+from planner.run import Run, Samples, reversals, speeds
 from planner.units import MM, Array
 
 FOUND = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
 REMEMBERED = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
+MOVED = 1e-3  # [rad] from pose to pose that tell a joint's way
+DIRECT = 0.98  # share of the logged approaches that agree with the ways from pose to pose
 TURN = 0.02  # the same of a frame's orientation [rad]
 
 
@@ -82,8 +84,18 @@ def with_motion(run: Run) -> Run:
     samples = run.samples
     moving = run.continuous and samples.t is not None and len(run) > 2
     speed = speeds(samples) if moving else None
-    turned = reversals(samples.q) if moving and len(run) <= REMEMBERED else None
+    followed = moving or (not run.continuous and _direct(samples))
+    turned = reversals(samples.q) if followed and len(run) <= REMEMBERED else None
     return replace(run, samples=replace(samples, speed=speed, length=run.readings.length, reversals=turned))
+
+
+def _direct(samples: Samples) -> bool:
+    """Tell whether the arm went from pose to pose as the rows stand: logged approaches are the ways between them."""
+    if samples.direction is None or len(samples) < 3:
+        return False
+    way = np.diff(samples.q, axis=0)
+    told = (np.abs(way) > MOVED) & (samples.direction[1:] != 0)
+    return bool(told.any() and (np.sign(way) == samples.direction[1:])[told].mean() > DIRECT)
 
 
 def flanges(rig: Rig, q: Array) -> tuple[Array, Array]:

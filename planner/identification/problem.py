@@ -25,8 +25,7 @@ class Memory:
     """What a short problem need not compute twice: basis functions, and the model about the errors looked at last."""
 
     context: Context | None = None
-    about: tuple[object, bytes] | None = None
-    linear: Linear | None = None
+    linear: tuple[tuple[object, bytes], Linear] | None = None
 
 
 @dataclass(frozen=True)
@@ -122,10 +121,10 @@ class Problem:
         if len(self) > PIECE:
             return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
         about = (self.model.parameters_and_fixed, errors.tobytes())
-        if self.memory.about != about or self.memory.linear is None:
-            self.memory.linear = self.model.linear_in(self.context, self.targets, errors)
-            self.memory.about = about
-        return self.memory.linear
+        known = self.memory.linear  # read once: several fits may look at one problem at a time
+        if known is None or known[0] != about:
+            known = self.memory.linear = about, self.model.linear_in(self.context, self.targets, errors)
+        return known[1]
 
     @property
     def context(self) -> Context:

@@ -36,7 +36,8 @@ def identification_content(calibration: Calibration, left: Leftover) -> dict[str
         "robot": c.fit.model.rig.robot.name,
         "n_samples": len(c.run),
         "n_groups": c.n_groups,
-        "split": {"by": c.split_by, "hold_out": c.hold_out},
+        "split": {"by": c.split_by, "hold_out": c.hold_out}
+        | ({} if c.within is None else {"within": {"held_out": _metrics(c.within)}}),
         "stages": [
             {"name": s.name, "effects": list(s.effects), "parameters": s.parameters}
             | {"train": _metrics(s.train), "held_out": _metrics(s.held_out)}

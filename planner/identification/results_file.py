@@ -15,6 +15,14 @@ class SplitSection(Strict):
 
     by: str
     hold_out: float
+    within: "WithinSection | None" = None
+
+
+class WithinSection(Strict):
+    """The last stage's errors where single poses are held out, beside those of whole sessions, placements or blocks."""
+
+    by: Literal["pose"] = "pose"
+    held_out: "MetricsSection"
 
 
 class MetricsSection(Strict):

@@ -62,6 +62,18 @@ def split(run: Run, hold_out: float = 0.2, seed: int = 0) -> Split:
     return Split(by, group, deal[group], fine)
 
 
+def within(run: Run, whole: Split) -> Split | None:
+    """Return the finer split beside one by sessions, placements or blocks: single poses; ``None`` where it is as fine.
+
+    What comes anew with each session or placement cannot be predicted where that is held out whole; here it can.
+    """
+    if whole.by not in ("session", "placement", "block"):
+        return None
+    labels, group = np.unique(whole.fine, return_inverse=True)
+    deal = np.random.default_rng(0).permutation(len(labels)) % whole.folds
+    return Split("pose", whole.fine, deal[group.reshape(-1)], whole.fine)
+
+
 def groups(run: Run) -> tuple[str, np.ndarray]:
     """Return what the groups are and the group of every sample, (n,)."""
     samples = run.samples

@@ -23,10 +23,11 @@ Judge = Callable[[Fit], Metrics | None]
 
 @dataclass(frozen=True)
 class Fitted:
-    """A stage and the fit behind it."""
+    """A stage and the fit behind it; ``refitted`` names parameters that only the held-out samples themselves know."""
 
     stage: Stage
     fit: Fit
+    refitted: tuple[str, ...]
 
 
 def fitted(
@@ -64,7 +65,7 @@ def fitted(
         residual,
         held_residual,
     )
-    return Fitted(stage, found)
+    return Fitted(stage, found, held.refitted)
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:

@@ -146,6 +146,7 @@ class Calibration:
     Attributes:
         run: what was measured.
         split_by, hold_out, n_groups: how poses were held out.
+        within: the last stage's errors on single poses held out, beside those of whole sessions, placements or blocks.
         stages: in order.
         fit: the last stage's.
         dropped: parameters the data cannot see.
@@ -163,6 +164,7 @@ class Calibration:
     split_by: str
     hold_out: float
     n_groups: int
+    within: Metrics | None
     stages: tuple[Stage, ...]
     fit: Fit
     dropped: tuple[Dropped, ...]

@@ -69,14 +69,15 @@ def _evidence(shade: Shade, entry: Entry) -> Iterator[float]:
 
 
 def instead(effects: tuple[Held, ...], entry: Entry) -> tuple[Held, ...] | None:
-    """Effects that stay when a joint's waves give way to its curve; ``None`` where one more wave tells it well.
+    """Effects that stay when a joint's waves give way to its curve; ``None`` where there is no cause for a curve.
 
-    ``entry`` is the wave that would come next.
+    ``entry`` is the wave that would come next. There is cause where the joint has waves already, or where another joint
+    of the arm has a curve.
     """
     if entry.kind not in TONES:
         return None
     waves = [h for h in effects if plain(h.entry.kind) in (*TONES, KIND) and h.entry.on == entry.on]
-    if not waves:
+    if not waves and all(h.entry.kind != KIND for h in effects):
         return None
     return tuple(h for h in effects if h not in waves)
 

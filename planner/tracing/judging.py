@@ -18,11 +18,11 @@ SEEN = 3.0  # standard deviations that an effect's size must be above zero
 def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
     """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
     held = after.effects[-1]
-    gain, error = gain_in_errors(before.stage, after.stage, bench.split)
-    if gain <= error:
+    fall, error = gain(before, after, bench)
+    if fall <= error:
         return "held-out samples gain no more than chance"
-    if gain < WORTH:
-        return f"held-out errors fall by {gain / 2:.1%} only"
+    if fall < WORTH:
+        return f"held-out errors fall by {fall / 2:.1%} only"
     size = float(np.linalg.norm(after.sizes(held)))
     if size > held.entry.largest:
         return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
@@ -32,6 +32,11 @@ def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
     if wald_log_p(after, held, tried, memory) > SURE:
         return "it is no larger than chance would have it among so many"
     return None
+
+
+def gain(before: State, after: State, bench: Bench) -> tuple[float, float]:
+    """Share of the held-out squared error that goes from one state to another, and its standard error."""
+    return gain_in_errors(before.stage, after.stage, bench.split)
 
 
 def strength(state: State, held: Held) -> float:

@@ -8,23 +8,27 @@ from scipy.stats import chi2, ncx2
 
 from planner.catalogue import Entry
 from planner.identification import Limit
-from planner.tracing.judging import SURE
+from planner.tracing.judging import SURE, WORTH
 from planner.tracing.screen import SHOWN, Shade, scored
 
 POWER = 0.95
+SURELY = 1.645  # standard deviations by which the share of the error must be above what is worth a name
 
 
 def limits(shade: Shade, entries: Sequence[Entry], tried: int) -> Iterator[Limit]:
     """Yield the detection limit of every entry that the readings show at all, at the worst phase and inner number."""
     pairs = [(e, v) for e in entries for v in _some(e)]
     variance = shade.scatter / shade.spare
+    least = (np.sqrt(WORTH * shade.spare) + SURELY) ** 2
     worst: dict[str, float] = {}
     for s in scored(shade, shade.lay_out(pairs)):
         parameters = s.entry.make(s.inner)
         prior = np.array([p.prior for p in parameters])
         mu = np.linalg.eigvalsh(s.information / np.outer(prior, prior))  # per unit of size
         seen = mu[mu > SHOWN * mu[-1]] if mu[-1] > 0 else mu[:0]
-        size = np.sqrt(_noncentrality(max(1, len(seen)), tried) * variance / seen[0]) if len(seen) else np.inf
+        size = (
+            np.sqrt(max(least, _noncentrality(max(1, len(seen)), tried)) * variance / seen[0]) if len(seen) else np.inf
+        )
         worst[s.entry.name] = max(worst.get(s.entry.name, 0.0), float(size))
     for e in entries:
         if np.isfinite(worst.get(e.name, np.inf)):

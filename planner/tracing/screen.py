@@ -12,6 +12,7 @@ from scipy.stats import f as f_distribution
 
 from planner.catalogue import Entry
 from planner.identification import Fit, Problem
+from planner.identification.fit import fewer
 from planner.repeatable import evenly
 from planner.tracing.dictionary import Dictionary, Pair, products
 from planner.units import Array
@@ -42,8 +43,8 @@ class Shade:
         """Look at a fit; ``worth`` samples are worth one."""
         problem = fit.problem
         n = len(problem)
-        if n > LOOK:
-            problem = problem.take(evenly(n, LOOK))
+        if n > fewer(fit.model, LOOK):
+            problem = problem.take(evenly(n, fewer(fit.model, LOOK)))
         piece = problem.piece(slice(None), fit.errors)
         tall = piece.rows.reshape(-1, piece.rows.shape[2])
         readings = len(tall)

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.catalogue import Entry
 from planner.identification import Bench, Fit, Problem, Stage
+from planner.identification.fit import fewer
 from planner.identification.solve import ROUGH, solve
 from planner.identification.stages import Fitted, fitted
 from planner.model import Model, Parameter
@@ -15,7 +16,7 @@ from planner.tracing.masses import KIND, weights
 from planner.units import Array
 
 ROUNDS = 6  # in which inner numbers settle
-QUICK = 4_000  # samples of a long run on which they do
+QUICK = 3_000  # samples of a long run on which they do
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,11 @@ class State:
         """Names of the effects."""
         return frozenset(h.entry.name for h in self.effects)
 
+    @property
+    def kind(self) -> frozenset[tuple[str, int]]:
+        """What tells the model from others: its effects, and how many parameters each has."""
+        return frozenset((h.entry.name, len(h.entry.make(h.inner))) for h in self.effects)
+
     def positions(self, held: Held) -> list[int]:
         """Positions of an effect's own parameters in the model, its inner number left aside."""
         names = {p.name for p in held.entry.make(held.inner)}
@@ -86,8 +92,8 @@ class State:
 def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], before: State) -> State:
     """Fit the base model with effects: inner numbers settle first, noise and priors as they were, then all together."""
     quick = before.fit.problem
-    if len(quick) > QUICK:
-        quick = quick.take(evenly(len(quick), QUICK))
+    if len(quick) > fewer(base, QUICK):
+        quick = quick.take(evenly(len(quick), fewer(base, QUICK)))
     errors = dict(zip(before.fit.model.names, before.fit.errors, strict=True))
     inside = any(h.inner is not None or h.entry.kind == KIND for h in effects)
     for _ in range(ROUNDS if inside else 0):

@@ -6,12 +6,13 @@ from planner.catalogue import catalogue
 from planner.identification import Bench, Finding, Traced
 from planner.identification.stages import Fitted
 from planner.tracing.again import plain
+from planner.tracing.hunt import Say
 from planner.tracing.judging import wald_log_p
 from planner.tracing.limits import limits
-from planner.tracing.memory import inflation
+from planner.tracing.memory import inflation, quick_memory
 from planner.tracing.rivals import rivals
 from planner.tracing.screen import Shade
-from planner.tracing.search import Say, Trace, memory, search
+from planner.tracing.search import Trace, search
 from planner.tracing.sentence import sized
 from planner.tracing.state import Held, State
 
@@ -25,7 +26,7 @@ def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Trace
     start = State(geometry.fit.model, (), geometry)
     found = search(start, entries, bench, say)
     last = found.last
-    shade = Shade.of(last.fit, memory(last, bench))
+    shade = Shade.of(last.fit, quick_memory(last) if bench.run.continuous else 1.0)
     say("rivals")
     findings = tuple(_finding(found, h, rivals(shade, last, h, found.dictionary)) for h in last.effects)
     say("detection limits")

@@ -1,6 +1,7 @@
 """Effects inside one joint: encoder, gears, bearing, play, and how the angle is read."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from tests.generator.benches import RATIOS
 from tests.generator.kinds import Kind
@@ -22,6 +23,15 @@ def _ripple(scene, e):
 def _sawtooth(scene, e):
     turn = (e["frequency"] * scene.joint(e.joint) + e["phase"]) / TAU
     return {f"theta{e.joint}": e.size * 2 * (turn - np.floor(turn) - 0.5)}
+
+
+def _uneven(scene, e):
+    """A gear that runs unevenly in no single period: a smooth line through random knots, the same every turn."""
+    knots = np.linspace(0, TAU, int(e["knots"]) + 1)
+    heights = np.random.default_rng(int(e["seed"])).normal(size=len(knots))
+    heights[-1] = heights[0]
+    line = CubicSpline(knots, heights, bc_type="periodic")
+    return {f"theta{e.joint}": e.size * line(np.mod(scene.joint(e.joint), TAU))}
 
 
 def _ratio(scene, e):
@@ -117,6 +127,10 @@ KINDS = (
     Kind(
         "wobble", "rad", MICRO, _wobble, joints="all", in_catalogue=False, right=("axis-wobble", "bearing"),
         inner=_oval,
+    ),
+    Kind(
+        "gear-uneven", "rad", MICRO, _uneven, joints="all", in_catalogue=False, right=("gear-ripple", "harmonic"),
+        inner=lambda rng, arm, joint: {"knots": float(rng.integers(12, 40)), "seed": float(rng.integers(10**6))},
     ),
     Kind(
         "sawtooth", "rad", MICRO, _sawtooth, joints="all", in_catalogue=False, inner=_tone,

@@ -4,12 +4,11 @@ import numpy as np
 
 from planner.repeatable import evenly
 from planner.report.calibration.data import POINTS, Told
-from planner.report.calibration.story import Evidence, Step, evidence
+from planner.report.calibration.story import MEANS, Evidence, Step, evidence
 from planner.report.picture import BLACK, BLUE, GREY, ORANGE, RED, Panel, Picture, Series
 from planner.units import Array, to_mm
 
 NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
-MEANS = 24  # points of the line through the residuals
 SEEN = 0.98  # part of the points that the panel's height is made for
 SIZES = {"rad": "µrad", "m": "µm"}
 
@@ -83,8 +82,8 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
     zero = Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
     series = [zero, Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
     if fitted:
-        series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight), RED, width=3.0))
-    at, mean = weighted_means(x, y, e.weight)
+        series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight, e.means), RED, width=3.0))
+    at, mean = weighted_means(x, y, e.weight, e.means)
     series.append(Series("mean", at, mean, BLACK, width=1.8))
     return Panel(f"{title} ({SIZES[e.unit]})", e.against.label, "", tuple(series), y_range=(-span, span), height=210)
 
@@ -97,12 +96,12 @@ def _apart(x: Array) -> Array:
     return np.asarray(x + 0.3 * float(np.diff(values).min()) * (np.arange(len(x)) * 0.6180339887 % 1 - 0.5))
 
 
-def weighted_means(x: Array, y: Array, weight: Array) -> tuple[Array, Array]:
+def weighted_means(x: Array, y: Array, weight: Array, most: int = MEANS) -> tuple[Array, Array]:
     """Means of y in groups of equal count along x, by weight; a quantity with few values has one group a value."""
     values, group = np.unique(x, return_inverse=True)
-    if len(values) > MEANS:
+    if len(values) > most:
         group = np.empty(len(x), dtype=int)
-        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * MEANS // len(x)
+        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * most // len(x)
     total = np.bincount(group, weight)
     kept = total > 0
     middle = np.bincount(group, x) / np.maximum(np.bincount(group), 1)

@@ -11,6 +11,7 @@ GROUPS = {
     "pose": ("poses", "whole poses, each with all its repeats"),
     "placement": ("placements", "whole placements of the gauge"),
     "session": ("sessions", "whole sessions"),
+    "block": ("blocks", "whole blocks of the run in its order"),
     "stretch": ("stretches", "whole stretches of the drive, never single rows of it"),
 }
 STRONG, NAMED = 0.9, 6  # correlation worth a sentence, and how many sentences
@@ -54,10 +55,14 @@ def how_held_out(c: Calibration) -> str:
     """Say how samples were kept from the fit that predicts them."""
     several, whole = GROUPS[c.split_by]
     folds = round(1 / c.hold_out)
-    return (
+    out = (
         f"Held out were {whole}: {count(c.n_groups)} {several} in {folds} parts; each part "
         f"was predicted by a fit to the other {folds - 1}. The spread is that of the rms over the parts."
     )
+    if c.within is not None:
+        out += f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
+        out += f"error is {mm(c.within.mean)}."
+    return out
 
 
 def of_noise(told: Told) -> str:

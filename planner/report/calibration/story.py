@@ -12,6 +12,7 @@ from planner.report.calibration.data import Told
 from planner.report.calibration.variables import Variable, variable
 from planner.units import Array
 
+MEANS = 24  # points of the line through the residuals; more for an effect of many waves
 FAINT = 0.3  # part of its usual leverage below which a reading says nothing of an effect
 
 
@@ -46,6 +47,7 @@ class Evidence:
         before, after: what the residual says of it, sample by sample, (m,).
         weight: how much each sample says, (m,).
         fitted: what the effect adds as fitted, (m,).
+        means: points of the line through the residuals.
     """
 
     against: Variable
@@ -54,6 +56,7 @@ class Evidence:
     after: Array
     weight: Array
     fitted: Array
+    means: int = MEANS
 
 
 def steps(told: Told) -> tuple[Step, ...]:
@@ -98,7 +101,8 @@ def evidence(told: Told, step: Step) -> Evidence:
     safe = np.maximum(power, (FAINT**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
     turns = first.main.on == "transform" and fit.model.rig.chain.transforms[first.main.index].kind == "rotation"
-    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted)
+    means = int(np.clip(3 * len(own), MEANS, len(power) // 10 + MEANS))
+    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means)
 
 
 def _added(told: Told, step: Step) -> Array:

@@ -1,0 +1,32 @@
+"""Mends what an early choice got wrong: another entry in the place of an effect, where the run is likelier so."""
+
+from planner.tracing.curve import KIND as CURVE
+from planner.tracing.hunt import Hunt
+from planner.tracing.judging import SURE, wald_log_p
+from planner.tracing.ranking import ranked
+from planner.tracing.rivals import without
+from planner.tracing.state import State
+from planner.tracing.steps import joined
+
+BETTER = 4.0  # fall of minus twice the log evidence for which an effect is swapped
+
+
+def swapped(hunt: Hunt, state: State) -> State | None:
+    """Put another entry in the place of each effect where the run is likelier so; ``None`` if it nowhere is."""
+    found = None
+    for held in state.effects:
+        if held.entry.kind == CURVE:
+            continue  # it took the place of the waves that would now be tried for it
+        bare = without(hunt.shade(state), state, held)
+        rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
+        first = ranked(bare, hunt.dictionary, rest)[:2]
+        other = next((c for c in first if c.entry.name != held.entry.name), None)
+        if other is None or (first[0].entry.name == held.entry.name and first[0].score > other.score + BETTER):
+            continue
+        hunt.say(f"trying {other.entry.name} for {held.entry.name}")
+        trial = joined(hunt, state, bare, other, rest)
+        worth = hunt.memory(state)
+        likelier = trial.evidence(worth) < state.evidence(worth) - BETTER
+        if likelier and wald_log_p(trial, trial.effects[-1], hunt.tried) < SURE:
+            state = found = trial
+    return found

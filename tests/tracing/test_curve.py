@@ -1,0 +1,54 @@
+"""Gears that err in no single period, and arms that warm up in two ways: made by a world that knows neither curve."""
+
+import numpy as np
+
+from tests.generator.catalogue import motions
+from tests.tracing.worlds import calibrated, effect, names, run
+
+
+def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
+    found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)
+    assert names(found) == ["gear error curve, joint 3"]
+    assert "waves of" in found.traced.findings[0].note
+    geometry = next(s for s in found.stages if s.name == "geometry")
+    noise = found.fit.problem.whitener.covariance(slice(None))
+    floor = np.sqrt(np.einsum("nii->n", noise).mean())
+    assert found.stages[-1].held_out.rms < 0.5 * geometry.held_out.rms
+    assert found.stages[-1].held_out.rms < 1.15 * floor
+
+
+def test_the_curve_is_the_one_that_was_planted():
+    """Up to what geometry takes: an offset of the joint, and once a turn."""
+    planted = effect("gear-uneven", 2, 3e-4, knots=24.0, seed=1.0)
+    found = calibrated((planted,), build="tracker", size=400)
+    fit = found.fit
+    q = np.asarray(found.run.samples.q[:, 1])
+    curve = np.zeros(len(q))
+    for p, value in zip(fit.model.parameters, fit.errors, strict=True):
+        if p.group == "gear error curve, joint 2":
+            wave = np.sin if p.name.rsplit("_", 1)[1].startswith("sin") else np.cos
+            curve += value * wave(p.main.phi.frequency * q)
+    made = run((planted,), build="tracker", size=400)
+    truth = motions(made.scene, made.truth.effects)["theta2"][made.rows]
+    taken = np.column_stack([np.ones(len(q)), np.sin(q), np.cos(q), q])
+    left = truth - taken @ np.linalg.lstsq(taken, truth)[0]
+    shown = curve - taken @ np.linalg.lstsq(taken, curve)[0]
+    sense = np.sign(left @ shown)
+    assert np.sqrt(np.mean((left - sense * shown) ** 2)) < 0.2 * np.sqrt(np.mean(left**2))
+
+
+def test_a_pure_tone_stays_a_tone():
+    found = calibrated((effect("reducer-ripple", 3, 2e-4, frequency=9.37, phase=1.0),), seed=4)
+    assert names(found) == ["gear ripple, joint 3"]
+    f = found.traced.findings[0]
+    assert abs(f.inner - 9.37) < 4 * f.inner_std
+
+
+def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
+    planted = effect("warm-up-two", 2, 2.2e-4, back=0.66, fast=300.0, slow=3200.0)
+    found = calibrated((planted,), seed=3, size=300)
+    findings = found.traced.findings
+    assert [f.effect for f in findings] == ["warm-up"] * 2
+    assert all("warm-up, joint 2" in (f"{f.effect}, {f.on}", *f.rivals) for f in findings)
+    fast, slow = sorted(f.inner for f in findings)
+    assert 200 < fast < 450 and 1500 < slow < 6400
