@@ -19,7 +19,7 @@ LIKE_WEIGHT = 0.95  # share of what a wrong mass explains that makes plain compl
 
 def ranked(shade: Shade, dictionary: Dictionary, effects: tuple[Held, ...]) -> list[Candidate]:
     """Every entry that may join ``effects`` at its best inner value, the likeliest first; ties in catalogue order."""
-    scores = [s for s in scored(shade, dictionary) if open_to(s.entry, effects) and _apart(s, effects)]
+    scores = [s for s in scored(shade, dictionary) if open_to(s.entry, effects) and apart(s, effects)]
     scores = with_weights(shade, scores)
     best: dict[str, Scored] = {}
     for s in scores:
@@ -44,7 +44,7 @@ def penalised(scored: Scored, variance: float) -> float:
     )
 
 
-def _apart(scored: Scored, effects: tuple[Held, ...]) -> bool:
+def apart(scored: Scored, effects: tuple[Held, ...]) -> bool:
     """Whether an inner number is another one than those that effects of the same entry have."""
     if scored.inner is None or not effects:
         return True

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from planner.model import Parameter
+from planner.tracing.again import open_to, plain
 from planner.tracing.dictionary import Dictionary
 from planner.tracing.masses import GROUP, KIND
+from planner.tracing.ranking import apart
 from planner.tracing.screen import Shade, scored
 from planner.tracing.softness import with_weights
 from planner.tracing.state import Held, State
@@ -39,10 +41,11 @@ def rivals(shade: Shade, state: State, held: Held, dictionary: Dictionary) -> tu
     bare = without(shade, state, held)
     own = with_weights(bare, scored(bare, bare.lay_out([(held.entry, held.inner)])))[0]
     variance = shade.variance / shade.worth
-    taken = {h.entry.name for h in state.effects}
+    rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
+    own_name = f"{plain(held.entry.kind)}, {held.entry.on}"
     best: dict[str, float] = {}
     for s in with_weights(bare, scored(bare, dictionary)):
-        if s.entry.name in taken:
+        if s.entry.name == own_name or not open_to(s.entry, rest) or not apart(s, rest):
             continue
         # more parameters explain more by chance alone
         score = s.gain / variance - 2 * s.size

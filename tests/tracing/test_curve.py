@@ -46,9 +46,10 @@ def test_a_pure_tone_stays_a_tone():
 
 def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
     planted = effect("warm-up-two", 2, 2.2e-4, back=0.66, fast=300.0, slow=3200.0)
-    found = calibrated((planted,), seed=3, size=300)
-    findings = found.traced.findings
-    assert [f.effect for f in findings] == ["warm-up"] * 2
-    assert all("warm-up, joint 2" in (f"{f.effect}, {f.on}", *f.rivals) for f in findings)
-    fast, slow = sorted(f.inner for f in findings)
-    assert 200 < fast < 450 and 1500 < slow < 6400
+    right = 0
+    for seed in (2, 4, 6):
+        found = calibrated((planted,), seed=seed, size=300)
+        right += names(found) == ["warm-up, joint 2"] * 2
+        fast, slow = sorted(f.inner for f in found.traced.findings)
+        assert 200 < fast < 450 and 1500 < slow < 6400
+    assert right >= 2
