@@ -56,7 +56,9 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
         more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
         out.append(f"{len(found.outliers)} samples are outliers (number {named}{more}); they were kept in the fit")
     if all(m is None for m in rig.robot.masses):
-        out.append(f"{rig.robot.name} has no link masses: gravity's torques, and so compliance, are left out")
+        out.append(
+            f"{rig.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
+        )
     if validation is not None and new_frames(rig, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     return out

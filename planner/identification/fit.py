@@ -50,8 +50,16 @@ class Fit:
         return self.solution.errors
 
 
-def fit(problem: Problem, robust: bool = False, start: Array | None = None, settle: bool = True) -> Fit:
+def fit(
+    problem: Problem,
+    robust: bool = False,
+    start: Array | None = None,
+    settle: bool = True,
+    factors: Array | None = None,
+) -> Fit:
     """Fit the model of ``problem``, its noise and the factors on its prior sizes (not with ``settle`` false).
+
+    ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -60,14 +68,15 @@ def fit(problem: Problem, robust: bool = False, start: Array | None = None, sett
     long = len(problem) > 2 * look
     few = problem.take(evenly(len(problem), look)) if long else problem
     prior, errors = problem.model.prior, start
+    if factors is not None:
+        few = few.with_model(_with_prior(few.model, prior * factors))
     for _ in range(ROUNDS if settle else 0):
         solution = solve(few, errors, ROUGH)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _undecided(solution)
         noise = estimated(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
-        factors = _factors(few.model, prior, errors, shrunk)
-        model = _with_prior(few.model, prior * factors)
+        model = _with_prior(few.model, prior * _factors(few.model, prior, errors, shrunk))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
         )

@@ -45,11 +45,12 @@ def fitted(
     Of a long run only a spread part is fitted unless ``whole``; all of it is judged.
     """
     start = None if before is None else _start(model, before)
+    factors = None if before is None else _known_factors(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
     few = None if whole or len(run) * model.width <= 2 * PART else evenly(len(run), PART // model.width)
     part = run if few is None else run.take(few)
-    found = fit(Problem.of(model, part, noise, even=rough), robust, start)
+    found = fit(Problem.of(model, part, noise, even=rough), robust, start, factors=factors)
     held = held_out(found, split if few is None else split.take(few))
     residual, held_residual = found.problem.residual(found.errors), held.residual
     if few is not None:
@@ -88,6 +89,12 @@ def nominal(model: Model, run: Run, split: Split, judge: Judge) -> Fitted:
 def _start(model: Model, before: Fit) -> Array:
     known = dict(zip(before.model.names, before.errors, strict=True))
     return np.array([known.get(name, 0.0) for name in model.names])
+
+
+def _known_factors(model: Model, before: Fit) -> Array:
+    """Factors on the prior sizes as the fit before found them, 1 for what is new."""
+    known = dict(zip(before.model.names, before.problem.prior, strict=True))
+    return np.array([known.get(p.name, p.prior) / p.prior for p in model.parameters])
 
 
 def gains(before: Stage, after: Stage, split: Split) -> bool:

@@ -70,7 +70,7 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
 
 def _gain(found: Trace, held: Held) -> float:
     """Fall of the held-out error over the step that brought the effect in [m]."""
-    for before, after in zip(found.path, found.path[1:], strict=False):
+    for before, after in reversed(list(zip(found.path, found.path[1:], strict=False))):
         names = {h.entry.name for h in before.effects}
         if held.entry.name not in names and held.entry.name in {h.entry.name for h in after.effects}:
             return before.stage.held_out.rms - after.stage.held_out.rms

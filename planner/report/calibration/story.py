@@ -65,8 +65,8 @@ def steps(told: Told) -> tuple[Step, ...]:
     out = list[tuple[int, Step]]()
     for f in () if c.traced is None else c.traced.findings:
         what = f"{f.effect}, {f.on}"
-        with_it = [k for k, s in enumerate(c.stages) if what in s.effects]
-        first = with_it[0] if with_it else len(c.stages) - 1
+        without = [k for k, s in enumerate(c.stages) if what not in s.effects]
+        first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
         out.append((first, Step(f, f"found_{len(out) + 1}", what, _before(c.stages, first), c.stages[first])))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
 
