@@ -11,7 +11,7 @@ from planner.tracing.state import Held, State
 
 SURE = float(np.log(2e-3))  # chance, corrected for everything that was tried, below which an effect may be added
 WORTH = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
-MANY = 12  # parameters above which an effect is a curve: some of its waves are always faint
+MANY = 8  # parameters above which an effect is a curve: some of its waves are always faint
 SEEN = 3.0  # standard deviations that an effect's size must be above zero
 
 

@@ -23,6 +23,7 @@ from planner.tracing.unnamed import unnamed
 
 TRIES = 6  # of the most surprising entries that are refitted before the search gives up
 MOST = 25  # effects
+FORCED = 20.0  # noise variances by which what has no name must be ahead of an effect to take its place
 SWAPS = 2  # rounds of swaps
 
 
@@ -65,7 +66,10 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
     if pruned.names != path[-1].names:
         path = _forward(hunt, [*path, pruned])
     nameless = shade.lay_out([(e, None) for e in unnamed(start.base, shade.problem.samples.q)])
-    path = _forward(replace(hunt, dictionary=nameless), path)
+    unnaming = replace(hunt, dictionary=nameless)
+    path = _forward(unnaming, path)
+    other = swapped(unnaming, path[-1], FORCED)  # a name that explains much less than no name would was forced
+    path = path if other is None else [*path, other]
     gone = tuple((n, why) for n, why in hunt.refused.why.items() if n not in path[-1].names)
     return Trace(tuple(path), hunt.dictionary, gone)
 

@@ -11,17 +11,20 @@ from planner.tracing.steps import joined
 BETTER = 4.0  # fall of minus twice the log evidence for which an effect is swapped
 
 
-def swapped(hunt: Hunt, state: State) -> State | None:
-    """Put another entry in the place of each effect where the run is likelier so; ``None`` if it nowhere is."""
+def swapped(hunt: Hunt, state: State, ahead: float = -BETTER) -> State | None:
+    """Put another entry in the place of each effect where the run is likelier so; ``None`` if it nowhere is.
+
+    ``ahead`` is by how much its score must be above the effect's own to be tried.
+    """
     found = None
     for held in state.effects:
         if held.entry.kind == CURVE:
             continue  # it took the place of the waves that would now be tried for it
         bare = without(hunt.shade(state), state, held)
         rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
-        first = ranked(bare, hunt.dictionary, rest)[:2]
-        other = next((c for c in first if c.entry.name != held.entry.name), None)
-        if other is None or (first[0].entry.name == held.entry.name and first[0].score > other.score + BETTER):
+        own = ranked(bare, bare.lay_out([(held.entry, held.inner)]), rest)
+        other = next((c for c in ranked(bare, hunt.dictionary, rest)[:2] if c.entry.name != held.entry.name), None)
+        if other is None or (own and other.score < own[0].score + ahead):
             continue
         hunt.say(f"trying {other.entry.name} for {held.entry.name}")
         trial = joined(hunt, state, bare, other, rest)

@@ -19,6 +19,7 @@ from tests.generator.sizing import Implausible
 from tests.generator.truth import Noise, draw_truth
 
 NOISES = {"white": USUAL, "heavy": Noise(shape="heavy"), "correlated": Noise(shape="correlated")}
+UNNAMED = "unnamed"
 BUILDS = {"edbb": runs.edbb_static, "moving": runs.edbb_continuous, "tracker": runs.tracker, "balls": runs.balls}
 
 
@@ -82,8 +83,8 @@ class Outcome:
 
     @property
     def invented(self) -> int:
-        """How many names stand for nothing that was planted."""
-        return sum(not n.right for n in self.named)
+        """How many names stand for nothing that was planted; what is called unnamed is no name."""
+        return sum(not n.right and n.effect != UNNAMED for n in self.named)
 
 
 def made(task: Task) -> Made:
@@ -138,8 +139,8 @@ def tried(task: Task) -> Outcome:
 def right(effect, name: str) -> bool:
     """Whether a name such as ``gear ripple, joint 3`` names the effect rightly."""
     label, on = name.split(", ", 1)
-    if label == "unnamed":
-        return False
+    if label == UNNAMED:  # a description, right where it says what is moved by what
+        return effect.kind == "hose-drag" and on == f"joint {effect.joint} by joint {effect['by']:.0f}"
     if effect.kind == "coupling":
         return (label, on) == named(effect)
     return catalogue.KINDS[effect.kind].counts_as_right(effect, label, joint_of(on))

@@ -25,13 +25,22 @@ def _sawtooth(scene, e):
     return {f"theta{e.joint}": e.size * 2 * (turn - np.floor(turn) - 0.5)}
 
 
-def _uneven(scene, e):
-    """A gear that runs unevenly in no single period: a smooth line through random knots, the same every turn."""
+def _line(e, angle):
+    """A smooth line through random knots, the same every turn."""
     knots = np.linspace(0, TAU, int(e["knots"]) + 1)
     heights = np.random.default_rng(int(e["seed"])).normal(size=len(knots))
     heights[-1] = heights[0]
-    line = CubicSpline(knots, heights, bc_type="periodic")
-    return {f"theta{e.joint}": e.size * line(np.mod(scene.joint(e.joint), TAU))}
+    return CubicSpline(knots, heights, bc_type="periodic")(np.mod(angle, TAU))
+
+
+def _uneven(scene, e):
+    """A gear that runs unevenly in no single period."""
+    return {f"theta{e.joint}": e.size * _line(e, scene.joint(e.joint))}
+
+
+def _dragged(scene, e):
+    """Hoses that pull at a joint, by the angle of another one far from it."""
+    return {f"theta{e.joint}": e.size * _line(e, scene.joint(int(e["by"])))}
 
 
 def _ratio(scene, e):
@@ -131,6 +140,13 @@ KINDS = (
     Kind(
         "gear-uneven", "rad", MICRO, _uneven, joints="all", in_catalogue=False, right=("gear-ripple", "harmonic"),
         inner=lambda rng, arm, joint: {"knots": float(rng.integers(12, 40)), "seed": float(rng.integers(10**6))},
+    ),
+    Kind(
+        "hose-drag", "rad", MICRO, _dragged, joints="all", in_catalogue=False,
+        inner=lambda rng, arm, joint: {
+            "by": float(rng.choice([k for k in range(1, arm.n_joints) if abs(k - joint) > 1])),
+            "knots": 6.0, "seed": float(rng.integers(10**6)),
+        },
     ),
     Kind(
         "sawtooth", "rad", MICRO, _sawtooth, joints="all", in_catalogue=False, inner=_tone,

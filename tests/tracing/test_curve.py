@@ -1,6 +1,7 @@
 """Gears that err in no single period, and arms that warm up in two ways: made by a world that knows neither curve."""
 
 import numpy as np
+import pytest
 
 from tests.generator.catalogue import motions
 from tests.tracing.worlds import calibrated, effect, names, run
@@ -53,3 +54,13 @@ def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
         fast, slow = sorted(f.inner for f in found.traced.findings)
         assert 200 < fast < 450 and 1500 < slow < 6400
     assert right >= 2
+
+
+@pytest.mark.parametrize(("seed", "share"), [(2, 3.0), (4, 1.5)])
+def test_what_has_no_name_is_described_and_taken_out(seed, share):
+    """Hoses that pull at one joint by another's angle: no entry of the catalogue does that."""
+    found = calibrated((effect("hose-drag", 2, share=share, by=4.0, knots=6.0, seed=7.0),), seed=seed)
+    assert names(found) == ["unnamed, joint 2 by joint 4"]
+    assert "no name" in found.traced.findings[0].note
+    geometry = next(s for s in found.stages if s.name == "geometry")
+    assert found.stages[-1].held_out.rms < 0.75 * geometry.held_out.rms
