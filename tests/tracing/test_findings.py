@@ -18,9 +18,7 @@ def test_what_is_the_same_is_named_as_a_rival():
 def test_what_is_not_the_same_is_no_rival():
     found = calibrated((effect("backlash-approach", 3, share=3.0),), seed=2)
     assert names(found) == ["backlash, joint 3"]
-    assert set(found.traced.findings[0].rivals) <= {"hysteresis, joint 3"}, (
-        "play that lets go over no travel is the same"
-    )
+    assert set(found.traced.findings[0].rivals) <= {"hysteresis, joint 3"}, "play that lets go at once is the same"
 
 
 def found_at(times, seeds):
