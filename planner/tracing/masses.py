@@ -30,7 +30,7 @@ def weights(base: Model, compliance: Sequence[tuple[int, float]]) -> list[Parame
         bearing = [(i, c) for i, c in compliance if i <= link]
         if not mass or not bearing:
             continue
-        moves = tuple(Move("transform", where[i], Times(WeightTorque(i, link), c * mass)) for i, c in bearing)
+        moves = tuple(Move("transform", where[i], Times(WeightTorque(i, link), float(c * mass))) for i, c in bearing)
         what = "tool" if link == n else f"link {link + 1}"
         name = "weight_tool" if link == n else f"weight{link + 1}"
         out.append(Parameter(name, "1", PART, f"part by which {what} weighs more than stated", moves, GROUP))

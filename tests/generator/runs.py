@@ -52,9 +52,15 @@ def tracker(arm, n_poses=300, seed=0, truth=None, repeats=0.0, logs=None) -> Mad
     return _counted(arm, bench, "tracker", q, pose, seed, truth, logs, rng)
 
 
-def balls(arm, n_poses=80, seed=0, truth=None, logs=None) -> Made:
+def measured(arm, bench, gauge, q, truth, seed=0, logs=None) -> Made:
+    """A bar or a tracker at given poses q (n, N), in the order given."""
+    rng = np.random.default_rng([seed, 6])
+    return _counted(arm, bench, gauge, q, np.arange(1, len(q) + 1), seed, truth, logs, rng)
+
+
+def balls(arm, n_poses=80, seed=0, truth=None, logs=None, bench=None) -> Made:
     """The measured point centred in one of four balls, in turn; recorded are the joint angles of the true arm."""
-    bench, rng = BENCHES[arm.name], np.random.default_rng([seed, 5])
+    bench, rng = bench or BENCHES[arm.name], np.random.default_rng([seed, 5])
     centres = _plate(bench, rng)
     which = np.arange(n_poses) * len(centres) // n_poses
     q = at_targets(arm, centres[which], bench.tool, rng, lambda q: _upright(arm, q, bench), tries=40)

@@ -1,0 +1,62 @@
+"""Position errors of a calibrated robot at poses that no instrument measured."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.calibrated import CalibratedRobot, calibrated_files
+from planner.identification.gauge_frames import gauge_frames
+from planner.robot import load_robot
+from tests.generator import catalogue
+from tests.generator.course import course
+from tests.generator.poses import toured
+from tests.generator.scene import total
+from tests.reproduction.instruments import _free, arm, bench
+from tests.reproduction.truth import TRACKER_M, truth
+
+VALIDATED, REGISTERED = 500, 40  # poses of the figures, and others that place the robot in the tracker's frame
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors (n,) [m] at the validation poses."""
+
+    of: np.ndarray
+
+    @property
+    def row(self):
+        """Mean, maximum and standard deviation [mm], as in Table 9."""
+        return tuple(1e3 * f(self.of) for f in (np.mean, np.max, np.std))
+
+
+def validation(more=()):
+    """Joint angles (n, N) and where the true arm's point stands there, (n, 3) [m]; the last ones register."""
+    a, b, rng = arm(), bench(), np.random.default_rng(99)
+    q = toured(a, _free(a, b, VALIDATED + REGISTERED, rng))
+    order = np.random.default_rng(98).permutation(len(q))
+    what = truth(TRACKER_M, more)
+    scene = course(a, b, "tracker", q, what, rng, frozenset())
+    x = scene.points(total(what.of_arm(a), catalogue.motions(scene, what.effects)))
+    return q[order], x[order]
+
+
+def validated(calibration, q, x):
+    """Errors of the calibrated robot, as a user would load it, in a frame that other poses placed."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in calibrated_files(calibration):
+            (Path(folder) / name).write_text(text)
+        robot = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml")))
+    p, R = robot.flange(q)
+    tool = gauge_frames(calibration).points[0][1]
+    return Errors(in_frame(p + R @ tool, x))
+
+
+def in_frame(p, x):
+    """Distances (n,) between p and x (n, 3) once the last poses have laid one frame on the other (Kabsch 1976)."""
+    a, b = p[VALIDATED:], x[VALIDATED:]
+    U, _, V = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
+    moved = (p - a.mean(0)) @ R.T + b.mean(0)
+    return np.linalg.norm(moved - x, axis=1)[:VALIDATED]
