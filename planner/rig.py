@@ -137,7 +137,7 @@ def rig_of(cell: Cell) -> Rig:
         point_names=("",),
         place_prior=np.array([f.prior for f in cell.fixtures] or [np.inf]),
         tool_prior=cell.tool.prior,
-        turn_prior=np.inf,
+        turn_prior=min([f.turn for f in cell.fixtures] or [np.inf]),
         noise=cell.gauge.noise,
         noise_angle=cell.gauge.noise_angle,
         joint_sigma=_joint_sigma(cell),

@@ -6,14 +6,14 @@ candidates' filters, the support-pose planner and the continuous check of the pa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from planner.cell import Cell
 from planner.chain import Transform
 from planner.gauge import bar_state, tilt
-from planner.units import Array
+from planner.units import Array, frozen
 
 Stage = str
 STAGES: tuple[Stage, ...] = ("joint_limits", "workspace", "cones", "cable")
@@ -131,6 +131,11 @@ def axis_reach(transforms: Sequence[Transform], n_joints: int, tail: float = 0.0
         n_joints: number of joints N; joints not among the transforms get 0.
         tail: largest distance of the carried points from that frame's origin [m].
     """
+    return _axis_reach(tuple(transforms), n_joints, tail)
+
+
+@lru_cache(maxsize=8192)  # asked for every pair of bodies in every set of constraints
+def _axis_reach(transforms: tuple[Transform, ...], n_joints: int, tail: float) -> Array:
     out, behind, box = np.zeros(n_joints), tail, np.zeros(3)
     for t in reversed(transforms):
         if t.kind == "translation":
@@ -144,7 +149,7 @@ def axis_reach(transforms: Sequence[Transform], n_joints: int, tail: float = 0.0
             box[[b, c]] = box[[c, b]]
         elif not np.isclose(np.sin(t.nominal), 0.0):
             behind, box = behind + float(np.linalg.norm(box)), np.zeros(3)
-    return out
+    return frozen(out)
 
 
 def _across(axis: Array) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,21 +33,36 @@ class Funnel:
     cable: int = 0
     collision: int = 0
 
+    names: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "in the shell",
+        "within both cones",
+        "within the cable",
+        "collision-free",
+    )
+
     def __add__(self, other: "Funnel") -> "Funnel":
         """Add two funnels filter by filter."""
         return Funnel(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     def text(self) -> str:
         """Return the counts as a person reads them."""
-        names = (
-            "sampled",
-            "within joint limits",
-            "in the shell",
-            "within both cones",
-            "within the cable",
-            "collision-free",
-        )
-        return ", ".join(f"{n} {name}" for n, name in zip(astuple(self), names, strict=True))
+        return ", ".join(f"{n} {name}" for n, name in zip(astuple(self), self.names, strict=True))
+
+
+@dataclass(frozen=True)
+class BeamFunnel(Funnel):
+    """Counts of poses that a tracker sees: the beam is the bar, and may not meet anything either."""
+
+    names: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "in the tracker's range",
+        "with the reflector facing the tracker",
+        "within the cable",
+        "collision-free and in sight",
+    )
 
 
 @dataclass(frozen=True)
@@ -57,11 +73,15 @@ class PoseSet:
         q: controller angles, (n, N) [rad].
         fixture: which fixture holds the bar, (n,) int.
         funnel: what each filter left.
+        ball: at which ball, (n,) int, where an artifact's balls are measured.
+        back: the pose from which each is approached, (n, N) [rad], there too.
     """
 
     q: Array
     fixture: np.ndarray
     funnel: Funnel
+    ball: np.ndarray | None = None
+    back: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of poses."""
@@ -71,7 +91,11 @@ class PoseSet:
         """Return the poses at ``rows`` (positions or a mask), with the same funnel."""
         which = self.fixture[rows]
         which.setflags(write=False)
-        return PoseSet(frozen(self.q[rows]), which, self.funnel)
+        if self.ball is None or self.back is None:
+            return PoseSet(frozen(self.q[rows]), which, self.funnel)
+        ball = self.ball[rows]
+        ball.setflags(write=False)
+        return PoseSet(frozen(self.q[rows]), which, self.funnel, ball, frozen(self.back[rows]))
 
 
 def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:

@@ -1,5 +1,6 @@
 """The cell: robot, tool, fixtures, gauge, obstacles and cable, read from one TOML file."""
 
+from planner.cell.circles import Circle
 from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
 from planner.cell.reading import load_cell, shipped_cells
 
@@ -8,6 +9,7 @@ __all__ = [
     "Base",
     "Cable",
     "Cell",
+    "Circle",
     "Controller",
     "Fixture",
     "Gauge",

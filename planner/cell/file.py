@@ -1,6 +1,6 @@
 """The cell file as the contract gives it (schema ``edbb-cell/1``): millimetres and degrees, units in the keys."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import (
     Field,
@@ -13,12 +13,15 @@ from pydantic import (
 )
 
 from planner.bodies import BodyFile, Vector
+from planner.cell.circles import CircleFile
+from planner.cell.grown import Grown
+from planner.cell.placed_file import ArtifactFile, BallFile, HeadFile, TrackerFile
 from planner.schema import Strict
 
 Angle = Annotated[float, Field(gt=0, le=180)]
 
 
-class ToolFile(Strict):
+class ToolFile(Grown):
     """``[tool]``: the measurement application point (MAP) in the flange frame, and what is bolted on."""
 
     map_mm: Vector
@@ -27,6 +30,8 @@ class ToolFile(Strict):
     com_mm: Vector = (0.0, 0.0, 0.0)
     bodies: tuple[BodyFile, ...] = ()
     prior_mm: PositiveFloat = 1.0
+    map_sigma_um: PositiveFloat | None = None  # where the MAP was measured on the tool, by a CMM for instance
+    LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um",)
 
 
 class ConeFile(Strict):
@@ -45,7 +50,7 @@ class BarFile(Strict):
     trim_mm: PositiveFloat = 40.0
 
 
-class GaugeFile(Strict):
+class GaugeFile(Grown):
     """``[gauge]``: what is measured, its workspace and body."""
 
     kind: Literal["edbb", "ldbb", "draw-wire", "tracker", "trical", "ball-socket"]
@@ -56,6 +61,8 @@ class GaugeFile(Strict):
     mount_deg: tuple[float, ...] | None = None
     zero: Literal["free", "known"] = "free"
     body: BarFile = BarFile()
+    head: HeadFile | None = None
+    LATER: ClassVar[tuple[str, ...]] = ("head",)
 
     @field_validator("length_mm")
     @classmethod
@@ -75,13 +82,6 @@ class FixtureFile(Strict):
     axis: Vector = (0.0, 0.0, 1.0)
     prior_mm: PositiveFloat = 5.0
     mount_deg: tuple[float, ...] | None = None
-
-
-class BallFile(Strict):
-    """``[[balls]]``: one ball or socket of an artifact, in the plate's own frame."""
-
-    name: str
-    position_mm: Vector
 
 
 class MotionFile(Strict):
@@ -131,7 +131,7 @@ class ControllerFile(Strict):
     dialects: tuple[str, ...] = ("din66025",)
 
 
-class PlanFile(Strict):
+class PlanFile(Grown):
     """``[plan]``: what is freed beside the robot's own parameters, and how much is tried."""
 
     free: tuple[Literal["fixture", "tool", "zero"], ...] = ("fixture", "tool", "zero")
@@ -143,9 +143,11 @@ class PlanFile(Strict):
     refine: bool = True
     repeat: NonNegativeInt = 3
     validate_: NonNegativeInt = Field(default=10, alias="validate")
+    effects: tuple[str, ...] = ()  # kinds of the catalogue that the fit will have beside geometry
+    LATER: ClassVar[tuple[str, ...]] = ("effects",)
 
 
-class CellFile(Strict):
+class CellFile(Grown):
     """The whole cell file."""
 
     schema_: Literal["edbb-cell/1"] = Field(alias="schema")
@@ -156,12 +158,25 @@ class CellFile(Strict):
     gauge: GaugeFile
     fixtures: tuple[FixtureFile, ...] = ()
     balls: tuple[BallFile, ...] = ()
+    artifact: ArtifactFile | None = None
+    tracker: TrackerFile | None = None
     obstacles: tuple[BodyFile, ...] = ()
+    circles: tuple[CircleFile, ...] = ()
     motion: MotionFile = MotionFile()
     cable: CableFile = CableFile()
     base: BaseFile = BaseFile()
     controller: ControllerFile = ControllerFile()
     plan: PlanFile = PlanFile()
+    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _many_to_validate(cls, data: object) -> object:
+        """A tracker validates with 500 poses where nothing else is asked for (TriCal paper, section 6)."""
+        if isinstance(data, dict) and isinstance(gauge := data.get("gauge"), dict) and gauge.get("kind") == "tracker":
+            plan = data.get("plan", {})
+            return data | {"plan": {"validate": 500} | plan} if isinstance(plan, dict) else data
+        return data
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":

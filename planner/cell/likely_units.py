@@ -23,6 +23,7 @@ def check_units(path: Path, file: CellFile) -> None:
     for f in file.fixtures:
         if max(map(abs, f.position_mm)) < NEAR_BASE:
             _metres(path, f"fixtures.{f.name}.position_mm", f.position_mm, "inside the robot's base")
+    _check_placed(path, file)
     if file.tool is not None and np.linalg.norm(file.tool.map_mm) < SHORT_TOOL:
         _metres(path, "tool.map_mm", file.tool.map_mm, f"less than {SHORT_TOOL:g} mm from the flange")
     mounts = [(f"fixtures.{f.name}.mount_deg", f.mount_deg) for f in file.fixtures]
@@ -35,6 +36,16 @@ def check_units(path: Path, file: CellFile) -> None:
                 f"{path}: 'gauge.cone_deg.{key}' = {cone:g}° is less than a ball joint's {NARROW_CONE:g}°: this looks "
                 f"like radians; {cone:g} rad would be {np.rad2deg(cone):.4g}, and the key is in degrees"
             )
+
+
+def _check_placed(path: Path, file: CellFile) -> None:
+    """Refuse an artifact or tracker inside the robot's base, and balls that stand inside one another."""
+    for key, placed in (("artifact", file.artifact), ("tracker", file.tracker)):
+        if placed is not None and max(map(abs, placed.position_mm)) < NEAR_BASE:
+            _metres(path, f"{key}.position_mm", placed.position_mm, "inside the robot's base")
+    if len(file.balls) > 1 and np.ptp([b.position_mm for b in file.balls], axis=0).max() < NEAR_BASE:
+        last = file.balls[-1]
+        _metres(path, f"balls.{last.name}.position_mm", last.position_mm, "inside all the other balls")
 
 
 def _like_radians(angles: tuple[float, ...]) -> bool:

@@ -1,23 +1,27 @@
 """The cell that everything else works with: SI units, checked, read-only."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from planner.bodies import Body
+from planner.cell.circles import Circle
 from planner.cell.file import CellFile
 from planner.chain import Chain, Transform
 from planner.robot import Robot
-from planner.units import Array
+from planner.units import Array, frozen
+
+LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
 
 
 @dataclass(frozen=True)
 class Tool:
     """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies.
 
-    Where ``known`` is false the cell gives no MAP and it stands at the flange.
+    Where ``known`` is false the cell gives no MAP and it stands at the flange; ``measured`` says that the MAP was
+    measured on the tool, so that ``prior`` is the uncertainty of that.
     """
 
     p_FM: Array
@@ -27,21 +31,39 @@ class Tool:
     bodies: tuple[Body, ...]
     prior: float
     known: bool = True
+    measured: bool = False
 
 
 @dataclass(frozen=True)
 class Ball:
-    """One ball or socket of an artifact: p_GS (3,) [m] in the plate's own frame."""
+    """One ball or socket of an artifact: p_GS (3,) [m] in the plate's own frame, radius [m].
+
+    ``stem`` (3,) [m] is where its stem is held, in the same frame, with the stem's radius [m] beside it.
+    """
 
     name: str
     p_GS: Array
+    radius: float = 0.0
+    stem: Array | None = None
+    stem_radius: float = 0.0
+
+
+@dataclass(frozen=True)
+class Nest:
+    """A nest for the tracker's reflector: p_WN (3,) [m] in the artifact's frame, and as the tracker read it."""
+
+    name: str
+    p_WN: Array
+    p_GN: Array | None
 
 
 @dataclass(frozen=True)
 class Fixture:
     """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m].
 
-    ``mount`` (N,) [rad] is the pose where the bar is attached, ``None`` until one is chosen.
+    ``mount`` (N,) [rad] is the pose where the bar is attached, ``None`` until one is chosen. The artifact of a head
+    with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3) is how they are turned, ``turn`` the
+    prior size of the error of that [rad], and their mount is where the head is mastered or the reflector put in.
     """
 
     name: str
@@ -49,6 +71,33 @@ class Fixture:
     axis_B: Array
     prior: float
     mount: Array | None = None
+    R_BX: Array = field(default_factory=lambda: frozen(np.eye(3)))
+    turn: float = np.inf
+
+
+@dataclass(frozen=True)
+class Head:
+    """Three indicators that meet at right angles in the MAP (TriCal paper, 2.1).
+
+    Attributes:
+        axes_F: from the MAP to each indicator, in the flange frame, (3, 3), one a row.
+        range: of each indicator [m].
+        usable: largest distance of a ball from the centre at which all three tips make contact [m].
+        tip: diameter of the disk tips [m].
+        approach: stand-off from the ball, along the tool's axis [m].
+        master: diameter of the master ball [m].
+        uncalibrated: position error that the robot keeps before calibration, at 95 % of its poses or more [m].
+        seconds: one centring takes [s].
+    """
+
+    axes_F: Array
+    range: float
+    usable: float
+    tip: float
+    approach: float
+    master: float
+    uncalibrated: float
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -67,6 +116,12 @@ class Gauge:
     rod_radius: float
     trim: float
     noise_angle: float = 1e-4
+    head: Head | None = None
+
+    @property
+    def is_bar(self) -> bool:
+        """Whether it is held between fixture and tool, and reads a length."""
+        return self.kind in LENGTH_GAUGES
 
 
 @dataclass(frozen=True)
@@ -124,11 +179,15 @@ class PlanOptions:
     refine: bool
     repeat: int
     validate: int
+    effects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Robot, tool, fixtures, gauge and surroundings; ``file`` is what was read, whole."""
+    """Robot, tool, fixtures, gauge and surroundings; ``file`` is what was read, whole.
+
+    ``carrier`` are the artifact's bodies, in its own frame; ``nests`` tie a tracker's frame to the artifact's.
+    """
 
     name: str
     robot: Robot
@@ -145,6 +204,15 @@ class Cell:
     plan: PlanOptions
     file: CellFile
     path: Path
+    circles: tuple[Circle, ...] = ()
+    carrier: tuple[Body, ...] = ()
+    nests: tuple[Nest, ...] = ()
+
+    @property
+    def p_BS(self) -> Array:
+        """Balls in the base frame, where the cell says that the artifact stands, (K, 3) [m]."""
+        place = self.fixtures[0]
+        return np.array([b.p_GS for b in self.balls]).reshape(-1, 3) @ place.R_BX.T + place.p_BX
 
     @property
     def chain(self) -> Chain:

@@ -1,21 +1,34 @@
 """Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.file import CellFile, FixtureFile, GaugeFile, ToolFile
+from planner.cell.circles import Circle, circles_of
+from planner.cell.file import CellFile, FixtureFile, ToolFile
+from planner.cell.gauge_reading import gauge_of
 from planner.cell.likely_units import check_units
-from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
+from planner.cell.model import (
+    LENGTH_GAUGES,
+    Base,
+    Cable,
+    Cell,
+    Controller,
+    Fixture,
+    Motion,
+    PlanOptions,
+    Tool,
+)
+from planner.cell.placed import balls_of, carrier_of, nests_of, place_of
 from planner.errors import InputError, nearest
 from planner.resources import folder
 from planner.robot import Robot, load_robot
 from planner.schema import read_toml
 from planner.units import MM, MM_PER_MIN, UM, Array, from_deg, from_mm, frozen
 
-LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
-NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 100.0}
+PLANNED = (*LENGTH_GAUGES, "trical", "tracker")
 UNKNOWN = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
 
 
@@ -54,17 +67,27 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
         InputError: a key is wrong, missing, or contradicts another.
     """
     file = read_toml(path, CellFile)
-    if planning and file.gauge.kind not in LENGTH_GAUGES:
+    if planning and file.gauge.kind not in PLANNED:
         raise InputError(
-            f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(LENGTH_GAUGES)}"
+            f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(PLANNED)}"
         )
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
     if planning:
         _check_drives(robot)
-    if planning and not file.fixtures:
+    bar = file.gauge.kind in LENGTH_GAUGES
+    if planning and bar and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
+    places = tuple(_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures)
+    if planning and not bar:
+        if places:
+            raise InputError(
+                f"{path}: [[fixtures]] are for a bar ({', '.join(LENGTH_GAUGES)}); a {file.gauge.kind} has none"
+            )
+        given = file.gauge.mount_deg
+        mount = None if given is None else _angles(path, robot, "gauge.mount_deg", given)
+        places = (replace(place_of(path, file), mount=mount),)
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
     if planning or file.home_deg is not None:
         home = _angles(path, robot, "home_deg", file.home_deg)
@@ -73,9 +96,9 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
         robot=robot,
         home=home,
         tool=_tool(path, file.tool, robot, planning),
-        gauge=_gauge(path, file.gauge, planning),
-        fixtures=tuple(_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures),
-        balls=tuple(Ball(b.name, frozen(from_mm(b.position_mm))) for b in file.balls),
+        gauge=gauge_of(path, file, planning),
+        fixtures=places,
+        balls=balls_of(file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
         motion=_motion(file),
         cable=_cable(path, file, robot),
@@ -95,6 +118,9 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
         plan=_plan(file),
         file=file,
         path=path,
+        carrier=carrier_of(path, file),
+        nests=nests_of(file),
+        circles=_circles(path, file),
     )
 
 
@@ -149,7 +175,8 @@ def _tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -> To
         tool.mass_kg,
         frozen(from_mm(tool.com_mm)),
         bodies,
-        tool.prior_mm * MM,
+        tool.prior_mm * MM if tool.map_sigma_um is None else tool.map_sigma_um * UM,
+        measured=tool.map_sigma_um is not None,
     )
 
 
@@ -161,29 +188,18 @@ def _fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...]
     return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
 
 
-def _gauge(path: Path, g: GaugeFile, planning: bool) -> Gauge:
-    if g.length_mm is None and planning:
-        raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
-    shortest, longest = g.length_mm or (0.0, np.inf)
-    if planning and g.body.housing_mm + g.body.trim_mm > shortest:
-        raise InputError(
-            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far "
-            f"ball do not fit into the shortest length {shortest:g} mm"
-        )
-    return Gauge(
-        kind=g.kind,
-        length_min=shortest * MM,
-        length_max=longest * MM,
-        noise=(g.noise_um or NOISE_UM[g.kind]) * UM,
-        cone_fixture=float(from_deg(g.cone_deg.fixture)),
-        cone_map=float(from_deg(g.cone_deg.map)),
-        zero_free=g.zero == "free",
-        radius=g.body.radius_mm * MM,
-        housing=g.body.housing_mm * MM,
-        rod_radius=g.body.rod_radius_mm * MM,
-        trim=g.body.trim_mm * MM,
-        noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
-    )
+def _circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
+    if not file.circles:
+        return ()
+    if not file.fixtures or file.gauge.length_mm is None:
+        raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
+    loaded = [c for c in file.circles if c.loads_N]
+    if loaded and file.gauge.kind != "ldbb":
+        raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
+    shortest, longest = file.gauge.length_mm
+    fixtures = {f.name: frozen(from_mm(f.position_mm)) for f in file.fixtures}
+    speed = file.motion.tool_speed_mm_min * MM_PER_MIN
+    return circles_of(path, file.circles, fixtures, (shortest * MM, longest * MM), speed)
 
 
 def _motion(file: CellFile) -> Motion:
@@ -217,4 +233,4 @@ def _plan(file: CellFile) -> PlanOptions:
     if file.gauge.zero == "known":
         free -= {"zero"}
     step = None if p.grid_step_deg is None else float(from_deg(p.grid_step_deg))
-    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_)
+    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects)

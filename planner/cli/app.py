@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from planner import __version__
-from planner.cli import calibrating, planning
+from planner.cli import calibrating, centring, circular, loaded, planning
 from planner.cli.screen import errors
 from planner.errors import PlannerError
 
@@ -24,6 +24,10 @@ app.command("simulate")(calibrating.simulate_command)
 app.command("identify")(calibrating.identify_command)
 app.command("import")(calibrating.import_command)
 app.command("compensate")(calibrating.compensate_command)
+app.command("circular")(circular.circular_command)
+app.command("loaded")(loaded.loaded_command)
+app.command("loaded-places")(loaded.places_command)
+app.command("centre")(centring.centre_command)
 app.command("robots")(planning.robots_command)
 app.command("dialects")(planning.dialects_command)
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from planner.cell import load_cell, shipped_cells
+from planner.cli.circular import plan_circular_test
 from planner.cli.options import CellArgument, Index, Json, Output, Seed, check_folder, print_json
 from planner.cli.screen import Screen, errors
 from planner.cli.summary import dialect_table, plan_summary, robot_table
@@ -25,13 +26,21 @@ def plan_command(
     seed: Seed = 0,
     dialect: Annotated[list[str] | None, typer.Option(help="robot language; may be repeated")] = None,
     tsp: Annotated[Literal["auto", "exact", "concorde"], typer.Option(help="tour solver")] = "auto",
+    separate: Annotated[
+        Path | None,
+        typer.Option(metavar="IDENTIFICATION.json", help="choose poses that tell its findings from their rivals"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    options = Options(poses, index, seed, tuple(dialect or ()), tsp)
+    options = Options(poses, index, seed, tuple(dialect or ()), tsp, separate)
     check_folder(output)
+    chosen = load_cell(cell)
+    if chosen.circles:
+        plan_circular_test(chosen, output, options, as_json)
+        return
     with Screen() as stages:
-        result = plan(load_cell(cell), options, stages)
+        result = plan(chosen, options, stages)
         write_plan(result, output, stages)
     if as_json:
         print_json(plan_content(result))

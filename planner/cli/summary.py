@@ -25,13 +25,14 @@ def plan_summary(plan: Plan, folder: Path) -> None:
     lines = [
         f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",
         f"  candidates  {plan.pool.funnel.text()}",
-        f"  {choice.index:<10}  {choice.value:.2f}; of the candidates no such set is better than {bound:.2f}"
-        f" (theirs {choice.on_grid_value:.2f}, gap {100 * gap(choice.on_grid_value, bound):.1f} %)",
+        f"  {choice.index:<10}  {choice.value:#.4g}; of the candidates no such set is better than {bound:#.4g}"
+        f" (theirs {choice.on_grid_value:#.4g}, gap {100 * gap(choice.on_grid_value, bound):.1f} %)",
         f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
         f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}),"
         f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
         f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
     ]
+    lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
     lines += [f"  left out    {d.name}: {d.because}" for d in choice.seen.dropped]
     lines += [f"  note        {note}" for note in plan.notes]
     lines.append(

@@ -4,7 +4,8 @@ import fcl
 import numpy as np
 
 from planner.chain import Chain
-from planner.collision.scene import Piece, Scene
+from planner.collision.pieces import Piece
+from planner.collision.scene import Scene
 from planner.collision.shapes import fcl_shape
 from planner.gauge import bar_state
 from planner.units import Array

@@ -1,40 +1,16 @@
 """Which bodies there are, what carries each, and which pairs may meet: one list for both collision engines."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from planner.bodies import Body, capsule
 from planner.cell import Cell
+from planner.collision.gauges import artifact, beam, tips
+from planner.collision.pieces import Piece, reach_of
 from planner.units import Array, frozen
 
-Carrier = Literal["world", "link", "housing", "rod"]
 FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One body and what carries it.
-
-    Attributes:
-        body: the shape, in the frame of its carrier.
-        carrier: the base frame (``world``), a robot link, or a part of the bar.
-        link: which link, where the carrier is one (0 is the base, N carries the tool).
-        reach: largest distance of any of its points from the carrier's origin [m].
-        of_robot: whether it is the robot's own, not the tool's.
-    """
-
-    body: Body
-    carrier: Carrier
-    link: int = 0
-    reach: float = 0.0
-    of_robot: bool = False
-
-    @property
-    def of_bar(self) -> bool:
-        """Whether it is a part of the bar."""
-        return self.carrier in ("housing", "rod")
 
 
 @dataclass(frozen=True)
@@ -57,6 +33,12 @@ class Scene:
         kept = tuple(p for p in self.pairs if not any(self.pieces[k].of_bar for k in p))
         return replace(self, pairs=kept)
 
+    def at_ball(self, ball: int) -> "Scene":
+        """Return the scene in which the indicators' tips may touch one ball."""
+        touching = (True, ball)
+        pairs = [(self.pieces[a], self.pieces[b]) for a, b in self.pairs]
+        return self.without({k for k, (a, b) in enumerate(pairs) if touching in ((a.tip, b.ball), (b.tip, a.ball))})
+
     def without(self, excluded: set[int]) -> "Scene":
         """Return the scene without the pairs at the positions ``excluded``."""
         return replace(self, pairs=tuple(p for k, p in enumerate(self.pairs) if k not in excluded))
@@ -74,12 +56,18 @@ def build_scene(cell: Cell, fixture: int = 0) -> Scene:
     """
     robot, n = cell.robot, cell.robot.n_joints
     T_LF = np.array(robot.flange_frame().homogeneous)
-    pieces = [Piece(b, "link", link, _reach(b), of_robot=True) for link, b in robot.bodies]
+    pieces = [Piece(b, "link", link, reach_of(b), of_robot=True) for link, b in robot.bodies]
     tool = [replace(b, T=frozen(T_LF @ b.T)) for b in cell.tool.bodies]
-    pieces += [Piece(b, "link", n, _reach(b)) for b in tool]
-    pieces += [Piece(b, "world", 0, _reach(b)) for b in (*cell.obstacles, *_floor(cell))]
-    housing, rod = _bar(cell)
-    pieces += [Piece(housing, "housing", 0, _reach(housing)), Piece(rod, "rod", 0, _reach(rod))]
+    pieces += [Piece(b, "link", n, reach_of(b)) for b in tool]
+    tip = [replace(b, T=frozen(T_LF @ b.T)) for b in tips(cell)]
+    pieces += [Piece(b, "link", n, reach_of(b), tip=True) for b in tip]
+    pieces += [Piece(b, "world", 0, reach_of(b)) for b in (*cell.obstacles, *_floor(cell))]
+    pieces += artifact(cell)
+    if cell.gauge.is_bar:
+        housing, rod = _bar(cell)
+        pieces += [Piece(housing, "housing", 0, reach_of(housing)), Piece(rod, "rod", 0, reach_of(rod))]
+    elif cell.gauge.kind == "tracker":
+        pieces.append(beam(cell))
     never = robot.never_meet
     pairs = [
         (a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b], never)
@@ -116,22 +104,3 @@ def _may_meet(a: Piece, b: Piece, never: frozenset[tuple[int, int]]) -> bool:
         return moving.carrier == "link" and moving.link > 0
     own = a.of_robot and b.of_robot and (min(a.link, b.link), max(a.link, b.link)) in never
     return abs(a.link - b.link) > 1 and not own
-
-
-def _reach(body: Body) -> float:
-    """Largest distance of a point of the body from the origin of the frame that carries it [m]."""
-    centre = float(np.linalg.norm(body.T[:3, 3]))
-    if body.kind == "capsule":
-        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
-        return max(float(np.linalg.norm(e)) for e in ends) + body.size[0]
-    if body.kind == "sphere":
-        return centre + body.size[0]
-    if body.kind == "box":
-        return centre + float(np.linalg.norm(body.size)) / 2
-    return centre + _mesh_reach(body)
-
-
-def _mesh_reach(body: Body) -> float:
-    from planner.collision.shapes import mesh_vertices
-
-    return float(np.linalg.norm(mesh_vertices(body)[0], axis=1).max())

@@ -77,6 +77,8 @@ def _mixture(direction: Direction) -> str:
 def _alone(term: _Term) -> str:
     if term.kind in ("theta", "rz") and term.joint:
         return f"{term.name} moves no reading: it only turns about axis {term.joint} what lies on that axis"
+    if joint := re.fullmatch(r"compliance(\d+)", term.name):
+        return f"{term.name} moves no reading: no weight turns joint {joint[1]}, at any of these poses"
     if term.kind == "zero":
         return f"{term.name} moves no reading: this gauge has no zero to find"
     return f"{term.name} moves no reading at any of these poses"
@@ -104,6 +106,8 @@ def _with_fixture(terms: Sequence[_Term]) -> str:
     arm = [t for t in terms if t.joint]
     if any(t.kind in ("map", "tool") for t in terms):
         return ""
+    if any(t.kind == "base" for t in terms):
+        return "only how the arm stands to the gauge's own frame counts, not what of that is the base's"
     if not arm:
         return "only the place of the fixture from the base counts"
     joints = {t.joint for t in arm}

@@ -9,6 +9,6 @@ from planner.path.joining import join
 from planner.path.proof import Proof
 from planner.path.result import Gaps, Leg, Path, Verdict
 from planner.path.roadmap import parts
-from planner.path.verdict import judge
+from planner.path.verdict import Apart, judge
 
-__all__ = ["Constraints", "Gaps", "Leg", "Path", "Proof", "Verdict", "join", "judge", "parts"]
+__all__ = ["Apart", "Constraints", "Gaps", "Leg", "Path", "Proof", "Verdict", "join", "judge", "parts"]

@@ -30,11 +30,20 @@ class Constraints:
         self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
     ) -> None:
         scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
+        bar = bar and cell.gauge.is_bar
         self.cell, self.bar, self.room = cell, bar, room
         self.workspace = Workspace(cell, fixture, bar)
         self.scene = scene if bar else scene.without_bar()
         self.world = CoalPairs(self.scene)
         self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
+        self._at_balls: dict[int, Constraints] = {}
+
+    def at_ball(self, ball: int) -> "Constraints":
+        """Return the constraints of the last way to one ball of an artifact, which the indicators' tips may touch."""
+        if ball not in self._at_balls:
+            scene = self.scene.at_ball(ball)
+            self._at_balls[ball] = Constraints(self.cell, self.workspace.fixture, False, scene, self.room)
+        return self._at_balls[ball]
 
     @property
     def clearance(self) -> float:
@@ -43,7 +52,9 @@ class Constraints:
 
     def with_room(self, room: float) -> "Constraints":
         """Return the same constraints with bodies kept ``room`` [m] further apart than the cell asks."""
-        return Constraints(self.cell, self.workspace.fixture, self.bar, self.scene, room)
+        wide = Constraints(self.cell, self.workspace.fixture, self.bar, self.scene, room)
+        wide.pairs = self.pairs  # found already: bounds of how fast distances change know no clearance
+        return wide
 
     def valid(self, q: Array) -> np.ndarray:
         """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""

@@ -22,6 +22,10 @@ class Waypoints:
     visit: np.ndarray
     blend: Array
 
+    def reversed(self) -> "Waypoints":
+        """Return the path driven from its end to its beginning."""
+        return Waypoints(self.q[::-1], self.visit[::-1], self.blend[::-1])
+
     def there_and_back(self) -> "Waypoints":
         """Return the path driven forward and then backward."""
         parts = ((a, a[-2::-1]) for a in (self.q, self.visit, self.blend))
@@ -56,6 +60,17 @@ def tool_speed(cell: Cell, bar: bool) -> float:
     return cell.motion.tool_speed if bar and is_continuous(cell) else np.inf
 
 
+def leg_speed(cell: Cell, visit: np.ndarray, bar: bool) -> float | Array:
+    """Limit of the tool point's speed on the legs of a path with visits (m,), one for all or (m − 1,) [m/s].
+
+    The last way to a ball, and the first away from it, are driven at the measuring speed: the indicators touch there.
+    """
+    if not bar or cell.gauge.head is None:
+        return tool_speed(cell, bar)
+    at_ball = visit >= 0
+    return np.where(at_ball[:-1] | at_ball[1:], cell.motion.tool_speed, np.inf)
+
+
 def is_continuous(cell: Cell) -> bool:
     """Whether the gauge is read while moving."""
     return cell.motion.measure == "continuous"
@@ -67,6 +82,8 @@ def course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) ->
     if moving and cell.motion.both_ways:
         measuring = measuring.there_and_back()
     rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
+    if cell.gauge.head is not None:
+        rest += cell.gauge.head.seconds
     dwell = np.where(measuring.visit >= 0, rest, 0.0) * (measuring.blend == 0)
     return Course(
         fixture,
@@ -85,6 +102,6 @@ def _timed(cell: Cell, path: Waypoints, dwell: Array, bar: bool) -> Trajectory:
         tool_position=cell.map_position,
         tool_jacobian=cell.map_jacobian,
         limits=axis_limits(cell, bar),
-        tool_speed=tool_speed(cell, bar),
+        tool_speed=leg_speed(cell, path.visit, bar),
         dwell=dwell,
     )

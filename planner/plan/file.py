@@ -10,6 +10,7 @@ from planner.choice import Choice
 from planner.observability import RULES
 from planner.plan.course import DIGITS, Waypoints
 from planner.plan.types import Drive, Plan, Visit
+from planner.separating import Separation
 
 SCHEMA = "edbb-plan/1"
 
@@ -19,9 +20,9 @@ def plan_content(plan: Plan) -> dict[str, object]:
     content = {"schema": SCHEMA, "plan_id": plan.plan_id, **content_of(plan)}
     content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
     content["notes"] = list(plan.notes)
-    rounded = _rounded(content)
-    assert isinstance(rounded, dict)
-    return rounded
+    short = rounded(content)
+    assert isinstance(short, dict)
+    return short
 
 
 def plan_text(plan: Plan) -> str:
@@ -32,7 +33,7 @@ def plan_text(plan: Plan) -> str:
 def identity(plan: Plan) -> str:
     """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
     content = content_of(plan) | {"cell_file": plan.cell.file.model_dump(mode="json", by_alias=True)}
-    text = json.dumps(_rounded(content), sort_keys=True)
+    text = json.dumps(rounded(content), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
@@ -50,25 +51,23 @@ def content_of(plan: Plan) -> dict[str, object]:
         "supports": [s for d in drives for s in _supports(d)],
         "observability": _observability(choice, plan.driven),
         "tour": _tour(drives),
-        "path": _path(drives),
+        "path": _path(drives, plan.cell.gauge.is_bar),
         "trajectory": {
             "duration_s": sum(d.trajectory.duration_s for d in drives),
             "measuring_s": sum(d.trajectory.measuring_s for d in drives),
             "file": "trajectory.csv",
         },
         "drives": [_drive(plan, d) for d in drives],
-    }
+    } | _separation(plan.separation)
 
 
 def _pose(plan: Plan, v: Visit) -> dict[str, object]:
-    pose = {
-        "id": v.id,
-        "q_deg": np.rad2deg(v.q),
-        "length_mm": v.length * 1e3,
-        "fixture": plan.cell.fixtures[v.fixture].name,
-        "role": v.role,
-        "approach": list(v.approach),
-    }
+    pose: dict[str, object] = {"id": v.id, "q_deg": np.rad2deg(v.q)}
+    if plan.cell.gauge.is_bar:
+        pose |= {"length_mm": v.length * 1e3, "fixture": plan.cell.fixtures[v.fixture].name}
+    elif v.ball >= 0:
+        pose |= {"ball": plan.cell.balls[v.ball].name, "first_contact_mm": (v.contact or 0.0) * 1e3}
+    pose |= {"role": v.role, "approach": list(v.approach)}
     return pose if v.repeats is None else pose | {"repeats": v.repeats}
 
 
@@ -97,6 +96,19 @@ def _observability(choice: Choice, driven: float) -> dict[str, object]:
     }
 
 
+def _separation(separation: Separation | None) -> dict[str, object]:
+    """How surely findings are told from their rivals; nothing where that was not asked."""
+    if separation is None:
+        return {}
+    proof = {
+        "gap": separation.gap,
+        "bound_kind": f"exactly {separation.poses} poses",
+        "bound_verified": separation.verified,
+        "noise_mm": separation.noise * 1e3,
+    }
+    return {"separation": [asdict(t) for t in separation.told], "separation_proof": proof}
+
+
 def _tour(drives: tuple[Drive, ...]) -> dict[str, object]:
     return {
         "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
@@ -108,17 +120,20 @@ def _tour(drives: tuple[Drive, ...]) -> dict[str, object]:
     }
 
 
-def _path(drives: tuple[Drive, ...]) -> dict[str, object]:
+def _path(drives: tuple[Drive, ...], bar: bool) -> dict[str, object]:
     legs = [leg for d in drives for leg in d.path.legs]
     direct = sum(leg.direct for leg in legs)
+    lengths = {
+        "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
+        "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
+    }
     return {
         "legs": len(legs),
         "direct_legs": direct,
         "planned_legs": len(legs) - direct,
         "checked": "continuous",
         "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
-        "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
-        "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
+        **(lengths if bar else {}),
         "verdicts": [
             {"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3}
             for d in drives
@@ -144,14 +159,14 @@ def _waypoints(path: Waypoints, count: int) -> list[dict[str, object]]:
     ]
 
 
-def _rounded(value: object) -> object:
+def rounded(value: object) -> object:
     """Round every number to what matters, so that the last bits of a sum do not change the bytes."""
     if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
+        return {k: rounded(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
+        return [rounded(v) for v in value]
     if isinstance(value, np.ndarray):
-        return _rounded(value.tolist())
+        return rounded(value.tolist())
     if isinstance(value, float | np.floating):
         if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
             return None

@@ -12,6 +12,7 @@ from planner.path import Path, Verdict
 from planner.plan.course import Course
 from planner.program import ProgramFile
 from planner.selection import IndexCurve
+from planner.separating import Separation
 from planner.tour import Tour
 from planner.trajectory import LimitReport, Trajectory
 from planner.units import Array
@@ -31,6 +32,8 @@ class Visit:
         role: what the pose is for.
         approach: sign of each axis' last movement before the pose, (N,) of −1, 0, 1.
         repeats: id of the pose visited before, or ``None``.
+        ball: which ball is centred there, or −1.
+        contact: distance from the centre at which the uncalibrated robot meets it, at most (95 %) [m].
     """
 
     id: int
@@ -40,6 +43,8 @@ class Visit:
     role: Role
     approach: tuple[int, ...]
     repeats: int | None = None
+    ball: int = -1
+    contact: float | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,7 @@ class Plan:
         driven: the index over the trajectory as it is driven.
         programs: files of each dialect.
         notes: what a person should know (a pose replaced, a solver that failed, …).
+        separation: how surely it tells the findings of an identification from their rivals, where that was asked.
     """
 
     plan_id: str
@@ -94,6 +100,7 @@ class Plan:
     driven: float
     programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...]
     notes: tuple[str, ...]
+    separation: Separation | None = None
 
 
 def signs(q: Array) -> np.ndarray:

@@ -11,11 +11,12 @@ A dialect is a folder ``g-code/<name>`` with two files and no line of Python:
     the kind and word of its blending (``none``, ``mm``, ``percent`` of half the leg, ``path_degrees``,
     or ``dense``: only a path in small steps runs without stops), the kind and word of its speed
     (``axis_percent``, ``tool_speed``, ``inverse_time``), dwell, the pulse at a pose standing still and in
-    passing, pause, wait, the log of its own axes, the words that select tool, base and load, and under
+    passing, pause, wait, the log of its own axes, the words that select tool, base and load, the call of a
+    centring routine under ``[centre]``, and under
     ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
-    sync, sync_on, sync_off, log, log_passing, unlogged, pause, wait, comment, section, override), and a
+    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override), and a
     macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
     ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
     its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
@@ -36,6 +37,7 @@ from planner.program.catalogue import (
     write_program,
 )
 from planner.program.instructions import (
+    Centre,
     Comment,
     Dwell,
     Instruction,
@@ -52,6 +54,7 @@ from planner.program.rendering import ProgramFile
 from planner.program.verification import ProgramMismatchError
 
 __all__ = [
+    "Centre",
     "Comment",
     "DialectInfo",
     "Dwell",

@@ -135,6 +135,13 @@ class Log(Strict):
     note: str
 
 
+class Centring(Strict):
+    """The call of the routine that centres the head on ``{ball}`` at pose ``{pose}``; ``note``: where it comes from."""
+
+    call: str
+    note: str
+
+
 class Reading(Strict):
     """What the independent reader looks for; it knows nothing of the template.
 
@@ -150,6 +157,7 @@ class Reading(Strict):
     pulse_end: Pattern = ""
     exact: Pattern = ""
     blended: Pattern = ""
+    centre: Pattern = ""
 
 
 class Option(Strict):
@@ -190,6 +198,7 @@ class Dialect(Strict):
     sync: Sync
     select: Select = Select()
     log: Log | None = None
+    centre: Centring | None = None
     reading: Reading
     options: dict[str, Option] = {}
 

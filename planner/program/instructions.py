@@ -58,6 +58,17 @@ class LogAxes:
 
 
 @dataclass(frozen=True)
+class Centre:
+    """Call the routine that brings the tool point onto a ball; the robot then stands where that led it.
+
+    ``ball`` counts from 1 as the cell lists them.
+    """
+
+    ball: int
+    pose: int
+
+
+@dataclass(frozen=True)
 class Pause:
     """Stop until the operator has done what ``message`` says and starts again."""
 
@@ -85,7 +96,7 @@ class Section:
     name: str
 
 
-Instruction = JointMove | Dwell | Sync | LogAxes | Pause | WaitInput | Comment | Section
+Instruction = JointMove | Dwell | Sync | LogAxes | Centre | Pause | WaitInput | Comment | Section
 
 
 @dataclass(frozen=True)
@@ -163,7 +174,7 @@ def _check_stops(instructions: tuple[Instruction, ...]) -> None:
     for item in instructions:
         if isinstance(item, JointMove):
             blended = item.blend_mm > 0.0
-        elif isinstance(item, Dwell | Pause | WaitInput) and blended:
+        elif isinstance(item, Dwell | Centre | Pause | WaitInput) and blended:
             raise InputError(f"only a move that ends in an exact stop can be followed by {item}")
         elif isinstance(item, Dwell) and not 0.0 < item.seconds < 1e5:
             raise InputError(f"a dwell of {item.seconds} s is out of range")

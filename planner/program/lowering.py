@@ -9,6 +9,7 @@ from planner.program.blends import blend_values
 from planner.program.dialect import Comment as CommentStyle
 from planner.program.dialect import Dialect
 from planner.program.instructions import (
+    Centre,
     Comment,
     Dwell,
     Instruction,
@@ -51,7 +52,7 @@ class Move:
 
 Kind = Literal[
     "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
-    "pause", "wait", "comment", "section", "override",
+    "centre", "pause", "wait", "comment", "section", "override",
 ]  # fmt: skip
 
 
@@ -118,20 +119,35 @@ class _Lowering:
                 self.steps.append(Step("dwell", seconds=seconds))
             case Sync() | LogAxes() if self.flying:
                 pass  # told with the move
-            case Sync(pose=pose):
-                self.steps.append(Step("sync", number=pose) if self.pulses else Step("comment", text=f"pose {pose}"))
-            case LogAxes(pose=pose):
-                self._log("log", pose)
-            case Pause(message=text):
-                self.steps.append(Step("pause", text=plain(text, style)))
-            case WaitInput(what=text):
-                self._wait(plain(text, style))
             case Comment(text=text):
                 self.steps.append(Step("comment", text=plain(text, style)))
             case Section(name=text):
                 self.steps.append(Step("section", text=plain(text, style)))
+            case Pause(message=text):
+                self.steps.append(Step("pause", text=plain(text, style)))
+            case _:
+                self._add_signal(item)
+
+    def _add_signal(self, item: Sync | LogAxes | Centre | WaitInput) -> None:
+        match item:
+            case Sync(pose=pose):
+                self.steps.append(Step("sync", number=pose) if self.pulses else Step("comment", text=f"pose {pose}"))
+            case LogAxes(pose=pose):
+                self._log("log", pose)
+            case Centre(ball=ball, pose=pose):
+                self.steps.append(Step("centre", text=self._centring(ball, pose)))
+            case WaitInput(what=text):
+                self._wait(plain(text, self.dialect.comment))
             case _:
                 assert_never(item)
+
+    def _centring(self, ball: int, pose: int) -> str:
+        if self.dialect.centre is None:
+            raise InputError(
+                f"{self.dialect.title} has no call of a centring routine, which a plan with an artifact's balls needs; "
+                "take a dialect with one (krl), or let 'edbb centre' drive the robot"
+            )
+        return self.dialect.centre.call.format(ball=ball, pose=pose)
 
     def _set_override(self, override: int) -> None:
         if override != self.override:

@@ -1,7 +1,7 @@
 """What a person must know before a program is started: told in its head, and in the notes of the plan."""
 
 from planner.program.dialect import Dialect
-from planner.program.instructions import Program, Sync, WaitInput
+from planner.program.instructions import Centre, Program, Sync, WaitInput
 from planner.program.lowering import Step
 from planner.program.numbers import fixed
 
@@ -38,6 +38,7 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.sync.note if program.sync_output is not None else "",
         dialect.wait_note if program.gauge_input is not None else "",
         dialect.select.note,
+        dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
     ]
     place = "[" + ", ".join(fixed(v, 3) for v in program.map_mm) + "]"
     told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.errors import InputError, PlannerError
 from planner.program.dialect import Dialect
-from planner.program.instructions import Dwell, Program, Sync
+from planner.program.instructions import Centre, Dwell, JointMove, Program, Sync
 from planner.program.reading import ReadBack, read_texts
 
 _SLACK = 1.0 + 1e-6
@@ -52,8 +52,20 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     syncs = marked if program.sync_output is not None else 0
     if syncs != found.syncs:
         yield f"it pulses {found.syncs} times, planned are {syncs}"
+    if found.centrings != _centrings(program):
+        yield "it centres other balls, or elsewhere, than planned"
     yield from _too_round(program, dialect, found)
     yield from _too_fast(program, dialect, found)
+
+
+def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:
+    """After how many moves the routine is called, at which ball and pose."""
+    out, moves = [], 0
+    for item in program.instructions:
+        moves += isinstance(item, JointMove)
+        if isinstance(item, Centre):
+            out.append((moves, item.ball, item.pose))
+    return tuple(out)
 
 
 def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:

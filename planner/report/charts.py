@@ -12,6 +12,7 @@ from planner.report.picture import BLUE, GREEN, GREY, RED, Limit, Panel, Picture
 from planner.report.words import FILTERS, count, sized
 
 ROW = 26  # [px] of one name in a list
+SHORT = 40  # letters of a label that stand beside an axis
 
 
 def index_curve(plan: Plan) -> Picture:
@@ -35,17 +36,20 @@ def index_curve(plan: Plan) -> Picture:
     panel = Panel(
         "",
         "number of poses",
-        f"{choice.index}, {rule.what}",
+        f"{choice.index}, {rule.what}" if len(rule.what) < SHORT else choice.index,
         tuple(series),
         y_range=_room(values, bounds, choice.value),
     )
     better = "higher" if rule.maximise else "lower"
+    shared = (
+        " The plan shares its poses evenly between the balls, the curve does not." if choice.ball is not None else ""
+    )
     return Picture(
         "index_curve",
         "How many poses are worth measuring",
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line, poses moved off the grid can. "
-        "The flatter the curve, the less a further pose brings.",
+        f"The flatter the curve, the less a further pose brings.{shared}",
         (panel,),
     )
 
@@ -70,7 +74,7 @@ def funnel(plan: Plan) -> Picture:
         (bars,),
         log_x=True,
         x_range=(1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2)),
-        y_names=FILTERS,
+        y_names=FILTERS if plan.cell.gauge.is_bar else plan.pool.funnel.names,
         height=ROW * len(counts) + 20,
     )
     return Picture(

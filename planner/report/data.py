@@ -79,7 +79,7 @@ class Rounds:
 def rounds(cell: Cell, drive: Drive) -> Rounds:
     """Return the tour before and after sorting, both closed at the mount pose."""
     order = [int(k) for k in drive.tour.order]
-    q = np.array([v.q for v in drive.visits[: len(order)]])
+    q = np.array([v.q for v in drive.visits if v.repeats is None][: len(order)])
     sorted_q = np.vstack([q, q[:1]])
     unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
     return Rounds(_clock(cell, unsorted_q), unsorted_q, _clock(cell, sorted_q), sorted_q)

@@ -86,6 +86,40 @@ def bar(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
     )
 
 
+def contact(cell: Cell, drive: Drive, suffix: str) -> Picture | None:
+    """How far off centre the uncalibrated robot meets each ball, at most; only a head of indicators has that."""
+    head = cell.gauge.head
+    if head is None:
+        return None
+    at = [v for v in drive.visits if v.contact is not None]
+    usable = float(to_mm(head.usable))
+    series = [
+        Series(
+            f"ball {ball.name}",
+            np.array([float(v.id) for v in at if v.ball == k]),
+            np.array([float(to_mm(v.contact or 0.0)) for v in at if v.ball == k]),
+            JOINTS[k % len(JOINTS)],
+            "points",
+            hover=tuple(f"pose {v.id}, {v.role}: {to_mm(v.contact or 0.0):.2f} mm" for v in at if v.ball == k),
+        )
+        for k, ball in enumerate(cell.balls)
+    ]
+    panel = Panel(
+        "",
+        "pose",
+        "first contact off centre (mm)",
+        tuple(series),
+        limits=(Limit(usable, f"indicators make contact within {usable:g} mm"),),
+        y_range=(0.0, 1.25 * usable),
+    )
+    return Picture(
+        f"contact{suffix}",
+        "First contact of the uncalibrated robot",
+        "95 % of robots as uncertain as this one meet the ball nearer to the centre than the point shows.",
+        (panel,),
+    )
+
+
 def speeds(cell: Cell, way: Driven, drive: Drive, suffix: str) -> Picture:
     """Speed of the tool point and of the joints against their limits, and the largest use of every limit."""
     t, limit = way.motion.t, float(to_mm(cell.motion.tool_speed))

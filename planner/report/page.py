@@ -7,7 +7,8 @@ from planner.observability import RULES
 from planner.plan import Drive, Plan
 from planner.report.data import Learnt
 from planner.report.picture import Picture
-from planner.report.words import certificate, percent, proven, seconds, sized
+from planner.report.words import certificate, percent, proven, seconds, separation_proof, sized
+from planner.separating import Told
 from planner.units import to_deg, to_mm
 
 Row = tuple[str, ...]
@@ -22,13 +23,14 @@ class Section:
     path_facts: tuple[Row, ...]
     tour: Picture
     joints: Picture
-    bar: Picture
+    bar: Picture | None
     speeds: Picture
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All pictures of the drive."""
-        return (self.tour, self.joints, self.bar, self.speeds)
+        of_gauge = () if self.bar is None else (self.bar,)
+        return (self.tour, self.joints, *of_gauge, self.speeds)
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class Page:
     programs: tuple[Row, ...]
     joints: tuple[str, ...]
     poses: tuple[Row, ...]
+    pose_columns: tuple[str, str]
+    bar: bool
+    told: tuple[Row, ...]
+    told_proof: str
 
 
 def build_page(plan: Plan, rows: tuple[Learnt, ...], sections: tuple[Section, ...]) -> Page:
@@ -71,11 +77,26 @@ def build_page(plan: Plan, rows: tuple[Learnt, ...], sections: tuple[Section, ..
         programs=tuple((name, ", ".join(f.name for f in files)) for name, files in plan.programs),
         joints=tuple(f"axis {j + 1} (deg)" for j in range(plan.cell.robot.n_joints)),
         poses=tuple(_pose(plan.cell, d, k) for d in plan.drives for k in range(len(d.visits))),
+        pose_columns=("fixture", "bar (mm)") if plan.cell.gauge.is_bar else ("ball", "first contact (mm)"),
+        bar=plan.cell.gauge.is_bar,
+        told=() if plan.separation is None else tuple(_told(t) for t in plan.separation.told),
+        told_proof="" if plan.separation is None else separation_proof(plan.separation),
     )
+
+
+def _told(told: Told) -> Row:
+    """A finding, its rival, and how surely they are told apart."""
+    named = "named by the identification" if told.named else "would come up with other poses"
+    sizes = (f"{v:.3g}" for v in (told.noncentrality, told.before, told.bound))
+    return (told.finding, told.rival, named, told.sureness, *sizes)
 
 
 def _cell(cell: Cell) -> str:
     g, names = cell.gauge, ", ".join(f.name for f in cell.fixtures)
+    if g.head is not None:
+        return f"cell {cell.name} · head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
+    if not g.is_bar:
+        return f"cell {cell.name} · tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
     reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
     return f"cell {cell.name} · bar {reach} on fixture{'s' if len(cell.fixtures) > 1 else ''} {names}"
 
@@ -86,6 +107,8 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     rule, bound = RULES[choice.index], choice.certificate
     roles = [v.role for d in drives for v in d.visits]
     extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
+    made = "calibrate" in roles
+    what_for = f"to calibrate{f', {extra}' if extra else ''}" if made else "to validate, at random"
     free = len(choice.seen.names)
     gap = rule.gap(choice.value, bound.value)
     beyond = "better than the bound" if gap < 0 else f"at most {percent(gap)} from the bound"
@@ -95,7 +118,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     driving = sum(d.trajectory.duration_s for d in drives)
     both = cell.motion.both_ways and cell.motion.measure == "continuous"
     return (
-        ("poses", str(len(choice.q)), f"to calibrate{f', {extra}' if extra else ''}"),
+        ("poses", str(len(choice.q)), what_for),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
         (choice.index, sized(choice.value, 4), f"{rule.what}, {beyond}"),
         (
@@ -125,8 +148,10 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     path, g = drive.path, cell.gauge
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
     length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
+    reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
     asked = f"{float(to_mm(cell.motion.clearance)):g} mm asked for"
-    ways = ("measuring path", "measuring path", "way without the bar", "way without the bar")
+    there = "way without the bar" if g.is_bar else "way to the start"
+    ways = ("measuring path", "measuring path", there, there)
     verdicts = [
         (
             f"{way}, judged by {v.engine}",
@@ -141,7 +166,7 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
             f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something",
         ),
         ("support poses", str(supports)),
-        ("bar length", f"{length} of {float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"),
+        *([("bar length", f"{length} of {reach}")] if g.is_bar else []),
         *verdicts,
     )
 
@@ -149,7 +174,7 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
 def _learnt(row: Learnt) -> Row:
     """Name, what it is, unit, prior size, standard deviation, their ratio."""
     p = row.parameter
-    unit, to = ("mm", to_mm) if p.unit == "m" else ("deg", to_deg)
+    unit, to = ("mm", to_mm) if p.unit == "m" else (p.unit.replace("rad", "deg"), to_deg)
     return (p.name, row.what, unit, sized(float(to(p.prior))), sized(float(to(row.sigma))), sized(row.share))
 
 
@@ -172,4 +197,7 @@ def _pose(cell: Cell, drive: Drive, k: int) -> Row:
     v = drive.visits[k]
     role = v.role if v.repeats is None else f"{v.role} of {v.repeats}"
     angles = tuple(f"{float(a):.3f}" for a in to_deg(v.q))
+    if not cell.gauge.is_bar:
+        met = "" if v.contact is None else f"{float(to_mm(v.contact)):.2f}"
+        return (str(v.id), cell.balls[v.ball].name if v.ball >= 0 else "", role, met, *angles)
     return (str(v.id), cell.fixtures[v.fixture].name, role, f"{float(to_mm(v.length)):.2f}", *angles)

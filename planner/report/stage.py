@@ -90,26 +90,42 @@ class Stage:
 def build_stage(plan: Plan) -> Stage:
     """Collect what the view shows of a plan."""
     cell, drives = plan.cell, plan.drives
-    pieces = build_scene(cell).pieces
-    moving = _moving(cell, pieces)
-    standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
     parts = [_frames(cell, d, FRAMES // len(drives)) for d in drives]
     frames = Frames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
-    shells = _shells(cell)
     thin = np.linspace(0, len(plan.pool) - 1, min(CLOUD, len(plan.pool))).astype(int)
+    return staged(
+        cell,
+        frames,
+        cloud=to_mm(cell.map_position(plan.pool.q[thin])),
+        paths=tuple(to_mm(cell.map_position(driven(cell, d).motion.q)) for d in drives),
+        ways=tuple(to_mm(cell.map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
+        spots=tuple(s for d in drives for s in _spots(cell, d)),
+    )
+
+
+def staged(
+    cell: Cell,
+    frames: Frames,
+    cloud: Array,
+    paths: tuple[Array, ...],
+    ways: tuple[Array, ...],
+    spots: tuple[Spot, ...],
+) -> Stage:
+    """Put what moves among what stands, in boxes that hold it all; points in mm."""
+    pieces = build_scene(cell).pieces
+    moving, shells = _moving(cell, pieces), _shells(cell)
+    standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
     seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
-    paths = tuple(to_mm(cell.map_position(driven(cell, d).motion.q)) for d in drives)
-    ways = tuple(to_mm(cell.map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives)
     corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
-    near = np.vstack([s.vertices for s in shells])
+    near = np.vstack([s.vertices for s in shells] or [s.position for s in spots])
     return Stage(
         moving=moving,
         standing=_mm(joined(standing)) if standing else None,
         shells=shells,
-        cloud=to_mm(cell.map_position(plan.pool.q[thin])),
+        cloud=cloud,
         paths=paths,
         ways=ways,
-        spots=tuple(s for d in drives for s in _spots(cell, d)),
+        spots=spots,
         frames=frames,
         floor=None if cell.base.floor is None else float(to_mm(cell.base.floor)),
         low=corners.min(axis=0) - 100,
@@ -147,7 +163,8 @@ def _frames(cell: Cell, drive: Drive, count: int) -> Frames:
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{seconds(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
-        f"bar {to_mm(length):.1f} mm   axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
+        + (f"bar {to_mm(length):.1f} mm   " if cell.gauge.is_bar else "")
+        + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )
     return Frames(carrier_poses(cell, drive.fixture, way.motion.q), labels)
@@ -169,6 +186,8 @@ def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
 
 def _shells(cell: Cell) -> tuple[Mesh, ...]:
     g = cell.gauge
+    if not g.is_bar:
+        return ()
     radii = (g.length_min, g.length_max)
     return tuple(_mm(cap(f.p_BX, f.axis_B, r, g.cone_fixture)) for f in cell.fixtures for r in radii)
 
@@ -176,7 +195,7 @@ def _shells(cell: Cell) -> tuple[Mesh, ...]:
 def _spots(cell: Cell, drive: Drive) -> list[Spot]:
     x = to_mm(cell.map_position(np.array([v.q for v in drive.visits])))
     return [
-        Spot(p, v.role, f"pose {v.id}, {v.role}: {to_mm(v.length):.1f} mm")
+        Spot(p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_bar else ""))
         for p, v in zip(x, drive.visits, strict=True)
     ]
 

@@ -33,17 +33,20 @@ def _draw(ax: Axes3D, stage: Stage, low: Array, high: Array, near: bool) -> None
         ax.add_collection3d(
             Poly3DCollection(shell.vertices[shell.triangles], facecolor="#56B4E918", edgecolor="none", zorder=1)
         )
-    if near:
+    if near and len(stage.cloud):
         ax.plot(*stage.cloud.T, ".", color="#9A9A9A", markersize=0.8, alpha=0.6, zorder=2, label="candidates")
-    # what lies outside the box would be drawn over the rest, so the view from near shows the bar alone
+    # what lies outside the box would be drawn over the rest, so the view from near shows the bar alone, or the balls
     bodies = [
-        (m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours) for m in stage.moving if not near or m.name == "bar"
+        (m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours)
+        for m in stage.moving
+        if not near or (stage.shells and m.name == "bar")
     ]
-    if stage.standing is not None and not near:
+    if stage.standing is not None and not (near and stage.shells):
         bodies.append((stage.standing.vertices, stage.standing.triangles, (STAND,) * len(stage.standing.triangles)))
-    corners = np.vstack([v[t] for v, t, _ in bodies])
-    colours = np.vstack([_shaded(Mesh(v, t), c) for v, t, c in bodies])
-    ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=3))
+    if bodies:
+        corners = np.vstack([v[t] for v, t, _ in bodies])
+        colours = np.vstack([_shaded(Mesh(v, t), c) for v, t, c in bodies])
+        ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=3))
     for path in stage.paths:
         ax.plot(*path.T, "-", color="#444444", linewidth=0.9, zorder=4)
     for way in stage.ways if not near else ():

@@ -99,19 +99,16 @@ def _standing(stage: Stage) -> list[go.Mesh3d]:
 
 def _marks(stage: Stage) -> list[go.Scatter3d]:
     """Candidates, path, way without the bar, and the poses by role."""
-    out = [
-        _scatter(
-            stage.cloud,
-            f"candidates ({len(stage.cloud)} shown)",
-            "markers",
-            marker={"size": 1.4, "color": "#9A9A9A", "opacity": 0.45},
-        )
-    ]
+    out = []
+    if len(stage.cloud):
+        look = {"size": 1.4, "color": "#9A9A9A", "opacity": 0.45}
+        out.append(_scatter(stage.cloud, f"candidates ({len(stage.cloud)} shown)", "markers", marker=look))
     for k, path in enumerate(stage.paths):
         out.append(_scatter(path, "measuring path", "lines", k == 0, line={"width": 3, "color": "#444444"}))
     for k, way in enumerate(stage.ways):
         look = {"width": 3, "color": "#999999", "dash": "dash"}
-        out.append(_scatter(way, "way without the bar", "lines", k == 0, line=look))
+        name = "way without the bar" if stage.shells else "way to the start"
+        out.append(_scatter(way, name, "lines", k == 0, line=look))
     for role, colour in ROLES.items():
         spots = [s for s in stage.spots if s.role == role]
         if spots:

@@ -4,6 +4,7 @@ from math import ceil, floor, isfinite, log10
 
 from planner.observability import RULES
 from planner.plan import Plan, is_continuous
+from planner.separating import Separation
 
 FILTERS = (
     "sampled",
@@ -18,6 +19,18 @@ FILTERS = (
 def count(n: float) -> str:
     """Write a whole number with its thousands apart."""
     return f"{int(n):,}".replace(",", "\u202f")
+
+
+def separation_proof(separation: Separation) -> str:
+    """Say what the table of findings and rivals shows, and how far it is proven."""
+    proof = "proven" if separation.verified else "not proven"
+    return (
+        "Noncentrality: what is left of an effect's readings, as a sum of squares in noise variances "
+        f"({separation.noise * 1e6:.3g} µm, as the identification left it), when its rival explains what it can; "
+        "the less sure of either being the truth. Power: the chance that the run then speaks a hundred to one for the "
+        f"truth. No {separation.poses} candidates weigh all of this more than "
+        f"{percent(max(separation.gap, 0.0))} better ({proof})."
+    )
 
 
 def sized(x: float, digits: int = 3) -> str:

@@ -8,7 +8,7 @@ from planner.files import write_bytes, write_text
 from planner.plan import Plan
 from planner.report.charts import funnel, index_curve, parameters
 from planner.report.data import driven, learnt, rounds
-from planner.report.motion import bar, joints, speeds, tour
+from planner.report.motion import bar, contact, joints, speeds, tour
 from planner.report.page import Section, build_page, path_facts, tour_facts
 from planner.report.picture import Picture
 from planner.report.printed import picture_png
@@ -69,6 +69,6 @@ def _section(plan: Plan, k: int) -> Section:
         path_facts=path_facts(cell, drive),
         tour=tour(drive, rounds(cell, drive), suffix),
         joints=joints(way, drive, suffix),
-        bar=bar(cell, way, drive, suffix),
+        bar=bar(cell, way, drive, suffix) if cell.gauge.is_bar else contact(cell, drive, suffix),
         speeds=speeds(cell, way, drive, suffix),
     )

@@ -99,6 +99,7 @@ def _same(values: Sequence[str], runs: Sequence[Run], text: str) -> None:
 def _samples(runs: Sequence[Run], places: tuple[str, ...], points: tuple[str, ...], warnings: list[str]) -> Samples:
     """Join what is logged in all files; warn of what is logged in some."""
     parts: dict[str, Array | IntArray | None] = {}
+    runs = _without_load(runs, warnings)
     for name in (f.name for f in fields(Samples)):
         parts[name] = _all_or_none(name, runs, [getattr(r.samples, name) for r in runs], warnings)
     parts["place"] = _renamed([r.samples.place for r in runs], [r.places for r in runs], places)
@@ -112,6 +113,18 @@ def _samples(runs: Sequence[Run], places: tuple[str, ...], points: tuple[str, ..
         offset = int(numbered[-1].max()) + 1
     parts["session"] = _locked(np.concatenate(numbered))
     return Samples(**parts)  # type: ignore[arg-type]
+
+
+def _without_load(runs: Sequence[Run], warnings: list[str]) -> list[Run]:
+    """Return the runs with no pull of the bar where none was logged but others log one."""
+    lacking = [r.name for r in runs if r.samples.force is None]
+    if not 0 < len(lacking) < len(runs):
+        return list(runs)
+    warnings.append(f"force is not logged in {', '.join(lacking)}: taken as no pull of the bar")
+    return [
+        replace(r, samples=replace(r.samples, force=_locked(np.zeros(len(r))))) if r.samples.force is None else r
+        for r in runs
+    ]
 
 
 def _readings(runs: Sequence[Run], balls: tuple[str, ...], warnings: list[str]) -> Readings:

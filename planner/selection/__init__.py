@@ -4,7 +4,7 @@ from .background import CurveInBackground
 from .bounds import bound, check, core
 from .certificate import Certificate, Dual, verify
 from .curve import IndexCurve, index_curve, knee
-from .detmax import detmax
+from .detmax import Share, detmax
 from .exchange import Selection, exchange
 from .pruning import prune
 from .refinement import Refined, refine
@@ -16,6 +16,7 @@ __all__ = [
     "IndexCurve",
     "Refined",
     "Selection",
+    "Share",
     "bound",
     "check",
     "core",

@@ -4,7 +4,10 @@ Source: Mitchell 1974. One addition or removal costs one pass over the candidate
 every candidate's prediction variance), refreshed from scratch now and then. Fedorov's exchange has the last word.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.repeatable import Places, first_best, single_threaded
@@ -15,13 +18,48 @@ from .potential import Potential
 from .swaps import information
 
 _REFRESH = 50
+Chosen = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Equal shares as a constraint: each of the groups gives ``quota`` of the chosen; ``group`` (N,) int.
+
+    A set below its size only grows where a group is short, one above it only shrinks where a group has too many; so a
+    search may wander, and comes back to equal shares.
+    """
+
+    group: Places
+    quota: int
+
+    @classmethod
+    def of(cls, group: Places, n: int) -> "Share":
+        """Share ``n`` poses between the groups that occur.
+
+        Raises:
+            InputError: they cannot be shared evenly, or a group has too few candidates.
+        """
+        size = np.bincount(group)
+        if n % len(size):
+            raise InputError(f"{n} poses cannot be shared evenly between {len(size)} balls: ask for a multiple")
+        if size.min() < n // len(size):
+            raise InputError(f"a ball has only {size.min()} candidates, fewer than its share of {n // len(size)}")
+        return cls(group, n // len(size))
+
+    def allows(self, within: Chosen, sign: int) -> Chosen:
+        """Tell which candidates may come (sign 1) or go (-1), (N,) bool."""
+        count = np.bincount(self.group[within], minlength=int(self.group.max()) + 1)
+        missing = int(count.sum()) - self.quota * len(count)
+        if sign * missing >= 0:
+            return np.ones(len(self.group), dtype=bool)
+        return np.asarray((count < self.quota if sign > 0 else count > self.quota)[self.group])
 
 
 class _Design:
     """A set of candidates with its inverse information and the variance blocks of all candidates, kept in step."""
 
-    def __init__(self, rows: Array, chosen: Places, ridge: float) -> None:
-        self.rows, self.ridge = rows, ridge
+    def __init__(self, rows: Array, chosen: Places, ridge: float, share: "Share | None" = None) -> None:
+        self.rows, self.ridge, self.share = rows, ridge, share
         self.within = np.zeros(len(rows), dtype=bool)
         self.within[chosen] = True
         self.moves = 0
@@ -69,44 +107,57 @@ class _Design:
         else:
             gain = np.linalg.det(np.eye(self.rows.shape[1]) + sign * self.blocks)
         allowed = ~self.within if sign > 0 else self.within
+        if self.share is not None:
+            allowed = allowed & self.share.allows(self.within, sign)
         return first_best(np.where(allowed, gain, -np.inf))
 
 
 @single_threaded
-def detmax(rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6) -> Places:
+def detmax(
+    rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6, group: Places | None = None
+) -> Places:
     """Return ``n`` distinct candidates (n,) of ``rows`` (N, r, P), ascending, with a large determinant.
 
     The first start is greedy, the others ``starts - 1`` seeded samples. ``excursion``: how far the size of the
-    set may wander from n before the search gives up (Mitchell's six).
+    set may wander from n before the search gives up (Mitchell's six). ``group`` (N,) int: each group, a ball of an
+    artifact, gives an equal share.
 
     Raises:
-        InputError: n outside what the candidates and parameters allow.
+        InputError: n outside what the candidates and parameters allow, or not to be shared evenly.
     """
     least = -(-rows.shape[2] // rows.shape[1])
     if not least <= n <= len(rows):
         raise InputError(f"{n} poses cannot be chosen: ask for {least} (the parameters) to {len(rows)} (the pool)")
     scale = np.sqrt(np.mean(rows**2, axis=(0, 1)))
     white = rows / np.where(scale > 0, scale, 1.0)
+    share = None if group is None else Share.of(group, n)
     best: Places = np.zeros(0, dtype=np.intp)
     best_value = -np.inf
     for turn in range(starts):
-        design = _greedy(white, n) if turn == 0 else _sample(white, n, seed + turn)
+        design = _greedy(white, n, share) if turn == 0 else _sample(white, n, seed + turn, share)
         chosen, value = _search(design, n, excursion)
         if value > best_value + 1e-9:
             best, best_value = chosen, value
-    return np.sort(descend(white, best, np.arange(len(rows)), Potential("O1", 1.0)))
+    return np.sort(descend(white, best, np.arange(len(rows)), Potential("O1", 1.0), group))
 
 
-def _greedy(rows: Array, n: int) -> _Design:
+def _greedy(rows: Array, n: int, share: Share | None) -> _Design:
     """Add the most informative pose n times, from a faint prior that the last refresh takes away."""
-    design = _Design(rows, np.zeros(0, dtype=np.intp), 1e-6 * len(rows))
+    design = _Design(rows, np.zeros(0, dtype=np.intp), 1e-6 * len(rows), share)
     for _ in range(n):
         design.change(design.best(1), 1)
-    return _Design(rows, np.flatnonzero(design.within), _faint(rows))
+    return _Design(rows, np.flatnonzero(design.within), _faint(rows), share)
 
 
-def _sample(rows: Array, n: int, seed: int) -> _Design:
-    return _Design(rows, np.random.default_rng(seed).permutation(len(rows))[:n], _faint(rows))
+def _sample(rows: Array, n: int, seed: int, share: Share | None) -> _Design:
+    order = np.random.default_rng(seed).permutation(len(rows))
+    if share is not None:  # the first of each group
+        rank = np.empty(len(order), dtype=int)
+        for group in range(int(share.group.max()) + 1):
+            mine = share.group[order] == group
+            rank[mine] = np.arange(mine.sum())
+        order = order[rank < share.quota]
+    return _Design(rows, order[:n], _faint(rows), share)
 
 
 def _faint(rows: Array) -> float:

@@ -127,10 +127,10 @@ def _down(rows: Array, chosen: Places, wide: Places, index: str) -> Places:
     return chosen
 
 
-def descend(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Places:
-    """Take the best swap by the potential until there is none."""
+def descend(rows: Array, chosen: Places, pool: Places, potential: Potential, group: Places | None = None) -> Places:
+    """Take the best swap by the potential until there is none; only within a group, where ``group`` (N,) is given."""
     for _ in range(_SWAPS):
-        swap = best_by_potential(rows, chosen, np.setdiff1d(pool, chosen), potential)
+        swap = best_by_potential(rows, chosen, np.setdiff1d(pool, chosen), potential, group)
         if swap is None:
             break
         chosen = np.where(np.arange(len(chosen)) == swap.out, swap.into, chosen)

@@ -40,10 +40,13 @@ def index_of(kind: str, mass: Array, poses: int) -> Array:
     return rule(kind).of(mu, poses)
 
 
-def scored(rows: Array, chosen: Places, pool: Places, potential: Potential, keep: int) -> tuple[list[Swap], Array]:
+def scored(
+    rows: Array, chosen: Places, pool: Places, potential: Potential, keep: int, group: Places | None = None
+) -> tuple[list[Swap], Array]:
     """Return the ``keep`` most promising swaps and their scores, best first.
 
-    Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise.
+    Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise. Swaps
+    between different groups of ``group`` (N,) come last.
     """
     if len(pool) == 0:
         return [], np.zeros(0)
@@ -52,6 +55,8 @@ def scored(rows: Array, chosen: Places, pool: Places, potential: Potential, keep
     scores, places = [], []
     for k in range(0, len(pool), width):
         table = score.of(rows[pool[k : k + width]])
+        if group is not None:
+            table[group[chosen][:, None] != group[pool[k : k + width]][None]] = -np.inf
         best = np.argpartition(-table, min(keep, table.size - 1), axis=None)[:keep]
         scores.append(table.ravel()[best])
         out, into = np.unravel_index(best, table.shape)
@@ -107,14 +112,21 @@ def after(rows: Array, chosen: Places, swaps: list[Swap]) -> Array:
     return np.asarray(information(rows[chosen]) + change)
 
 
-def best_by_potential(rows: Array, chosen: Places, pool: Places, potential: Potential) -> Swap | None:
-    """The swap that betters the potential most, or None."""
+def best_by_potential(
+    rows: Array, chosen: Places, pool: Places, potential: Potential, group: Places | None = None
+) -> Swap | None:
+    """The swap that betters the potential most, of those within a group if there are groups, or None."""
     sure = exact(rows, potential)
     if sure and potential.index == "O1":
         pool = _hopeful(rows, chosen, pool)
-    swaps, scores = scored(rows, chosen, pool, potential, 1 if sure else _EXACT)
+    swaps, scores = scored(rows, chosen, pool, potential, 1 if sure else _EXACT, group)
+    if group is not None:
+        kept = [k for k, s in enumerate(swaps) if group[chosen[s.out]] == group[s.into]]
+        swaps, scores = [swaps[k] for k in kept], scores[kept]
     if sure:
         return swaps[0] if swaps and scores[0] > 1e-10 else None
+    if not swaps:
+        return None
     mu = eigenvalues(information(rows[chosen]))
     shifts = potential.shifts(mu)
     gains = canonical(potential.barrier(eigenvalues(after(rows, chosen, swaps)), *shifts))

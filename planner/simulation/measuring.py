@@ -10,6 +10,7 @@ from planner.cell import Cell
 from planner.plan import Course, PlanFile, PoseFile, is_continuous
 from planner.rig import Targets
 from planner.run import Readings, Run, Samples
+from planner.simulation.points import simulated_points
 from planner.simulation.truth import Truth
 from planner.units import Array, frozen
 
@@ -60,6 +61,11 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
     model, errors = truth.complete()
     rng = np.random.default_rng([seed, 1])
     off = model.joint_sigma * _shaken(rng, samples, moving)
+    if not cell.gauge.is_bar:
+        samples, readings = simulated_points(cell, model, errors, samples, off, rng)
+        balls = tuple(b.name for b in cell.balls) if readings.ball is not None else ()
+        name, said = f"simulated run of {plan_id}", truth.lines()
+        return SimulatedRun(name, samples, readings, balls=balls, plan_id=plan_id, robot=cell.robot.name, truth=said)
     nothing = Targets(length=np.zeros(len(samples)))
     exact = -model.residual(replace(samples, q=samples.q + off), nothing, errors)[:, 0]
     length = exact + model.rig.noise * rng.standard_normal(len(samples))

@@ -49,6 +49,11 @@ def study(cell: Cell, folder: Path, index: str | None, seed: int, say: Callable[
         NoSolutionError: no candidate pose passes the filters, or too few do.
     """
     index = rule(index or cell.plan.index).name
+    if not cell.gauge.is_bar:
+        raise InputError(
+            f"{cell.path}: a study is of a bar and its fixtures, and gauge.kind is '{cell.gauge.kind}': "
+            "edbb plan says what can be seen"
+        )
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; a study needs a folder")
     with threadpool_limits(1, user_api="blas"):  # the same bytes whatever number of threads there are

@@ -17,7 +17,8 @@ def first_search(instance: Instance, seed: int) -> LocalSearch:
     return search
 
 
-def solve_embedded(instance: Instance, search: LocalSearch) -> Outcome:
-    """Return the best tour found from ``search`` on, and the lower bound proven for it."""
+def solve_embedded(instance: Instance, search: LocalSearch, nodes: int | None = None) -> Outcome:
+    """Return the best tour found from ``search`` on, and the lower bound proven for it over ``nodes`` of the tree."""
     size = len(instance.cost)
-    return BranchAndCut(instance, search).run(kicks=2 * size, nodes=max(_LEAST_NODES, _WORK // size))
+    limit = max(_LEAST_NODES, _WORK // size) if nodes is None else nodes
+    return BranchAndCut(instance, search).run(kicks=2 * size, nodes=limit)

@@ -19,8 +19,9 @@ class MeasuredPose(Loose):
 
     id: int
     q_deg: tuple[float, ...]
-    length_mm: float
-    fixture: str
+    length_mm: float | None = None
+    fixture: str = ""
+    ball: str | None = None
 
 
 class Driven(Loose):
@@ -64,14 +65,15 @@ def check_courses(path: Path, beside: Path, cell: Cell, plan: PlannedFor, course
     Raises:
         InputError: tool, fixture, home, robot or motion is not that of the plan.
     """
-    off = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
-    if off > ANGLE_DEG:
-        raise _apart(path, beside, f"home is {off:.4g} deg away from where the plan starts")
-    lengths = _lengths(cell, plan)
-    worst = int(np.argmax(np.abs(lengths)))
-    if abs(lengths[worst]) > LENGTH_MM:
+    start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
+    if start > ANGLE_DEG:
+        raise _apart(path, beside, f"home is {start:.4g} deg away from where the plan starts")
+    off = _lengths(cell, plan) if cell.gauge.is_bar else _off_centre(cell, plan)
+    worst = int(np.argmax(np.abs(off)))
+    if abs(off[worst]) > LENGTH_MM:
         pose = plan.poses[worst].id
-        raise _apart(path, beside, f"the bar at pose {pose} would be {lengths[worst]:+.3f} mm longer than planned")
+        how = f"the bar at pose {pose} would be {off[worst]:+.3f} mm longer than planned"
+        raise _apart(path, beside, how if cell.gauge.is_bar else f"pose {pose} is {off[worst]:.3f} mm off its ball")
     seconds = sum(c.trajectory.duration_s for c in courses)
     if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
         planned = plan.trajectory.duration_s
@@ -82,7 +84,16 @@ def _lengths(cell: Cell, plan: PlannedFor) -> Array:
     """Bar length by the cell less that of the plan, one a pose [mm]."""
     p_BX = {f.name: f.p_BX for f in cell.fixtures}
     bar = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses])) - np.array([p_BX[p.fixture] for p in plan.poses])
-    return np.asarray(np.linalg.norm(bar, axis=1) * 1e3 - [p.length_mm for p in plan.poses])
+    return np.asarray(np.linalg.norm(bar, axis=1) * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
+
+
+def _off_centre(cell: Cell, plan: PlannedFor) -> Array:
+    """Distance of the tool point from the ball that is centred there, one a pose [mm]; nothing is off elsewhere."""
+    names = [b.name for b in cell.balls]
+    x = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses]))
+    ball = [names.index(p.ball) if p.ball in names else -1 for p in plan.poses]
+    off = [0.0 if k < 0 else float(np.linalg.norm(x[i] - cell.p_BS[k])) * 1e3 for i, k in enumerate(ball)]
+    return np.array(off)
 
 
 def _apart(path: Path, beside: Path, because: str) -> InputError:

@@ -23,6 +23,7 @@ from planner.plan import (
 from planner.tour import Method, Tour, slowest_axis_cost, solve_tour
 from planner.trajectory import check_limits
 from planner.units import Array
+from planner.workflow.approaching import approached
 from planner.workflow.releasing import blended, released
 
 TRIES = 12  # tours re-solved with a leg forbidden
@@ -31,10 +32,11 @@ LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside thos
 
 @dataclass(frozen=True)
 class Stop:
-    """A pose to be visited."""
+    """A pose to be visited; ``approach`` (N,): wanted sign of each axis' last movement, 0 where any will do."""
 
     q: Array
     role: Role
+    approach: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,11 @@ def drive(
     mount = np.asarray(cell.fixtures[fixture].mount)
     nodes = np.vstack([mount, *[s.q for s in stops]])
     near = pool.q[pool.fixture == fixture]
-    tour, path, order = _join_tour(cell, nodes, repeats, with_bar, near, tsp, seed)
-    travel = _travel(without_bar, np.vstack([cell.home, mount]), seed)
+    tour, path, order = join_tour(cell, nodes, repeats, with_bar, near, tsp, seed)
+    if any(s.approach is not None for s in stops):
+        none = np.zeros(nodes.shape[1])
+        path, _ = approached(with_bar, path, [none, *(none if s.approach is None else s.approach for s in stops)])
+    travel = way_to_mount(without_bar, np.vstack([cell.home, mount]), seed)
     visits = _visits(cell, fixture, nodes, order, path, ["mount", *[s.role for s in stops]], first)
     measuring = _measuring(cell, with_bar, path, visits)
     ends = np.zeros(len(travel.q), dtype=bool)
@@ -71,7 +76,7 @@ def drive(
     return Drive(fixture, visits, tour, path, travel, driven, limits, verdicts)
 
 
-def _travel(constraints: Constraints, ends: Array, seed: int) -> Path:
+def way_to_mount(constraints: Constraints, ends: Array, seed: int) -> Path:
     """The way without the bar from home to the mount pose."""
     travel = join(constraints, ends, [0, 1], seed=seed)
     if isinstance(travel, Gaps):
@@ -83,13 +88,28 @@ def _travel(constraints: Constraints, ends: Array, seed: int) -> Path:
     return replace(travel, q=settled(travel.q))
 
 
-def _join_tour(
-    cell: Cell, nodes: Array, repeats: int, constraints: Constraints, pool: Array, tsp: Method, seed: int
+def join_tour(
+    cell: Cell,
+    nodes: Array,
+    repeats: int,
+    constraints: Constraints,
+    pool: Array,
+    tsp: Method,
+    seed: int,
+    proof: int | None = None,
 ) -> tuple[Tour, Path, list[int]]:
+    """Return the shortest tour of the nodes (n, N) [rad] that a path joins, that path, and the nodes in its order.
+
+    ``proof``: how far the proof that no order is shorter is carried, see :func:`planner.tour.solve_tour`.
+
+    Raises:
+        Unreachable: a stop cannot be reached.
+        NoSolutionError: no tour joins the nodes.
+    """
     cost = slowest_axis_cost(nodes, cell.robot.speed)
     forbidden: dict[tuple[int, int], str] = {}
     for _ in range(TRIES):
-        tour = solve_tour(cost, start=0, end=0, forbidden=set(forbidden), method=tsp, seed=seed)
+        tour = solve_tour(cost, start=0, end=0, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
         order = [*(int(k) for k in tour.order), 0]
         order += _second_round(cost, order, repeats, set(forbidden), tsp, seed)
         path = join(constraints, nodes, order, seed=seed, pool=pool)

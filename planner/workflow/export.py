@@ -6,11 +6,13 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.cell.reading import read_cell
+from planner.circular import is_circular
 from planner.errors import InputError
 from planner.plan import Course, DriveFile, WaypointFile, Waypoints, course, read_plan, settled
 from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
 from planner.workflow.belonging import check_courses, check_robot
+from planner.workflow.circle_reading import export_circles
 from planner.workflow.session import session
 
 
@@ -21,6 +23,8 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
+    if is_circular(path):
+        return export_circles(path, dialect, stem)
     chosen = info(dialect)
     file = read_plan(path)
     beside = path.parent / "cell.toml"

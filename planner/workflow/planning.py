@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,12 +16,14 @@ from planner.observability import index_value
 from planner.plan import Drive, Plan, identity, is_continuous
 from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
+from planner.separating import Separated, enough, read_identified, separate
 from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
 from planner.workflow.notes import session_notes
 from planner.workflow.replacing import joinable, replaced
+from planner.workflow.separation import separation_driven, separation_notes
 from planner.workflow.session import session
 
 REPLACEMENTS = 20
@@ -53,6 +56,7 @@ class Options:
     seed: int = 0
     dialects: tuple[str, ...] = ()
     tsp: Method = "auto"
+    separate: Path | None = None
 
 
 @single_threaded
@@ -66,6 +70,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     dialects = options.dialects or cell.controller.dialects
     for name in dialects:
         _ = info(name)  # an unknown dialect is told before a minute's work
+    rivals = read_identified(options.separate, cell.robot.name) if options.separate else None
     with stages.stage("candidates") as progress:
         cell = with_mounts(cell, options.seed)
         pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
@@ -73,21 +78,29 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     with stages.stage("roadmap"):
         pool, apart = reachable(cell, pool, index, poses, options.seed)
     with stages.stage("selection"):
+        poses = enough(cell, pool) if rivals and poses is None else poses
         choice, curve = choose(cell, pool, poses, index, options.seed)
+    parted: Separated | None = None
+    if rivals:
+        with curve, stages.stage("separation"):
+            parted = separate(cell, pool, choice, rivals, options.seed)
+            choice = parted.choice
     with curve, stages.stage("refinement"):
         choice, swapped = joinable(cell, pool, choice, options.seed)
-        choice = refined(cell, choice, options.seed)
+        choice = choice if parted else refined(cell, choice, options.seed)
     with curve, stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
     with stages.stage("index curve"):
         points = curve.result()
     with stages.stage("programs"):
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), apart + swapped + notes)
+        told = separation_driven(cell, parted, drives) if parted else None
+        notes = apart + swapped + notes + separation_notes(cell, told, choice, drives)
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told)
         named = replace(bare, plan_id=identity(bare))
-        told = session_notes(cell, (d.course for d in drives), named.plan_id, dialects)
+        more = session_notes(cell, (d.course for d in drives), named.plan_id, dialects)
         return replace(
-            named, programs=tuple((name, programs(named, name)) for name in dialects), notes=(*named.notes, *told)
+            named, programs=tuple((name, programs(named, name)) for name in dialects), notes=(*named.notes, *more)
         )
 
 
@@ -109,7 +122,8 @@ def _driven(
     for fixture in range(len(cell.fixtures)):
         for _ in range(REPLACEMENTS):
             mine = np.flatnonzero(choice.fixture == fixture)
-            stops = [Stop(choice.q[k], "calibrate") for k in mine]
+            sides = choice.approach
+            stops = [Stop(choice.q[k], "calibrate", None if sides is None else sides[k]) for k in mine]
             stops += [Stop(pool.q[k], "validate") for k in checks if pool.fixture[k] == fixture]
             try:
                 first = sum(len(d.visits) for d in drives)

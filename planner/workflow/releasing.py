@@ -1,12 +1,13 @@
 """Blends that fit, and the release of a path: timed, and proven by both engines with every blend in it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.cell import Cell
 from planner.errors import NoSolutionError
-from planner.path import Constraints, Path, Verdict, judge
+from planner.path import Apart, Constraints, Path, Verdict, judge
 from planner.plan import Course, Waypoints, axis_limits, course, tool_speed
 from planner.trajectory import Trajectory, blend_corners
 from planner.units import Array
@@ -17,16 +18,22 @@ STOPPED = 4  # times that blends which a judge does not prove become stops
 
 
 def released(
-    with_bar: Constraints, without_bar: Constraints, way: Waypoints, measuring: Waypoints
+    with_bar: Constraints,
+    without_bar: Constraints,
+    way: Waypoints,
+    measuring: Waypoints,
+    apart: Sequence[Apart] = (),
 ) -> tuple[Course, tuple[Verdict, ...]]:
     """Time both paths and have both engines judge them; a blend that either does not prove becomes a stop.
+
+    Motions of the measuring path that are ``apart`` keep constraints of their own.
 
     Raises:
         NoSolutionError: an engine does not prove the path; nothing is written for it.
     """
     for _ in range(STOPPED + 1):
         driven = course(with_bar.cell, with_bar.workspace.fixture, way, measuring)
-        first, lost = _judged(with_bar, measuring, driven.trajectory)
+        first, lost = _judged(with_bar, measuring, driven.trajectory, apart)
         second, lost_way = _judged(without_bar, way, driven.travel_trajectory)
         measuring, way = _without_blends(measuring, lost), _without_blends(way, lost_way)
         if not len(lost) and not len(lost_way):
@@ -41,7 +48,7 @@ def released(
 
 
 def _judged(
-    constraints: Constraints, path: Waypoints, trajectory: Trajectory
+    constraints: Constraints, path: Waypoints, trajectory: Trajectory, apart: Sequence[Apart] = ()
 ) -> tuple[tuple[Verdict, ...], np.ndarray]:
     """Both engines' verdicts on the legs and on the triangle under every blend (the way back has the same).
 
@@ -50,7 +57,7 @@ def _judged(
     count = len(path.q)
     corner = np.flatnonzero(~trajectory.stop[:count])
     triangles = np.stack([trajectory.entry[corner], path.q[corner], trajectory.exit[corner]], axis=1)
-    verdicts = judge(constraints, path.q, triangles)
+    verdicts = judge(constraints, path.q, triangles, apart)
     lost = np.unique([k - (count - 1) for v in verdicts for k in v.unproven if k >= count - 1]).astype(int)
     return verdicts, corner[lost]
 

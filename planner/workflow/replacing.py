@@ -48,9 +48,13 @@ def _apart(cell: Cell, pool: PoseSet, choice: Choice, seed: int) -> np.ndarray:
 def replaced(pool: PoseSet, choice: Choice, lost: int) -> Choice:
     """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
     rng = np.random.default_rng(lost)
-    others = np.setdiff1d(np.flatnonzero(pool.fixture == choice.fixture[lost]), choice.chosen)
+    alike = pool.fixture == choice.fixture[lost]
+    if pool.ball is not None:
+        alike &= pool.ball == pool.ball[choice.chosen[lost]]
+    others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)
     tried = np.sort(rng.choice(others, min(TRIED, len(others)), replace=False))
-    kept = choice.model.jacobian(np.delete(choice.q, lost, axis=0), np.delete(choice.fixture, lost))[:, 0]
+    kept = choice.model.jacobian(np.delete(choice.q, lost, axis=0), np.delete(choice.fixture, lost))
+    kept = kept.reshape(-1, kept.shape[2])
     rows = choice.model.jacobian(pool.q[tried], pool.fixture[tried])
     mass = kept.T @ kept + np.swapaxes(rows, 1, 2) @ rows
     mu = np.sqrt(np.maximum(np.linalg.eigvalsh(mass)[:, ::-1], 0.0))

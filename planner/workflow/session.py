@@ -21,6 +21,7 @@ from planner.program import (
 )
 from planner.trajectory import Limits, Trajectory, axis_percent
 from planner.units import Array
+from planner.workflow.point_session import of_points
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point
@@ -29,16 +30,21 @@ DENSE_TURN = 0.01  # [rad] of any axis between two such points
 
 def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) -> Program:
     """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
-    body: list[Instruction] = [Section("home"), _first_move(cell)]
+    body: list[Instruction] = []
     for one in courses:
         body += _of_fixture(cell, one, dense)
+    return program_of(cell, plan_id, body)
+
+
+def program_of(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
+    """Return a session as a program: home first, then ``body``."""
     control = cell.controller
     return Program(
         plan_id=plan_id,
         robot=cell.robot.name,
         n_joints=cell.robot.n_joints,
         home_deg=_deg(cell.home),
-        instructions=tuple(body),
+        instructions=(Section("home"), first_move(cell), *body),
         tool=control.tool,
         base=control.base,
         load=control.load,
@@ -52,8 +58,11 @@ def session(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) ->
 
 def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
     name = cell.fixtures[one.fixture].name
-    there = _moves(cell, one.travel, one.travel_trajectory, bar=False)
-    measuring = _dense(cell, one) if dense and is_continuous(cell) else _measuring(cell, one)
+    there = joint_moves(cell, one.travel, one.travel_trajectory, bar=False)
+    if not cell.gauge.is_bar:
+        legs = joint_moves(cell, one.measuring, one.trajectory, bar=True)
+        return of_points(cell, there, legs, way_back(there, one.travel.q))
+    measuring = dense_moves(cell, one) if dense and is_continuous(cell) else measured_moves(cell, one)
     return [
         Section(f"to the mount pose of fixture {name}, without the bar"),
         *there,
@@ -63,23 +72,23 @@ def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
         *measuring,
         Pause("take the bar off"),
         Section("back home, without the bar"),
-        *_back(there, one.travel.q),
+        *way_back(there, one.travel.q),
     ]
 
 
-def _back(there: list[JointMove], q: Array) -> list[JointMove]:
+def way_back(there: list[JointMove], q: Array) -> list[JointMove]:
     """The same legs the other way round: leg k back is leg −k−1 there, its corner the one before that."""
     blends = [0.0, *(m.blend_mm for m in there[:-1])]
     legs = zip(reversed(there), reversed(q[:-1]), reversed(blends), strict=True)
     return [replace(move, q_deg=_deg(target), blend_mm=blend, pose=None) for move, target, blend in legs]
 
 
-def _first_move(cell: Cell) -> JointMove:
+def first_move(cell: Cell) -> JointMove:
     """The way to home is not planned: the operator stands the robot near it, and it moves slowly."""
     return JointMove(_deg(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def _moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> list[JointMove]:
+def joint_moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> list[JointMove]:
     """One joint move a leg of the path, with the blends that the trajectory has."""
     robot = cell.robot
     percent = axis_percent(
@@ -113,9 +122,10 @@ def _largest_travel(cell: Cell, q: Array) -> Array:
     return np.asarray(np.linalg.norm(np.einsum("lsij,lj->lsi", J, leg), axis=2).max(axis=1) * LEG_MARGIN)
 
 
-def _measuring(cell: Cell, one: Course) -> list[Instruction]:
+def measured_moves(cell: Cell, one: Course) -> list[Instruction]:
+    """The measuring path leg by leg, a mark at every pose."""
     out: list[Instruction] = []
-    for move in _moves(cell, one.measuring, one.trajectory, bar=True):
+    for move in joint_moves(cell, one.measuring, one.trajectory, bar=True):
         out.append(move)
         if move.pose is not None:
             mark = _mark(cell, move.pose)
@@ -128,7 +138,7 @@ def _mark(cell: Cell, pose: int) -> list[Instruction]:
     return [Sync(pose), LogAxes(pose)] if cell.controller.log_axes else [Sync(pose)]
 
 
-def _dense(cell: Cell, one: Course) -> list[Instruction]:
+def dense_moves(cell: Cell, one: Course) -> list[Instruction]:
     """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
     trajectory, ids = one.trajectory, one.measuring.visit
     t = _dense_times(cell, trajectory)

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from planner.cell.reading import read_cell
+from planner.circular import is_circular
 from planner.errors import InputError
 from planner.plan import read_plan
 from planner.repeatable import single_threaded
 from planner.simulation import SimulatedRun, drawn, read_truth, samples_of, simulate
+from planner.workflow.circle_reading import simulate_circles
 from planner.workflow.export import _course
 
 
@@ -19,6 +21,8 @@ def simulate_plan(plan_file: Path, truth: Path | None, seed: int) -> SimulatedRu
     Raises:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
     """
+    if is_circular(plan_file):
+        return simulate_circles(plan_file, truth, seed)
     plan = read_plan(plan_file)
     beside = plan_file.parent / "cell.toml"
     if not beside.is_file():

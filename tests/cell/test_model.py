@@ -9,7 +9,7 @@ from planner.choice import what_is_seen
 from planner.model import Model
 
 
-@pytest.mark.parametrize("name", shipped_cells())
+@pytest.mark.parametrize("name", [n for n in shipped_cells() if load_cell(n).gauge.is_bar])
 def test_jacobian_agrees_with_finite_differences(name):
     cell = load_cell(name)
     model = Model.from_cell(cell, frozenset({"fixture", "tool", "zero"}))

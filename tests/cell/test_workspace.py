@@ -9,8 +9,10 @@ from planner.cell import load_cell, shipped_cells
 from planner.chain import Chain
 from planner.workspace import STAGES, Workspace, axis_reach, swing
 
+DRAWN = [n for n in shipped_cells() if load_cell(n).gauge.head is None]
 
-@pytest.mark.parametrize("name", shipped_cells())
+
+@pytest.mark.parametrize("name", DRAWN)
 def test_no_margin_changes_faster_than_its_rate(name):
     cell = load_cell(name)
     workspace = Workspace(cell)
@@ -22,7 +24,7 @@ def test_no_margin_changes_faster_than_its_rate(name):
     assert (change <= workspace.rates(dq) * (1 + 1e-6) + 1e-12).all()
 
 
-@pytest.mark.parametrize("name", shipped_cells())
+@pytest.mark.parametrize("name", DRAWN)
 def test_columns_name_the_margins(name):
     for bar in (True, False):
         workspace = Workspace(load_cell(name), bar=bar)

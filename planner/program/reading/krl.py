@@ -14,14 +14,14 @@ _SCALED = re.compile(r"\(\w+\*(\d+)\+99\)/100")
 _FOUND = re.compile(r"OV_\w+")
 
 
-def read(_dialect: Dialect, texts: tuple[str, ...], trace: Trace) -> None:
+def read(dialect: Dialect, texts: tuple[str, ...], trace: Trace) -> None:
     """Note the moves of the first DEF of the first file and of those that it calls."""
     bodies: dict[str, list[str]] = {}
     for text in texts:
         _collect(text, bodies)
     if not bodies:
         raise InputError("no DEF in the program")
-    machine = _Machine(trace)
+    machine = _Machine(trace, dialect.reading.centre)
     for statement in walk(bodies, next(iter(bodies)), _called):
         machine.run(statement)
 
@@ -48,8 +48,8 @@ def _collect(text: str, bodies: dict[str, list[str]]) -> None:
 class _Machine:
     """The system variables that a PTP move takes its speed and its rounding from."""
 
-    def __init__(self, trace: Trace) -> None:
-        self.trace = trace
+    def __init__(self, trace: Trace, centring: str = "") -> None:
+        self.trace, self.centring = trace, centring
         self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "#VEL_PTP": 100.0}
 
     def run(self, statement: str) -> None:
@@ -62,6 +62,8 @@ class _Machine:
             self.trace.dwell(number(match[1], statement))
         elif re.match(r"(TRIGGER\s+WHEN\s+.*\bDO\s+)?PULSE\s*\(", statement, re.IGNORECASE):
             self.trace.syncs += 1
+        elif self.centring and (match := re.fullmatch(self.centring, statement, re.IGNORECASE)):
+            self.trace.centring(int(match["ball"]), int(match["pose"]))
         elif match := _SETTING.fullmatch(statement):
             self.values[match[1] or match[3]] = _percentage(match[2] or match[4], statement)
 

@@ -24,6 +24,8 @@ class ReadBack:
     """Times of standing still [s]."""
     syncs: int
     """Number of pulses at measuring poses."""
+    centrings: tuple[tuple[int, int, int], ...] = ()
+    """Calls of the centring routine: after how many moves, at which ball and which pose."""
 
 
 @dataclass
@@ -35,6 +37,7 @@ class Trace:
     speeds: list[float] = field(default_factory=list)
     dwells: list[float] = field(default_factory=list)
     syncs: int = 0
+    centrings: list[tuple[int, int, int]] = field(default_factory=list)
 
     def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
         """Note a joint move; all moves must drive the same number of axes."""
@@ -51,6 +54,10 @@ class Trace:
         if seconds > 0.0:
             self.dwells.append(seconds)
 
+    def centring(self, ball: int, pose: int) -> None:
+        """Note a call of the centring routine."""
+        self.centrings.append((len(self.rows), ball, pose))
+
     def finished(self, plan_id: str) -> ReadBack:
         """Return what was noted."""
         if not self.rows:
@@ -62,6 +69,7 @@ class Trace:
             tuple(self.speeds),
             tuple(self.dwells),
             self.syncs,
+            tuple(self.centrings),
         )
 
 

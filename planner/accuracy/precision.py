@@ -1,0 +1,95 @@
+"""The precision test of a head of indicators: the same ball centred again and again (TriCal paper, Table 3)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.plan.header import Loose
+from planner.run import Run
+from planner.schema import read_json, validate
+from planner.units import Array
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How closely repeated centrings agree.
+
+    Attributes:
+        poses: how many were centred more than once.
+        centrings: of all these together.
+        largest: distance of a centring from its pose's mean, or from the reference where there is one [m].
+        rms: of these distances [m].
+        apart: largest distance of two centrings of one pose [m].
+        axis_std: standard deviation of one centring along each axis, within poses, (3,) [m].
+    """
+
+    poses: int
+    centrings: int
+    largest: float
+    rms: float
+    apart: float
+    axis_std: Array
+
+
+class _Pose(Loose):
+    id: int
+    repeats: int | None = None
+
+
+class _Poses(Loose):
+    poses: tuple[_Pose, ...]
+
+
+def groups_of(plan: Path) -> dict[int, int]:
+    """Return for each pose of the plan at ``plan`` the one that it repeats, or itself.
+
+    Raises:
+        InputError: no plan.
+    """
+    found = validate(read_json(plan), _Poses, str(plan))
+    return {p.id: p.id if p.repeats is None else p.repeats for p in found.poses}
+
+
+def precision(position: Array, group: np.ndarray, reference: Array | None = None) -> Precision:
+    """Judge positions (n, 3) [m] of balls centred repeatedly; ``group`` (n,) int says which pose each belongs to.
+
+    ``reference`` (3,) [m] is the master ball's centre where a CMM measured it, as in the paper's Table 3.
+
+    Raises:
+        InputError: no pose was centred more than once.
+    """
+    names, member, count = np.unique(group, return_inverse=True, return_counts=True)
+    often = count[member] > 1
+    if not often.any():
+        raise InputError("no pose was centred more than once: plan.repeat says how many poses are")
+    position, member = position[often], member[often]
+    sums = np.stack([np.bincount(member, position[:, k], minlength=len(names)) for k in range(3)], axis=1)
+    off = position - (sums / np.maximum(count, 1)[:, None])[member]
+    size = np.linalg.norm(off if reference is None else position - reference, axis=1)
+    poses = int((count > 1).sum())
+    apart = max(_diameter(position[member == k]) for k in np.unique(member))
+    std = np.sqrt((off**2).sum(axis=0) / (len(off) - poses))
+    return Precision(poses, len(off), float(size.max()), float(np.sqrt((size**2).mean())), apart, std)
+
+
+def precision_of_run(cell: Cell, run: Run, groups: dict[int, int]) -> Precision:
+    """Judge the repeated centrings of a run: where the robot's axes and the last readings put the ball each time.
+
+    The nominal geometry is near enough: centrings of one pose differ by micrometres.
+
+    Raises:
+        InputError: the run names no poses, or none was centred more than once.
+    """
+    if run.samples.pose is None:
+        raise InputError(f"{run.name}: the column 'pose' is missing, so nothing tells which centrings belong together")
+    x = cell.map_position(run.samples.q)
+    if run.readings.offset is not None:
+        x = x - run.readings.offset
+    return precision(x, np.array([groups.get(int(k), int(k)) for k in run.samples.pose]))
+
+
+def _diameter(x: Array) -> float:
+    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())

@@ -1,0 +1,98 @@
+"""A tracker's run against a robot: its frame comes from nests that were measured beforehand, never from the run.
+
+A frame that is fitted to the validation poses takes up a part of the error that it should show (TriCal paper, 6).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.calibrated import CalibratedRobot
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.placing.rotations import registration
+from planner.robot import Robot
+from planner.run import Run
+from planner.units import UM, Array, from_deg, from_mm, to_mm
+
+NESTS = 3
+FLAT = 0.05  # share of their spread by which the nests must leave one line
+CLOSE = 100 * UM  # [m] by which a nest may miss its place after the frame was found
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where the nests' frame W stands in the robot's base: R_BW (3, 3), p_BW (3,) [m]."""
+
+    R_BW: Array
+    p_BW: Array
+
+
+@dataclass(frozen=True)
+class Registered:
+    """Where the tracker's frame G stands in the nests' frame W: R_WG (3, 3), p_WG (3,) [m].
+
+    ``misses`` (k,) [m] is what is left at each nest.
+    """
+
+    R_WG: Array
+    p_WG: Array
+    misses: Array
+
+
+def stand_of(cell: Cell) -> Stand:
+    """Return where the nests' frame stands as the cell says: with the artifact, or on the base without one."""
+    placed = cell.file.artifact
+    if placed is None:
+        return Stand(np.eye(3), np.zeros(3))
+    R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
+    return Stand(np.asarray(R), np.asarray(from_mm(placed.position_mm)))
+
+
+def registered(cell: Cell) -> Registered:
+    """Find the tracker's frame from the cell's nests.
+
+    Raises:
+        InputError: fewer than three nests were read, they lie on a line, or one is not where it should be.
+    """
+    read = [n for n in cell.nests if n.p_GN is not None]
+    if len(read) < NESTS:
+        missing = [n.name for n in cell.nests if n.p_GN is None]
+        which = f"read_mm is missing for {', '.join(missing)}" if missing else f"it has {len(read)} of them"
+        raise InputError(f"{cell.path}: the tracker's frame takes {NESTS} nests in [[tracker.nests]]; {which}")
+    W, G = np.array([n.p_WN for n in read]), np.array([n.p_GN for n in read])
+    spread = np.linalg.svd(W - W.mean(axis=0), compute_uv=False)
+    if spread[1] < FLAT * spread[0]:
+        raise InputError(f"{cell.path}: the nests lie nearly on one line, about which the tracker's frame stays open")
+    R, p = registration(W, G, np.ones(len(W)))
+    misses = np.linalg.norm(G @ R.T + p - W, axis=1)
+    if misses.max() > CLOSE:
+        worst = int(np.argmax(misses))
+        raise InputError(
+            f"{cell.path}: nest {read[worst].name} is {float(to_mm(misses[worst])):.3f} mm from where it should be, "
+            f"with the tracker's frame as it fits best; {float(to_mm(CLOSE)):g} mm are allowed: read the nests again, "
+            "or check their position_mm"
+        )
+    return Registered(R, p, misses)
+
+
+def errors_of(robot: Robot, p_FM: Array, stand: Stand, frame: Registered, run: Run) -> Array:
+    """Return where the tracker saw the tool less where the robot's model has it, in the base frame, (n, 3) [m].
+
+    Args:
+        robot: nominal or calibrated; before and after differ in nothing else but ``stand``.
+        p_FM: the reflector in the flange, (3,) [m].
+        stand: where the nests' frame stands in this robot's base; a calibration on the artifact finds it.
+        frame: of the tracker.
+        run: positions, read in the tracker's own frame.
+
+    Raises:
+        InputError: the run has no positions.
+    """
+    if run.readings.position is None:
+        raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
+    p_BF, R_BF = CalibratedRobot(robot).flange(run.samples.q)
+    model = p_BF + R_BF @ p_FM
+    seen = (run.readings.position @ frame.R_WG.T + frame.p_WG) @ stand.R_BW.T + stand.p_BW
+    return np.asarray(seen - model)

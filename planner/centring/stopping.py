@@ -1,0 +1,63 @@
+"""Stop on demand: Ctrl-C, a termination signal, or a file that appears."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from planner.centring.errors import StoppedError
+
+STEP = 0.02  # [s] between two looks while waiting
+
+
+class Stop:
+    """What everything that waits looks at; ``file`` asks for a stop by being there."""
+
+    def __init__(self, file: Path | None = None) -> None:
+        self.file = file
+        self.asked = ""
+
+    def ask(self, who: str) -> None:
+        """Ask for a stop at the next look."""
+        self.asked = who
+
+    def check(self) -> None:
+        """Look.
+
+        Raises:
+            StoppedError: a stop was asked for.
+        """
+        if not self.asked and self.file is not None and self.file.exists():
+            self.asked = f"the file {self.file}"
+        if self.asked:
+            raise StoppedError(f"stopped by {self.asked}")
+
+    def wait(self, seconds: float) -> None:
+        """Wait, looking all the while."""
+        until = time.monotonic() + seconds
+        while True:
+            self.check()
+            left = until - time.monotonic()
+            if left <= 0.0:
+                return
+            time.sleep(min(left, STEP))
+
+
+@contextmanager
+def on_signals(stop: Stop) -> Iterator[Stop]:
+    """Turn Ctrl-C and a termination signal into a stop while the block runs; a second one ends the program at once."""
+
+    def asked(number: int, _frame: FrameType | None) -> None:
+        stop.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+        signal.signal(number, before[number])
+
+    before = {int(number): signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, asked)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,107 @@
+"""What the fit of a planned run will free, and which of its parameters are preferred where some depend on others."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.catalogue import catalogue
+from planner.cell import Cell
+from planner.errors import InputError, nearest
+from planner.model import Model
+from planner.model.parameters import compliance_parameters
+from planner.observability import Dropped, Identifiability, covariance
+from planner.observability.sentences import because
+from planner.run import Samples
+from planner.units import UM, Array
+
+SAMPLED = 2000  # poses of a pool that tell which effects show
+READINGS = 80  # poses, where the plan does not say how many
+LOOSE = 1.0  # [m] what is known of a tool point that nobody measured: nothing
+
+
+def planned_model(cell: Cell, q: Array, place: np.ndarray) -> Model:
+    """Return the model of everything that the cell's ``[plan]`` frees, seen from poses q (n, N) [rad].
+
+    Raises:
+        InputError: an effect that the catalogue does not have, or that these poses do not show.
+    """
+    model = Model.from_cell(cell)
+    if not cell.plan.effects:
+        return model
+    rows = np.unique(np.linspace(0, len(q) - 1, min(SAMPLED, len(q))).astype(int))
+    entries = catalogue(model.rig, Samples(q[rows], place[rows]))
+    kinds = {e.kind for e in entries if e.inner is None}
+    for wanted in cell.plan.effects:
+        if wanted not in kinds:
+            raise InputError(
+                f"{cell.path}: plan.effects names '{wanted}'{nearest(wanted, sorted(kinds))}; these poses can show "
+                f"{', '.join(sorted(kinds))}"
+            )
+    return model.plus([p for e in entries if e.kind in cell.plan.effects for p in e.make(None)])
+
+
+def preference(model: Model) -> list[int]:
+    """Return positions of the parameters, best kept first.
+
+    A bar's as they stand. Where a frame takes up how the arm's first rows stand, the rows nearest to the tool are
+    kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
+    """
+    order = range(len(model.parameters))
+    if model.rig.kind == "length":
+        return list(order)
+    kinds = [p.group for p in model.parameters]
+    last = [k for k in order if model.parameters[k].name == f"theta{model.rig.robot.n_joints}"]
+    inwards = [k for k in reversed(order) if kinds[k] == "geometry" and k not in last]
+    return [
+        *(k for k in order if kinds[k] == "gauge"),
+        *inwards,
+        *last,
+        *(k for k in order if kinds[k] not in ("gauge", "geometry")),
+    ]
+
+
+def held(cell: Cell, model: Model, rows: Array, noise: float) -> tuple[Dropped, ...]:
+    """Return the tool's parameters that were measured to less than the noise of one reading.
+
+    Freed they would only take up what others do: the reading cannot see them off by that much, and a point that is
+    wrong by as little is no matter. Said beside it: what the readings alone would tell of them.
+
+    Args:
+        cell: the cell; without ``tool.map_sigma_um`` nothing is held.
+        model: all that is freed.
+        rows: its rows over candidates (n, r, P).
+        noise: of one reading [m].
+    """
+    if not cell.tool.measured:
+        return ()
+    part = rows[:: max(1, len(rows) // SAMPLED)]
+    per_reading = noise * np.sqrt(len(part) / (cell.plan.poses or READINGS))
+    moves = np.sqrt((part**2).sum(axis=1).mean(axis=0))
+    out = []
+    for k, p in enumerate(model.parameters):
+        if not p.name.startswith("map_") or p.prior * moves[k] > noise:
+            continue
+        prior = model.prior.copy()
+        prior[k] = LOOSE
+        std = float(covariance(part, per_reading, prior).std[k])
+        told = f"{float(f'{std / UM:.2g}'):g} µm"
+        why = (
+            f"{p.name} was measured on the tool to {p.prior / UM:.2g} µm (tool.map_sigma_um), less than the noise of "
+            f"one reading, {noise / UM:.2g} µm; the planned readings alone would tell it to {told}: held"
+        )
+        out.append(Dropped(p.name, why, ((p.name, 1.0),)))
+    return tuple(out)
+
+
+def unloaded(cell: Cell, model: Model) -> tuple[Dropped, ...]:
+    """Return the joint compliances that the plan asks for and no pose can show, as no weight turns the joint."""
+    if "joint compliance" not in cell.plan.effects:
+        return ()
+    missing = [p for p in compliance_parameters(model.rig) if p.name not in model.names]
+    return tuple(Dropped(p.name, because(d := ((p.name, 1.0),)), d) for p in missing)
+
+
+def with_others(seen: Identifiability, names: tuple[str, ...], others: tuple[Dropped, ...]) -> Identifiability:
+    """Return what is seen, its positions counted in all of ``names``, and beside it what else was left out."""
+    kept = tuple(names.index(name) for name in seen.names)
+    return replace(seen, kept=kept, dropped=(*seen.dropped, *others))

@@ -1,0 +1,58 @@
+"""The arm in balance with its loads: where it comes to stand when its joints yield."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.effects import Context
+from planner.loaded.circle import points
+from planner.loaded.types import Curves
+from planner.rig import Rig
+from planner.run import Samples
+from planner.units import Array, frozen
+
+ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns a bar of 130 mm by 8 mrad
+
+
+def balanced(rig: Rig, samples: Samples, value: Array) -> Samples:
+    """Return the samples with the angles to which the joints yield under weight, payload and the bar's pull.
+
+    The torques are those at the place where the arm comes to stand, not where it was sent: the bar's direction
+    follows the deflection, by up to a percent, and the weights' levers a little.
+
+    Args:
+        rig: with the fixture where it is.
+        samples: as driven.
+        value: compliance of every joint, (N,) [rad/Nm].
+    """
+    back = np.linalg.inv(rig.robot.sense_matrix)
+    q = samples.q
+    for _ in range(ROUNDS):
+        torque = Context(rig, replace(samples, q=q)).load_torque
+        q = samples.q + (torque * value) @ back.T
+    return replace(samples, q=frozen(q))
+
+
+def settled(rig: Rig, curves: Curves, value: Array) -> Rig:
+    """Return the rig with a circle's fixture as much lower as the weights alone bend the arm.
+
+    Where the fixture stands is known from the arm itself, which sags as much when it is driven there.
+    """
+    p_BX, samples = np.array(rig.p_BX), samples_of(curves, loaded=False)
+    sagged = balanced(rig, samples, value)
+    p_BX[curves.circle.place] += (points(rig, sagged.q) - points(rig, samples.q)).mean(axis=0)
+    return replace(rig, p_BX=frozen(p_BX))
+
+
+def raised(rig: Rig, curves: Curves, height: float) -> Rig:
+    """Return the rig with the fixture of a circle higher along the circle's normal [m]."""
+    p_BX = np.array(rig.p_BX)
+    p_BX[curves.circle.place] += height * curves.circle.axes[2]
+    return replace(rig, p_BX=frozen(p_BX))
+
+
+def samples_of(curves: Curves, loaded: bool = True) -> Samples:
+    """Every angle, load and sense of a circle as a sample, with the bar's pull or without."""
+    n = curves.length.size
+    force = curves.force.ravel() if loaded else np.zeros(n)
+    return Samples(q=frozen(curves.q.reshape(n, -1)), place=np.full(n, curves.circle.place), force=frozen(force))

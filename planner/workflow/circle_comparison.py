@@ -1,0 +1,110 @@
+"""Circle against error-sensitive path (EDBB paper, section 4.1): how much of the bar each uses, how much it shows.
+
+Both are driven by the same simulated robots. As in the paper's set-up the fixture stands where the robot itself put it:
+the measured point is driven there, so whatever the robot errs there is in the fixture's place.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell import Cell
+from planner.circular import CircularPlan
+from planner.circular.inverse import held, tool_frames
+from planner.errors import NoSolutionError
+from planner.gauge import bar_state
+from planner.model import Model
+from planner.plan import Plan
+from planner.rig import Targets
+from planner.run import Samples
+from planner.simulation import RATE, drawn
+from planner.units import MM, Array, frozen
+from planner.workflow.circle_reading import circle_samples
+
+ROUNDS = 60
+APART = ("fixture_", "zero")  # errors that are the set-up's, not the robot's or the tool's
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Of one run: range of the bar's length, and of its difference to the nominal robot's at the joint angles [m]."""
+
+    length: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One simulated robot on both."""
+
+    circle: Ranges
+    path: Ranges
+
+
+PAPER = Compared(Ranges(2.45 * MM, 2.36 * MM), Ranges(156.32 * MM, 8.28 * MM))
+"""Published: one Comau NJ-130, with the error of following the path in the lengths."""
+
+
+def circle_and_path(circles: CircularPlan, path: Plan, seeds: Iterable[int]) -> tuple[Compared, ...]:
+    """Drive a circular test and an error-sensitive path with one simulated robot a seed.
+
+    The two plans must be of the same robot, tool and fixture; lengths are without the gauge's noise.
+    """
+    on_path = driven_samples(path)
+    return compared(circles.cell, circle_samples(circles, ways=False), on_path, seeds)
+
+
+def compared(cell: Cell, circle: Samples, path: Samples, seeds: Iterable[int]) -> tuple[Compared, ...]:
+    """Do the same for any two sets of samples about the cell's fixtures."""
+    out = []
+    for seed in seeds:
+        truth = drawn(cell, seed)
+        errors = placed_by_robot(cell, truth.model, np.array(truth.errors))
+        out.append(Compared(*(_ranges(cell, truth.model, samples, errors) for samples in (circle, path))))
+    return tuple(out)
+
+
+def driven_samples(plan: Plan) -> Samples:
+    """The joint angles of an error-sensitive plan as it is driven, ``RATE`` times a second."""
+    motions = [d.trajectory.sample(1.0 / RATE) for d in plan.drives]
+    place = np.repeat([d.fixture for d in plan.drives], [len(m.t) for m in motions])
+    return Samples(q=frozen(np.concatenate([m.q for m in motions])), place=place)
+
+
+def placed_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
+    """Return errors (P,) with every fixture where the robot's measured point truly comes when told to go there."""
+    own = [k for k, p in enumerate(model.parameters) if not p.name.startswith(APART)]
+    position = replace(model.subset(own), rig=replace(model.rig, kind="position"))
+    out = errors.copy()
+    out[[k for k, p in enumerate(model.parameters) if p.name.startswith(APART)]] = 0.0
+    for fixture in cell.fixtures:
+        q = pointing(cell, fixture.p_BX)
+        true = -position.residual(Samples(q, np.zeros(1, dtype=int)), Targets(position=np.zeros((1, 3))), errors[own])[
+            0
+        ]
+        for axis, value in zip("xyz", true - fixture.p_BX, strict=True):
+            out[model.names.index(f"fixture_{fixture.name}_{axis}")] = value
+    return out
+
+
+def pointing(cell: Cell, p_BX: Array) -> Array:
+    """A state (1, N) [rad] with the measured point on the fixture, the tool turned as at home or as little off it."""
+    _, R, _ = tool_frames(cell, cell.home[None])
+    for turn in np.deg2rad([0, 90, -90, 180]):
+        for tilt in np.deg2rad([0, 20, -20, 40, -40]):
+            wanted = Rotation.from_euler("xz", [tilt, turn]).as_matrix() @ R
+            q, good = held(cell, cell.home[None], p_BX[None], wanted, ROUNDS)
+            if good[0]:
+                return q
+    raise NoSolutionError(
+        f"the robot does not reach the fixture at {np.round(p_BX / MM, 1)} mm with its tool as at home"
+    )
+
+
+def _ranges(cell: Cell, model: Model, samples: Samples, errors: Array) -> Ranges:
+    length = -model.residual(samples, Targets(length=np.zeros(len(samples))), errors)[:, 0]
+    p_BX = np.array([f.p_BX for f in cell.fixtures])[samples.place]
+    nominal = bar_state(cell.map_position(samples.q), p_BX).length
+    return Ranges(float(np.ptp(length)), float(np.ptp(length - nominal)))

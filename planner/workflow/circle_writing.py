@@ -1,0 +1,54 @@
+"""Writes a planned circular test into its folder: all of it, or nothing."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from planner.circular import CircularPlan, circular_text
+from planner.files import write_text
+from planner.gauge import bar_state
+from planner.trajectory import table, table_csv
+from planner.units import Array
+from planner.workflow.planning import Stages
+from planner.workflow.writing import SAMPLE, cell_text, move_all
+
+
+def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
+
+    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
+    """
+    from planner.report.circular import write_plan_report  # matplotlib: other commands start quicker without
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
+        draft = Path(name)
+        with stages.stage("report"):
+            for _, files in plan.programs:
+                for file in files:
+                    write_text(draft / file.name, file.text, file.encoding)
+            write_text(draft / "trajectory.csv", circular_trajectory_csv(plan))
+            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            write_plan_report(plan, draft)
+            write_text(draft / "plan.json", circular_text(plan))
+        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
+        return move_all(draft, folder)
+
+
+def circular_trajectory_csv(plan: CircularPlan) -> str:
+    """All passes one after the other, as they are driven with the bar on: t_s, q1_deg …, length_mm."""
+    frames, start = [], 0.0
+    for drive in plan.drives:
+        p_BX = plan.cell.fixtures[drive.fixture].p_BX
+
+        def length(q: Array, p_BX: Array = p_BX) -> Array:
+            return bar_state(plan.cell.map_position(q), p_BX).length
+
+        for one in drive.passes:
+            frame = table(one.trajectory, SAMPLE, length)
+            frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
+            start += one.trajectory.duration_s + SAMPLE
+    return table_csv(pl.concat(frames))

@@ -1,0 +1,88 @@
+"""``evaluate_loaded()``: from the logs of loaded circles to compliances and the circle without load, and its folder."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.cell import load_cell
+from planner.errors import InputError
+from planner.files import write_text
+from planner.loaded import Loaded, Options, evaluate
+from planner.loaded.joint import Joint, averaged_run, joint_fit
+from planner.loaded.results import curves_csv, loaded_text
+from planner.plan.header import Loose
+from planner.run import Run, load_runs, run_text
+from planner.schema import read_json, validate
+from planner.workflow.planning import Stages
+from planner.workflow.writing import move_all
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What the loaded circles say, and with unloaded runs in one fit."""
+
+    found: Loaded
+    joint: Joint | None = None
+
+
+class PlannedAs(Loose):
+    """What a plan says of itself."""
+
+    plan_id: str
+    robot: str
+
+
+def evaluate_loaded(
+    runs: Sequence[Path],
+    cell: str,
+    stages: Stages,
+    plan: Path | None = None,
+    tracker: Path | None = None,
+    options: Options | None = None,
+    unloaded: Sequence[Path] = (),
+) -> Evaluation:
+    """Evaluate one or more runs of loaded circles.
+
+    A tracker's run of the same circle, where one is given, is compared; runs of a bar without load are fitted together
+    with the loaded one.
+
+    Raises:
+        InputError: a file is wrong, or runs, cell, plan and tracker do not belong together.
+        NoSolutionError: the tracker cannot be placed.
+    """
+    where = load_cell(cell, planning=False)
+    with stages.stage("reading"):
+        run = load_runs(runs, where.robot.n_joints)
+        other = None if tracker is None else load_runs([tracker], where.robot.n_joints)
+        free = load_runs(unloaded, where.robot.n_joints) if unloaded else None
+        if plan is not None:
+            _check_plan(run, plan, where.robot.name)
+    with stages.stage("evaluation"):
+        found = evaluate(run, where, other, options)
+        return Evaluation(found, None if free is None else joint_fit(where, free, averaged_run(found)))
+
+
+def _check_plan(run: Run, path: Path, robot: str) -> None:
+    plan = validate(read_json(path), PlannedAs, str(path))
+    if run.plan_id is not None and run.plan_id != plan.plan_id:
+        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+    if plan.robot != robot:
+        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell has the robot {robot}")
+
+
+def write_loaded(done: Evaluation, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
+
+    ``averaged.csv`` is a run by itself, which other fits can take beside runs without load.
+    """
+    from planner.report.loaded import write_loaded_report  # plotting: other commands start quicker without
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
+        draft = Path(name)
+        write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
+        write_text(draft / "curves.csv", curves_csv(done.found))
+        write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
+        write_loaded_report(done.found, draft, done.joint)
+        return move_all(draft, folder)

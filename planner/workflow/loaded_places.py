@@ -1,0 +1,108 @@
+"""``study_places()``: where loaded circles tell the compliances apart, and a cell that drives them."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell import Cell, load_cell
+from planner.cell.file import CellFile
+from planner.errors import InputError
+from planner.files import write_bytes, write_text
+from planner.plan.header import Loose
+from planner.schema import read_json, validate
+from planner.study.softness import Both, Places, places_study, predicted_both
+from planner.study.softness.results import places_csv, places_text
+from planner.units import from_deg, to_mm
+from planner.workflow.planning import Stages
+from planner.workflow.writing import cell_text, move_all
+
+MOST = 6
+
+
+class PlannedPose(Loose):
+    """A pose of a plan."""
+
+    q_deg: tuple[float, ...]
+    fixture: str
+
+
+class PlannedPoses(Loose):
+    """What ``plan.json`` says of its poses."""
+
+    poses: tuple[PlannedPose, ...]
+
+
+def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell, Places]:
+    """Study the places of a cell's loaded circle.
+
+    Raises:
+        InputError: the cell has no circle under load, or so many places make no sense.
+        NoSolutionError: no circle can be followed, or fewer places than asked for.
+    """
+    where = load_cell(cell)
+    with stages.stage("places"):
+        found = places_study(where, max(count, MOST), seed)
+    if count > len(found.sets):
+        raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
+    return where, found
+
+
+def beside_plan(cell: Cell, found: Places, count: int, plan: Path) -> Both:
+    """Predict what the best ``count`` circles and the poses of a plan without load know in one fit.
+
+    Raises:
+        InputError: the plan or its cell.toml is wrong, or of another robot.
+    """
+    poses = validate(read_json(plan), PlannedPoses, str(plan)).poses
+    free = load_cell(str(plan.parent / "cell.toml"))
+    names = [f.name for f in free.fixtures]
+    unknown = sorted({p.fixture for p in poses} - set(names))
+    if unknown:
+        raise InputError(f"{plan}: measures at fixture '{unknown[0]}', which {free.path} does not have")
+    q = from_deg([p.q_deg for p in poses])
+    fixture = np.array([names.index(p.fixture) for p in poses])
+    return predicted_both(free, q, fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]])
+
+
+def write_places(
+    cell: Cell, found: Places, count: int, folder: Path, stages: Stages, both: Both | None = None
+) -> list[Path]:
+    """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best ``count`` circles."""
+    from planner.report.printed import picture_png
+    from planner.study.softness.pictures import place_pictures  # plotting: other commands start quicker without
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
+        draft = Path(name)
+        write_text(draft / "places.json", places_text(found, cell.robot.name, both))
+        write_text(draft / "places.csv", places_csv(found))
+        write_text(draft / "cell.toml", cell_text(with_places(cell, found, count), draft))
+        (draft / "pictures").mkdir()
+        for picture in place_pictures(found, count):
+            write_bytes(draft / "pictures" / f"{picture.name}.png", picture_png(picture))
+        return move_all(draft, folder)
+
+
+def with_places(cell: Cell, found: Places, count: int) -> Cell:
+    """Return the cell with the fixtures and circles of the best set of ``count`` places."""
+    content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    fixture, circle = content["fixtures"][cell.circles[0].fixture], content["circles"][0]
+    for key in ("start_deg", "tool_axis"):
+        circle.pop(key, None)
+    places = [found.pool[int(i)] for i in found.sets[count - 1]]
+    names = [f"P{k + 1}" for k in range(len(places))]
+    content["fixtures"] = [
+        {**fixture, "name": n, "position_mm": _mm(p.p_BX), "axis": np.round(p.axis_B, 6).tolist()}
+        for n, p in zip(names, places, strict=True)
+    ]
+    content["circles"] = [
+        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre)}
+        for n, p in zip(names, places, strict=True)
+    ]
+    return replace(cell, file=validate(content, CellFile, str(cell.path)))
+
+
+def _mm(point: np.ndarray) -> list[float]:
+    return [float(v) for v in np.round(to_mm(point), 3)]

@@ -1,0 +1,17 @@
+"""``plan()`` for every kind of gauge."""
+
+from planner.cell import Cell
+from planner.plan import Plan
+from planner.workflow.planning import Options, Stages
+from planner.workflow.planning import plan as plan_with_bar
+from planner.workflow.point_planning import plan_points
+
+
+def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
+    """Plan a measuring session with a bar, at the balls of an artifact, or for a tracker.
+
+    Raises:
+        InputError: the cell or an option is wrong.
+        NoSolutionError: a stage has no solution; the message says which.
+    """
+    return plan_with_bar(cell, options, stages) if cell.gauge.is_bar else plan_points(cell, options, stages)

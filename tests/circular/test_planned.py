@@ -1,0 +1,112 @@
+"""A planned circle really is one: held against pinocchio's forward kinematics, not against ours."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from planner.circular.arc import axis_limits
+from planner.collision import CollisionWorld
+from planner.program import info, read_back
+from planner.trajectory import check_limits
+from planner.workflow.circle_session import circle_session
+
+CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
+
+
+def tools(cell, q):
+    """Measured points (n, 3) and flange orientations (n, 3, 3), by pinocchio."""
+    model, frames = cell.robot.pin_model()
+    data, (joint, placement) = model.createData(), frames[-1]
+    points, turns = [], []
+    for theta in cell.robot.theta(np.asarray(q)):
+        pin.forwardKinematics(model, data, theta)
+        T = data.oMi[joint] * placement * cell.robot.flange_frame()
+        points.append(T.act(np.array(cell.tool.p_FM)))
+        turns.append(T.rotation.copy())
+    return np.array(points), np.array(turns)
+
+
+def arc_of(planned, name):
+    return next(a for d in planned.drives for a in d.arcs if a.circle.name == name)
+
+
+def test_points_lie_on_the_circle_and_the_tool_keeps_its_orientation(planned):
+    arc = arc_of(planned, "round")
+    x, R = tools(planned.cell, arc.q)
+    assert np.abs(np.linalg.norm(x - CENTRE, axis=1) - 0.350).max() < 1e-9
+    assert np.abs(x[:, 2] - CENTRE[2]).max() < 1e-9
+    assert np.abs(R - R[0]).max() < 1e-8
+    angle = np.unwrap(np.arctan2(x[:, 1] - CENTRE[1], x[:, 0] - CENTRE[0]))
+    assert np.allclose(np.diff(angle), np.diff(arc.angle), atol=1e-9)
+    assert np.allclose(np.rad2deg([arc.angle[0], arc.angle[-1]]), [170, 550])
+    assert {180.0, 540.0} <= set(np.round(np.rad2deg(arc.angle), 9))
+
+
+def test_half_plane_circle_lies_in_its_plane(planned):
+    arc = arc_of(planned, "arc")
+    x, R = tools(planned.cell, arc.q)
+    assert np.abs(x[:, 1] - CENTRE[1]).max() < 1e-9
+    assert np.abs(np.linalg.norm(x - CENTRE, axis=1) - 0.350).max() < 1e-9
+    assert np.abs(R - R[0]).max() < 1e-8
+    assert np.rad2deg(np.arctan2(x[0, 2] - CENTRE[2], x[0, 0] - CENTRE[0])) == pytest.approx(55.0)
+    assert (np.diff(np.arctan2(x[:, 2] - CENTRE[2], x[:, 0] - CENTRE[0])) > 0).all()
+
+
+@pytest.mark.parametrize("name", ["round", "arc"])
+@pytest.mark.parametrize("way", ["trajectory", "back"])
+def test_as_driven_it_leaves_the_circle_by_little_and_keeps_its_speed(planned, name, way):
+    arc = arc_of(planned, name)
+    trajectory = getattr(arc, way)
+    x, _ = tools(planned.cell, trajectory.sample(0.11).q)
+    off = np.abs(np.linalg.norm(x - CENTRE, axis=1) - 0.350).max()
+    assert off < 5e-6
+    assert off < arc.off + 1e-7
+    marks = np.flatnonzero(arc.sweep)[[0, -1]]
+    times = trajectory.waypoint_time[marks if way == "trajectory" else len(arc.q) - 1 - marks[::-1]]
+    inside = trajectory.at(np.linspace(*times, 500))
+    assert inside.tool_speed.max() <= arc.circle.speed * (1 + 1e-6)
+    assert inside.tool_speed.min() > 0.995 * arc.circle.speed
+    assert arc.slowest_on_sweep == pytest.approx(inside.tool_speed.min(), rel=1e-3)
+    assert check_limits(trajectory, axis_limits(planned.cell), 0.1).ok
+
+
+def test_nothing_collides_on_the_way(planned):
+    for drive in planned.drives:
+        world = CollisionWorld.from_cell(planned.cell, drive.fixture)
+        for one in drive.passes:
+            assert not world.collides(one.trajectory.sample(0.25).q).any()
+        assert not world.without_bar().collides(drive.way_trajectory.sample(0.1).q).any()
+        assert all(v.clear for v in drive.verdicts)
+        assert all(v.clear for a in drive.arcs for v in a.verdicts)
+
+
+def test_passes_follow_each_other_and_measure_both_directions(planned):
+    (drive,) = planned.drives
+    measured = [(drive.arcs[p.arc].circle.name, p.direction) for p in drive.passes if p.arc is not None]
+    assert measured == [("round", "ccw"), ("round", "cw"), ("arc", "ccw"), ("arc", "cw")]
+    for a, b in zip(drive.passes, drive.passes[1:], strict=False):
+        assert np.abs(a.points.q[-1] - b.points.q[0]).max() < 1e-6
+    mount = planned.cell.fixtures[0].mount
+    assert np.abs(drive.way.q[-1] - mount).max() == 0.0
+    assert np.abs(drive.passes[-1].points.q[-1] - mount).max() < 1e-6
+    marks = [m for p in drive.passes for m in p.marks]
+    assert marks == list(range(8))
+
+
+@pytest.mark.parametrize("dialect", ["krl", "rapid", "din66025", "bnr"])
+def test_what_a_program_says_is_the_circle(planned, dialect):
+    files = dict(planned.programs)[dialect]
+    read = read_back(dialect, files)
+    assert read.plan_id == planned.plan_id
+    program = circle_session(planned, info(dialect).wants_dense_path)
+    assert len(read.joint_path_deg) == len(program.moves)
+    assert read.syncs == 8
+    x, _ = tools(planned.cell, np.deg2rad(read.joint_path_deg))
+    off = np.linalg.norm(x - CENTRE, axis=1) - 0.350
+    flat = np.abs(x[:, 2] - CENTRE[2]) < 20e-6
+    around = np.unwrap(np.arctan2(x[flat, 1] - CENTRE[1], x[flat, 0] - CENTRE[0]))
+    assert np.abs(off[flat]).max() < 20e-6  # what the dialect's decimals leave
+    assert np.ptp(around) > np.deg2rad(379)  # all of the 380 degrees
+    turned = np.sign(np.diff(around))
+    assert (turned > 0).sum() > 500
+    assert (turned < 0).sum() > 500

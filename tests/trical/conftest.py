@@ -1,0 +1,37 @@
+"""The shipped TriCal cell, smaller pools of it, and its robot in pinocchio."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from planner.candidates import draw_at_balls
+from planner.cell import load_cell
+
+
+@pytest.fixture(scope="session")
+def cell():
+    whole = load_cell("kuka-kr6-r700/trical")
+    return replace(whole, plan=replace(whole.plan, candidates=800, poses=24, repeat=2, validate=4))
+
+
+@pytest.fixture(scope="session")
+def pool(cell):
+    return draw_at_balls(cell, 800)
+
+
+@pytest.fixture(scope="session")
+def tool_pose(cell):
+    """Where pinocchio puts the tool point, and its axes: q (N,) -> p (3,), R (3, 3)."""
+    model, frames = cell.robot.pin_model()
+    data = model.createData()
+    joint, T = frames[-1]
+    flange = T * cell.robot.flange_frame()
+
+    def pose(q):
+        pin.forwardKinematics(model, data, cell.robot.theta(np.atleast_2d(q))[0])
+        here = data.oMi[joint] * flange
+        return here.act(np.array(cell.tool.p_FM)), np.array(here.rotation)
+
+    return pose

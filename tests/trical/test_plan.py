@@ -1,0 +1,123 @@
+"""A small plan from end to end: every leg free by a dense sweep of the second engine, program, plan.json, refusals."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.collision import CollisionWorld, FclJudge
+from planner.errors import InputError
+from planner.plan import plan_content
+from planner.program import ProgramFile, ProgramMismatchError, info, read_back, verify
+from planner.workflow import Options, Stages, plan, programs, write_plan
+from planner.workflow.session import session
+
+SWEEP = 25  # states on each motion
+
+
+@pytest.fixture(scope="module")
+def planned(cell):
+    quick = replace(cell, plan=replace(cell.plan, candidates=400, poses=12, repeat=1, validate=4))
+    return plan(quick, Options(), Stages(lambda *_: None))
+
+
+def test_every_ball_is_approached_centred_and_left_the_same_way(planned):
+    (drive,) = planned.drives
+    path, visits = drive.course.measuring, drive.visits
+    at = np.flatnonzero(path.visit >= 0)
+    by_id = {v.id: v for v in visits}
+    roles = [v.role for v in visits]
+    assert roles.count("calibrate") == 12
+    assert roles.count("validate") == 4
+    assert roles.count("repeat") == 2  # one pose, centred three times
+    assert roles[0] == roles[-1] == "mount"
+    assert len(at) == 18
+    for k in at:
+        assert np.array_equal(path.q[k - 1], path.q[k + 1])
+        visit = by_id[int(path.visit[k])]
+        x = planned.cell.map_position(path.q[k - 1 : k + 1])
+        axis = planned.cell.map_axis(path.q[k : k + 1])[0]
+        assert np.linalg.norm(x[1] - planned.cell.p_BS[visit.ball]) < 1e-7
+        assert np.allclose(x[1] - x[0], 0.04 * axis, atol=1e-6)
+        assert (path.blend[k - 1 : k + 2] == 0).all()
+    repeats = [v for v in visits if v.role == "repeat"]
+    assert all(np.array_equal(v.q, by_id[v.repeats].q) for v in repeats)
+
+
+def test_the_whole_way_is_free_in_a_dense_sweep(planned):
+    cell, (drive,) = planned.cell, planned.drives
+    scene = CollisionWorld.from_cell(cell).scene
+    path = drive.course.measuring
+    share = np.linspace(0, 1, SWEEP)[:, None]
+    ball = {v.id: v.ball for v in drive.visits}
+    clearance = cell.motion.clearance
+    for k in range(len(path.q) - 1):
+        ends = [ball[int(v)] for v in path.visit[k : k + 2] if v >= 0]
+        judge = FclJudge(scene.at_ball(ends[0]) if ends else scene)
+        states = path.q[k] + share * (path.q[k + 1] - path.q[k])
+        assert judge.distances(states[:: 1 if ends else 3]).min() > clearance - 1e-6
+    travel = drive.course.travel.q
+    assert np.allclose(travel[0], cell.home)
+    assert np.allclose(travel[-1], path.q[0])
+
+
+def test_the_last_way_is_driven_slowly(planned):
+    (drive,) = planned.drives
+    visit, peak = drive.course.measuring.visit, drive.trajectory.leg_peak_tool_speed
+    touching = (visit[:-1] >= 0) | (visit[1:] >= 0)
+    assert peak[touching].max() < planned.cell.motion.tool_speed * 1.001
+    assert peak[~touching].max() > 5 * planned.cell.motion.tool_speed
+    assert drive.trajectory.duration_s > 18 * planned.cell.gauge.head.seconds
+    assert max(drive.limits.speed.max(), drive.limits.acceleration.max(), drive.limits.jerk.max()) <= 1.0 + 1e-9
+
+
+def test_the_head_is_mastered_upright(planned):
+    mount = np.asarray(planned.cell.fixtures[0].mount)
+    assert planned.cell.map_axis(mount[None])[0, 2] > np.cos(np.deg2rad(10.0))
+
+
+def test_plan_json(planned):
+    content = plan_content(planned)
+    json.dumps(content)
+    assert len(content["parameters"]) == 31
+    centred = [p for p in content["poses"] if p["role"] != "mount"]
+    assert {p["ball"] for p in centred} == {"1", "2", "3", "4"}
+    assert all(0 < p["first_contact_mm"] < 5 for p in centred)
+    calibrate = [p["ball"] for p in centred if p["role"] == "calibrate"]
+    assert sorted(calibrate) == sorted("1234" * 3)
+    assert content["observability"]["index"] == "O1"
+    assert content["observability"]["bound_verified"]
+    assert content["observability"]["O1"] <= content["observability"]["bound"]
+    assert content["path"]["clearance_mm"] >= 5
+    assert content["funnel"]["contact"] >= 400
+
+
+def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned):
+    files = programs(planned, "krl")
+    found = read_back("krl", files)
+    ball = {v.id: v.ball + 1 for v in planned.drives[0].visits}
+    assert [(b, p) for _, b, p in found.centrings] == [
+        (ball[int(v)], int(v)) for v in planned.drives[0].course.measuring.visit if v >= 0
+    ]
+    text = files[0].text
+    call = text.index("\nCENTRE (")
+    assert "$AXIS_ACT" in text[call : call + 80]  # the axes are logged where the centring led
+    program = session(planned.cell, [planned.drives[0].course], planned.plan_id, info("krl").wants_dense_path)
+    wrong = text[:call] + text[call:].replace("\nCENTRE (", "\nCENTRE (1", 1)
+    with pytest.raises(ProgramMismatchError, match="centres other balls"):
+        verify(program, "krl", [ProgramFile(files[0].name, wrong), *files[1:]])
+
+
+def test_a_dialect_without_a_centring_call_is_refused(planned):
+    for name in ("rapid", "din66025"):
+        with pytest.raises(InputError, match="no call of a centring routine"):
+            programs(planned, name)
+
+
+def test_it_is_written_whole(planned, tmp_path):
+    write_plan(planned, tmp_path / "out", Stages(lambda *_: None))
+    written = {p.name for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    assert {"plan.json", "cell.toml", "report.html", "trajectory.csv", "contact.png", "view.png"} <= written
+    head = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()[0]
+    assert head.startswith("t_s,q1_deg")

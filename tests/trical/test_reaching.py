@@ -1,0 +1,46 @@
+"""The inverse kinematics against pinocchio's forward pass and against a root finder from everywhere."""
+
+import numpy as np
+from scipy.optimize import fsolve
+
+from planner.candidates.reaching import Reaching, withdrawn
+
+
+def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
+    ball, wrist = cell.p_BS[2], np.deg2rad([20.0, 60.0, -35.0])
+    low, up = cell.robot.q_lower, cell.robot.q_upper
+    rng = np.random.default_rng(1)
+    starts = rng.uniform(low[:3], up[:3], (300, 3))
+    known = set()
+    for start in starts[:120]:
+        x, _, ok, _ = fsolve(lambda v: tool_pose([*v, *wrist])[0] - ball, start, full_output=True)
+        if ok == 1:
+            known.add(tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)))
+    found = Reaching(cell).position(np.hstack([starts, np.tile(wrist, (300, 1))]), ball)
+    on = found.q[found.off < 1e-9][:, :3]
+    mine = {tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)) for x in on}
+    assert len(known) >= 4
+    assert all(min(np.abs(np.subtract(k, m)).max() for m in mine) < 1e-4 for k in known)
+    for q in found.q[found.off < 1e-9][:20]:
+        assert np.linalg.norm(tool_pose(q)[0] - ball) < 1e-8
+
+
+def test_the_tool_withdraws_along_its_own_axis(cell, pool, tool_pose):
+    back = withdrawn(cell, pool.q[:60], 0.04)
+    done = back.off < 1e-8
+    assert done.all()
+    for q, away in zip(pool.q[:60], back.q, strict=True):
+        (p, R), (p_back, R_back) = tool_pose(q), tool_pose(away)
+        assert np.allclose(p_back, p - 0.04 * R @ cell.tool.axis_F, atol=1e-7)
+        assert np.allclose(R_back, R, atol=1e-6)
+
+
+def test_out_of_reach_the_nearest_miss_is_told(cell):
+    far = np.array([1.5, 0.0, 0.4])
+    rng = np.random.default_rng(0)
+    q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (4000, 6))
+    found = Reaching(cell).position(q, far)
+    blind = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (400_000, 6))
+    nearest = np.linalg.norm(cell.map_position(blind) - far, axis=1)
+    assert found.off.min() < nearest.min() + 1e-3
+    assert found.off.min() > nearest.min() - 0.03
