@@ -41,9 +41,7 @@ def index_curve(plan: Plan) -> Picture:
         y_range=_room(values, bounds, choice.value),
     )
     better = "higher" if rule.maximise else "lower"
-    shared = (
-        " The plan shares its poses evenly between the balls, the curve does not." if choice.ball is not None else ""
-    )
+    shared = "" if choice.ball is None else " The plan shares its poses evenly between the balls, the curve does not."
     return Picture(
         "index_curve",
         "How many poses are worth measuring",

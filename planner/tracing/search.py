@@ -18,7 +18,7 @@ from planner.tracing.masses import KIND
 from planner.tracing.ranking import ranked
 from planner.tracing.screen import Shade, grid
 from planner.tracing.state import Held, State, refit
-from planner.tracing.steps import best
+from planner.tracing.steps import best, settled
 from planner.tracing.swaps import BETTER, swapped
 from planner.tracing.unnamed import unnamed
 
@@ -108,9 +108,9 @@ def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[Sta
     soft = tuple(Held(e, None) for e in entries if e.kind == KIND)
     if not soft or len(start.fit.problem) * start.fit.model.width < len(start.fit.errors) + 2 * len(soft):
         return path
-    together = refit(hunt.bench, soft[-1].entry.name, start.base, soft, start)
+    together = settled(lambda: refit(hunt.bench, soft[-1].entry.name, start.base, soft, start))
     worth = hunt.memory(start)
-    if together.evidence(worth) > path[-1].evidence(worth) - BETTER:
+    if together is None or together.evidence(worth) > path[-1].evidence(worth) - BETTER:
         return path
     hunt.refused.share.clear()
     return _forward(hunt, [start, _pruned(hunt, together)])

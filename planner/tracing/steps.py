@@ -1,8 +1,9 @@
 """One step forward: likely entries are refitted side by side, and the one that the run is likeliest under is kept."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+from planner.errors import NoSolutionError
 from planner.tracing.again import KINDS, numbered, plain
 from planner.tracing.curve import KIND as CURVE
 from planner.tracing.curve import instead, likeliest
@@ -27,15 +28,17 @@ def best(hunt: Hunt, state: State, shade: Shade, likely: list[Candidate]) -> Sta
         near = [c for c in likely if c.gain > ALIKE * likely[0].gain][:SIDES]
         likely = [c for c in likely if c not in near]
         trials = _refitted(hunt, state, shade, near)
-        reasons = [reason(state, t, hunt.bench, hunt.tried) for t in trials]
-        for trial, because in zip(trials, reasons, strict=True):
-            if because:
+        held = []
+        for trial in trials:
+            because = reason(state, trial, hunt.bench, hunt.tried)
+            if because is None:
+                held.append(trial)
+            else:
                 hunt.refused.note(trial, because)
-        hunt.refused.judged([c for c, r in zip(near, reasons, strict=False) if r], shade.scatter)
-        held = [t for t, r in zip(trials, reasons, strict=True) if r is None]
         if held:
             worth = hunt.memory(held[0])
             return min(held, key=lambda t: t.evidence(worth))
+        hunt.refused.judged(near, shade.scatter)
         doubtful += trials
     return next((s for t in doubtful if (s := _in_two(hunt, state, t)) is not None), None)
 
@@ -50,11 +53,24 @@ def joined(hunt: Hunt, state: State, shade: Shade, candidate: Candidate, effects
 
 
 def _refitted(hunt: Hunt, state: State, shade: Shade, near: list[Candidate]) -> list[State]:
-    """Refit with each of some candidates, and with the whole curve of each joint that is to have one more wave."""
+    """Refit with each of some candidates, and with the whole curve of each joint that is to have one more wave.
+
+    A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
+    """
     with ThreadPoolExecutor(THREADS) as pool:
-        waves = pool.map(lambda c: joined(hunt, state, shade, c, state.effects), near)
-        curves = pool.map(lambda joint: _curved(hunt, state, shade, *joint), _uneven(hunt, state, near))
-        return [*waves, *curves]
+        waves = pool.map(lambda c: settled(lambda: joined(hunt, state, shade, c, state.effects)), near)
+        curves = pool.map(
+            lambda joint: settled(lambda: _curved(hunt, state, shade, *joint)), _uneven(hunt, state, near)
+        )
+        return [s for s in (*waves, *curves) if s is not None]
+
+
+def settled(refit: Callable[[], State]) -> State | None:
+    """Refit, ``None`` where the fit does not come to rest."""
+    try:
+        return refit()
+    except NoSolutionError:
+        return None
 
 
 def _uneven(hunt: Hunt, state: State, near: list[Candidate]) -> Iterator[tuple[str, tuple[Held, ...]]]:
@@ -91,7 +107,11 @@ def _in_two(hunt: Hunt, state: State, trial: State) -> State | None:
     if second is None:
         return None
     hunt.say(f"trying {first.entry.name} in two ways")
-    both = joined(hunt, trial, shade, second, trial.effects)
-    if reason(trial, both, hunt.bench, hunt.tried) or wald_log_p(both, both.effects[-2], hunt.tried) > SURE:
+    both = settled(lambda: joined(hunt, trial, shade, second, trial.effects))
+    if (
+        both is None
+        or reason(trial, both, hunt.bench, hunt.tried)
+        or wald_log_p(both, both.effects[-2], hunt.tried) > SURE
+    ):
         return None
     return both

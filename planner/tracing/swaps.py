@@ -1,12 +1,14 @@
 """Mends what an early choice got wrong: another entry in the place of an effect, where the run is likelier so."""
 
+from functools import partial
+
 from planner.tracing.curve import KIND as CURVE
 from planner.tracing.hunt import Hunt
 from planner.tracing.judging import SURE, wald_log_p
 from planner.tracing.ranking import ranked
 from planner.tracing.rivals import without
 from planner.tracing.state import State
-from planner.tracing.steps import joined
+from planner.tracing.steps import joined, settled
 
 BETTER = 4.0  # fall of minus twice the log evidence for which an effect is swapped
 
@@ -27,7 +29,9 @@ def swapped(hunt: Hunt, state: State, ahead: float = -BETTER) -> State | None:
         if other is None or (own and other.score < own[0].score + ahead):
             continue
         hunt.say(f"trying {other.entry.name} for {held.entry.name}")
-        trial = joined(hunt, state, bare, other, rest)
+        trial = settled(partial(joined, hunt, state, bare, other, rest))
+        if trial is None:
+            continue
         worth = hunt.memory(state)
         likelier = trial.evidence(worth) < state.evidence(worth) - BETTER
         if likelier and wald_log_p(trial, trial.effects[-1], hunt.tried) < SURE:

@@ -66,7 +66,9 @@ def tricentred(more=(), count=80):
     """TriCal on its four balls, as many poses on each."""
     made = runs.balls(arm(), n_poses=6 * count, seed=1, truth=truth(DEVICE_M, more), logs=("direction",), bench=bench())
     ball = pl.read_csv(made.run_csv.encode(), comment_prefix="#")["ball"].to_numpy() - 1
-    cell = writing.cell_toml(arm(), bench(), "tracker", DEVICE_M, False, NAME)  # a ball pins the point as a tracker sees it
+    cell = writing.cell_toml(
+        arm(), bench(), "tracker", DEVICE_M, False, NAME
+    )  # a ball pins the point as a tracker sees it
     which = chosen(rows_of(cell, made.scene.q), count, group=ball)
     return _measured("TriCal", made, which, 15.0, 5000.0)
 

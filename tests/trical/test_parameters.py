@@ -38,8 +38,7 @@ def test_a_tool_that_nobody_measured_shows_its_radial_offset(cell, pool):
     assert "map_x" in seen.names
 
 
-def test_without_weights_no_compliance_is_lost_and_a_standing_robot_shows_the_first(cell, pool):
-    """On a wall the first axis carries weight, and its compliance is seen."""
+def test_on_a_wall_the_first_joint_shows_its_compliance_too(cell, pool):
     tilted = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     wall = replace(cell, base=replace(cell.base, R_WB=tilted))
     _, seen, _ = what_is_seen(wall, pool)

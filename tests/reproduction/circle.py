@@ -1,0 +1,26 @@
+"""Section 4.1 of the EDBB paper: what a circle uses and shows of a robot's errors, and what the chosen path does."""
+
+import numpy as np
+
+from planner.cell import load_cell
+from planner.workflow import Options, Stages, plan
+from planner.workflow.circle_comparison import PAPER, circle_and_path
+from planner.workflow.circling import plan_circles
+
+ROBOTS = 20
+
+
+def compared():
+    """Rows (what, published, median, range) [mm] over drawn robots."""
+    stages, options = Stages(lambda *_: None), Options(dialects=("bnr",))
+    circles = plan_circles(load_cell("comau-nj130/circular"), options, stages)
+    path = plan(load_cell("comau-nj130/paper"), options, stages)
+    each = circle_and_path(circles, path, range(ROBOTS))
+    rows = []
+    for which, name in (("circle", "circle"), ("path", "error-sensitive path")):
+        for what, words in (("length", "range of length used (mm)"), ("deviation", "range of deviation (mm)")):
+            values = 1e3 * np.array([getattr(getattr(c, which), what) for c in each])
+            low, middle, high = np.percentile(values, [5, 50, 95])
+            published = 1e3 * getattr(getattr(PAPER, which), what)
+            rows.append((f"{name}, {words}", f"{published:.2f}", f"{middle:.2f}", f"{low:.1f} to {high:.1f}"))
+    return rows
