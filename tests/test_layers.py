@@ -11,7 +11,8 @@ ORDER = [
     "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
     "placing", "rig", "effects", "model", "catalogue", "observability",
     # planning
-    "workspace", "collision", "candidates", "selection", "freed", "choice", "separating", "tour", "path", "trajectory", "program", "plan", "circular",
+    "workspace", "collision", "candidates", "selection", "freed", "choice", "separating", "tour", "path", "trajectory",
+    "program", "plan", "circular",
     # calibration
     "identification", "residuals", "tracing", "compensation", "loaded", "calibrated",
     # both

@@ -36,7 +36,20 @@ def test_the_run_and_its_cell_are_read(tmp_path):
 
 def test_every_command_of_the_readme_is_known():
     verbs = set(re.findall(r"^\$ edbb (\w+)", README, re.MULTILINE))
-    assert verbs == {"plan", "study", "export", "robots", "dialects", "simulate", "identify", "compensate", "import", "centre", "circular", "loaded"}
+    assert verbs == {
+        "plan",
+        "study",
+        "export",
+        "robots",
+        "dialects",
+        "simulate",
+        "identify",
+        "compensate",
+        "import",
+        "centre",
+        "circular",
+        "loaded",
+    }
     for verb in sorted(verbs):
         done = edbb(verb, "--help")
         assert done.returncode == 0, done.stderr
@@ -46,7 +59,9 @@ def test_every_command_of_the_readme_is_known():
     "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    helps = "".join(edbb(verb, "--help").stdout for verb in ("plan", "study", "export", "import", "centre", "circular", "loaded"))
+    helps = "".join(
+        edbb(verb, "--help").stdout for verb in ("plan", "study", "export", "import", "centre", "circular", "loaded")
+    )
     assert option in helps
 
 

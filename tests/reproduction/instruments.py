@@ -66,9 +66,7 @@ def tricentred(more=(), count=80):
     """TriCal on its four balls, as many poses on each."""
     made = runs.balls(arm(), n_poses=6 * count, seed=1, truth=truth(DEVICE_M, more), logs=("direction",), bench=bench())
     ball = pl.read_csv(made.run_csv.encode(), comment_prefix="#")["ball"].to_numpy() - 1
-    cell = writing.cell_toml(
-        arm(), bench(), "tracker", DEVICE_M, False, NAME
-    )  # a ball pins the point as a tracker sees it
+    cell = writing.cell_toml(arm(), bench(), "tracker", DEVICE_M, False, NAME)  # a ball pins what a tracker sees
     which = chosen(rows_of(cell, made.scene.q), count, group=ball)
     return _measured("TriCal", made, which, 15.0, 5000.0)
 
@@ -84,7 +82,7 @@ def tracked(more=(), count=80):
 
 
 def bars(places, tools, count, more=()):
-    """A ball bar of 300 to 520 mm about ``places`` fixtures, at ``tools`` tool points, poses chosen over all of them."""
+    """A ball bar of 300 to 520 mm about ``places`` fixtures, at ``tools`` tool points; poses chosen over them all."""
     stands = [(k, j) for k in range(places) for j in range(tools)]
     pools = [_shell(k, j) for k, j in stands]
     rows = np.concatenate([rows_of(_bar_cell(places, j), q, k) for (k, j), q in zip(stands, pools, strict=True)])

@@ -64,7 +64,8 @@ def _table9(table):
     yield "<img src='figure9.png' alt='Histograms of the position errors'>"
     for r in table:
         if r.traced and r.measured.name in PUBLISHED:
-            yield f"<p class='note'>Traced with {escape(r.measured.name)}: {escape('; '.join(r.found) or 'nothing')}.</p>"
+            found = escape("; ".join(r.found) or "nothing")
+            yield f"<p class='note'>Traced with {escape(r.measured.name)}: {found}.</p>"
 
 
 def _without(clean):

@@ -17,10 +17,9 @@ def histogram(path, table):
     figure, axes = plt.subplots(1, len(shown), figsize=(3.2 * len(shown), 2.8), sharey=True, layout="constrained")
     for axis, row in zip(axes, shown, strict=True):
         axis.hist(1e3 * row.errors.of, np.linspace(0, 1.0, 26), color=COLOURS[row.measured.name])
-        mean, largest, std = row.errors.row
-        axis.set_title(
-            f"{row.measured.name}{', traced' * row.traced}\nmean {mean:.3f}, max {largest:.3f} mm", fontsize=9
-        )
+        mean, largest, _ = row.errors.row
+        title = f"{row.measured.name}{', traced' * row.traced}"
+        axis.set_title(f"{title}\nmean {mean:.3f}, max {largest:.3f} mm", fontsize=9)
         axis.set_xlabel("position error (mm)")
     axes[0].set_ylabel("poses")
     figure.savefig(path, dpi=130)

@@ -1,4 +1,4 @@
-"""Table 9 of the TriCal paper and beyond it: one simulated arm, calibrated with each instrument, judged at 500 poses."""
+"""Table 9 of the TriCal paper and beyond it: one simulated arm, each instrument, judged at the same 500 poses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
