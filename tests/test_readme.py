@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from planner.cell import load_cell
-from planner.run import load_run
+from planner.run import import_run, load_run
 from tests.workflow.conftest import edbb
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
@@ -23,7 +23,7 @@ def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
 
 def test_the_run_and_its_cell_are_read(tmp_path):
     (rows,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
-    (cell,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    cell = re.findall(r"```text\n(.*?)```", README, re.DOTALL)[0]
     (tmp_path / "run.csv").write_text(rows)
     (tmp_path / "cell.toml").write_text(cell)
     robot = load_cell(str(tmp_path / "cell.toml"), planning=False).robot
@@ -32,6 +32,22 @@ def test_the_run_and_its_cell_are_read(tmp_path):
     assert done.returncode == 2  # two samples say nothing, and that is said
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_the_balls_stand_in_a_cell(tmp_path):
+    cell, balls, _ = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "cell.toml").write_text(cell.replace('"tracker"', '"ball-socket"') + balls)
+    assert [b.name for b in load_cell(str(tmp_path / "cell.toml"), planning=False).balls] == ["1", "2"]
+
+
+def test_the_column_map_reads_two_traces(tmp_path):
+    (tmp_path / "map.toml").write_text(re.findall(r"```text\n(.*?)```", README, re.DOTALL)[2])
+    times = [0.1 * k for k in range(200)]
+    (tmp_path / "axes.log").write_text("Time;A1\n" + "".join(f"{t:.2f};{10 * t:.3f}\n" for t in times))
+    (tmp_path / "gauge.csv").write_text("t,L\n" + "".join(f"{t:.2f},{400_000 + 100 * t:.1f}\n" for t in times))
+    run = import_run([tmp_path / "axes.log", tmp_path / "gauge.csv"], tmp_path / "map.toml")
+    assert run.readings.length is not None
+    assert 0.4 <= run.readings.length.min() <= run.readings.length.max() < 0.403
 
 
 def test_every_command_of_the_readme_is_known():

@@ -39,7 +39,7 @@ def link_growth(site: Site) -> Iterator[Entry]:
         return
     warmth = Warmth(site.warmth)
     parameter = Parameter("link_growth", "1/K", GROWTH, "thermal growth of all links", _lengths(site, warmth))
-    sentence = "the arm's links grow with temperature, {size}"
+    sentence = "the arm's links grow with temperature, by {size}"
     yield entry("link growth", "arm", [parameter], sentence, LARGEST_GROWTH, STEEL, False)
 
 

@@ -26,7 +26,8 @@ def joint_compliance(site: Site) -> Iterator[Entry]:
         loads += [(f"compliance{i + 1}_link{k + 1}", WeightTorque(i, k)) for k in unknown if k >= i]
         parameters = [p for label, phi in loads if (p := softness(site, i, phi, label, f"compliance of {on}"))]
         if parameters:
-            sentence = f"{on}: gives way under load, {{size}}"
+            sentence = f"{on}: gives way under load"
+            sentence += ", {size}" if len(parameters) == 1 else "; how much a newton metre only the links' masses tell"
             yield entry("joint compliance", on, parameters, sentence, most(parameters), TRICAL)
 
 

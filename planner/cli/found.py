@@ -15,7 +15,7 @@ def identification_summary(found: Calibration, left: Leftover, folder: Path) -> 
     wide = 2 + max(26, *(len(s.name) for s in found.stages))
     fitted = sum(e.identifiable for e in found.estimates)
     lines = [
-        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split_by}s, "
+        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_several(found.split_by)}, "
         f"{100 * found.hold_out:.0f} % held out at a time, {fitted} parameters",
         f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
         + (f"{'validation: mean':>20}" if _judged(found) else ""),
@@ -27,8 +27,12 @@ def identification_summary(found: Calibration, left: Leftover, folder: Path) -> 
         lines += [] if found.traced.findings else ["  found       nothing beyond noise that the catalogue can name"]
     lines.append(f"  left        {left.sentence}")
     lines += [f"  note        {w}" for w in found.warnings]
-    lines.append(f"  written to  {folder}: identification.json, residuals.csv, report.html" + _robot(found))
+    lines.append(f"  written to  {folder}: identification.json, residuals.csv, report.html" + _robot(found, folder))
     errors.print("\n".join(lines), markup=False)
+
+
+def _several(group: str) -> str:
+    return f"{group}es" if group.endswith("ch") else f"{group}s"
 
 
 def _judged(found: Calibration) -> bool:
@@ -50,5 +54,7 @@ def _rivals(names: tuple[str, ...]) -> str:
     return f"; or {', or '.join(names[:NAMED])}{more}: the run cannot tell them apart"
 
 
-def _robot(found: Calibration) -> str:
-    return "" if found.problems else ", robot.toml"
+def _robot(found: Calibration, folder: Path) -> str:
+    if found.problems:
+        return ""
+    return ", robot.toml" + (", robot.urdf" if (folder / "robot.urdf").exists() else "")

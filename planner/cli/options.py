@@ -2,6 +2,7 @@
 
 import json
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,9 +18,16 @@ Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same byt
 
 
 def check_folder(output: Path) -> None:
-    """Refuse a file where a folder is to be written."""
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output} is a file; -o needs a folder")
+    """Refuse a file where a folder is to be written, and a place that cannot be written, before the work is done."""
+    if str(output) == "-":
+        raise InputError("-o needs a folder: several files are written")
+    there = next(p for p in (output, *output.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise InputError(f"{there} is a file; -o needs a folder")
+    try:
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError as err:
+        raise InputError(f"{output}: {there} may not be written ({err.strerror or err})") from err
 
 
 def print_json(content: object) -> None:

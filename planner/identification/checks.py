@@ -28,10 +28,10 @@ def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fi
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
         out.append("the information of the fit is not finite")
-    frames, last = stages[1].stage.held_out.rms, stages[-1].stage.held_out.rms
-    if last > frames:
+    before, last = min(s.stage.held_out.rms for s in stages[:2]), stages[-1].stage.held_out.rms
+    if last > before:
         out.append(
-            f"held-out poses got worse, {frames / MM:.3f} mm to {last / MM:.3f} mm: "
+            f"held-out poses got worse, {before / MM:.3f} mm to {last / MM:.3f} mm: "
             "too few readings for so many parameters"
         )
     return tuple(out)

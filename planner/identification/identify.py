@@ -173,10 +173,10 @@ def _fitted_there(parts: Split, last: Fitted) -> list[str]:
     """What a reader of the held-out errors must know: numbers that were found on the held-out samples themselves."""
     if not last.refitted:
         return []
-    names = ", ".join(last.refitted[:6]) + (" …" if len(last.refitted) > 6 else "")
+    what = next(p.what for p in last.fit.model.parameters if p.name in last.refitted)
     return [
-        f"each {parts.by} has {len(last.refitted) // parts.folds} or more parameters of its own ({names}): they were "
-        f"fitted on the {parts.by} itself where it was held out"
+        f"each {parts.by} has numbers of its own, such as the {what}: they were fitted on the {parts.by} itself where "
+        "it was held out"
     ]
 
 
@@ -194,12 +194,13 @@ def _check_size(run: Run, model: Model) -> None:
 
 
 def _condition(found: Fit) -> float:
-    """Condition number of the whitened rows per prior size, the prior left out."""
+    """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out."""
     problem = found.problem
-    if not len(found.errors):
+    own = [k for k, p in enumerate(found.model.parameters) if p.group in ("gauge", "geometry")]
+    if not own:
         return 1.0
     few = problem.take(evenly(len(problem), JUDGED))
-    mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows), compute_uv=False)
+    mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows[:, :, own]), compute_uv=False)
     return float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
 
 

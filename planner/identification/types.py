@@ -89,7 +89,8 @@ class Finding:
 
     Attributes:
         effect, on: what and where, for instance ``gear ripple`` and ``joint 3``.
-        value, std, unit: size of the effect (length of its parameters' vector) and its standard deviation.
+        value, std, unit: size of the effect (length of its parameters' vector) and, its shape held, how well that is
+            known.
         inner_name, inner, inner_std, inner_unit: the number inside it, where it has one.
         log_p: logarithm of the chance of so large an effect, corrected for everything that was tried.
         held_out_gain: fall of the root mean square error on held-out samples by this effect [m].

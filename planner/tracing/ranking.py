@@ -13,8 +13,8 @@ from planner.tracing.state import Held
 from planner.tracing.types import Candidate
 
 COST = 7.0  # noise variances that a parameter must explain beyond what fits by chance, about the log of a run's length
-WEIGHT = "payload mass"
-LIKE_WEIGHT = 0.95  # share of what a wrong mass explains that makes plain compliance the likelier cause
+WEIGHT, SIDES = "payload mass", "backlash by load"  # what joints that merely give way are easily taken for
+LIKE_WEIGHT = 0.95  # share of what these explain that makes plain compliance, which every arm has, the likelier cause
 
 
 def ranked(shade: Shade, dictionary: Dictionary, effects: tuple[Held, ...]) -> list[Candidate]:
@@ -25,7 +25,8 @@ def ranked(shade: Shade, dictionary: Dictionary, effects: tuple[Held, ...]) -> l
     for s in scores:
         if s.entry.name not in best or s.gain > best[s.entry.name].gain:
             best[s.entry.name] = s
-    doubted = frozenset(s.entry.name for s in best.values() if s.entry.kind == WEIGHT and _yields(shade, s, best))
+    unlikely = (s for s in best.values() if s.entry.kind in (WEIGHT, SIDES))
+    doubted = frozenset(s.entry.name for s in unlikely if _yields(shade, s, best))
     tried = len(dictionary.items)
     variance = shade.variance / shade.worth
     out = [
@@ -55,10 +56,11 @@ def apart(scored: Scored, effects: tuple[Held, ...]) -> bool:
 
 
 def _yields(shade: Shade, mass: Scored, best: dict[str, Scored]) -> bool:
-    """Whether plain compliance of the joints at which a wrong mass would show explains as much as it does."""
+    """Whether plain compliance explains as much: of the joints at which a wrong mass would show, of all for play."""
     where = {p.main.index for p in mass.entry.make(None)}
     soft = [s.entry for s in best.values() if s.entry.kind == "joint compliance"]
-    parts = tuple(p for e in soft for p in e.make(None) if p.main.index in where)
+    anywhere = mass.entry.kind == SIDES
+    parts = tuple(p for e in soft for p in e.make(None) if anywhere or p.main.index in where)
     if not parts:
         return False
     both = replace(mass.entry, make=lambda _: parts)

@@ -112,8 +112,11 @@ def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[Sta
     worth = hunt.memory(start)
     if together is None or together.evidence(worth) > path[-1].evidence(worth) - BETTER:
         return path
+    kept = _pruned(hunt, together)
+    if any(wald_log_p(kept, h, hunt.tried) > SURE for h in kept.effects):
+        return path
     hunt.refused.share.clear()
-    return _forward(hunt, [start, _pruned(hunt, together)])
+    return _forward(hunt, [start, kept])
 
 
 def _pruned(hunt: Hunt, state: State) -> State:

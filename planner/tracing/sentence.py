@@ -28,11 +28,13 @@ def sized(
     entry: Entry, value: float, std: float, unit: str, inner: float | None, inner_std: float | None, sizes: Array
 ) -> str:
     """Fill the entry's sentence with its size, its inner number, and the periods of a curve."""
-    size = rounded(value, std, *UNITS.get(unit, (unit, 1.0)))
+    size = rounded(abs(value), std, *UNITS.get(unit, (unit, 1.0)))
     number = ""
     if inner is not None and entry.inner is not None:
         number = rounded(inner, inner_std, *INNER.get(entry.inner.unit, (entry.inner.unit, 1.0)))
     sentence = entry.sentence.format(size=size, inner=number)
+    if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
+        sentence = sentence.replace(" grow ", " shrink ")
     if entry.kind == CURVE:
         strongest = " and ".join(f"{f:.1f}" for f in periods(entry.make(None), sizes))
         sentence += f", mostly in waves of {strongest} a turn"

@@ -42,8 +42,9 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
     sizes = last.fit.errors[which]
     wide = inflation(last, held)
     value = float(np.linalg.norm(sizes))
-    along = sizes / max(value, 1e-300)
-    std = float(np.linalg.norm(along @ root)) * np.sqrt(wide)
+    # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
+    std = value * np.sqrt(wide / max(float(sizes @ np.linalg.solve(root @ root.T, sizes)), 1e-300))
+    signed = value if len(which) > 1 else float(sizes[0])
     inner = held.entry.inner
     name = held.slope_name
     spread = None
@@ -54,7 +55,7 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
     return Finding(
         effect=plain(held.entry.kind),
         on=held.entry.on,
-        value=value if len(which) > 1 else float(sizes[0]),
+        value=signed,
         std=std,
         unit=unit,
         inner_name=inner.name if inner else None,
@@ -64,7 +65,7 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
         log_p=wald_log_p(last, held, found.tried, wide),
         held_out_gain=_gain(found, held),
         rivals=others,
-        note=sized(held.entry, value, std, unit, held.inner, spread, sizes),
+        note=sized(held.entry, signed, std, unit, held.inner, spread, sizes),
     )
 
 

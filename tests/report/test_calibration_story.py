@@ -119,13 +119,16 @@ def test_play_shows_on_both_sides(told: Told) -> None:
     assert abs(np.ptp(weighted_means(e.against.values, e.after, e.weight)[1])) < 0.3 * gap
 
 
-def test_what_was_taken_out_again_is_not_what_stood_before(c: Calibration) -> None:
-    """A stage with a rival that left later says nothing of what its successor explains."""
+def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calibration) -> None:
+    """The stage before had another effect in this one's place: it is drawn as what is left with it taken out again."""
     geometry, *_, last = c.stages[2:]
-    rival = replace(last, name="gauge lag, gauge", effects=("gauge lag, gauge",))
+    rival = replace(geometry, name="gauge lag, gauge", effects=("gauge lag, gauge",))
     changed = Told(replace(c, stages=(*c.stages[:3], rival, last)))
-    assert {s.before.name for s in steps(changed)} == {geometry.name}
-    assert all(s.after is last for s in steps(changed))
+    for step in steps(changed):
+        assert step.replaced
+        assert step.before.name == rival.name
+        e = evidence(changed, step)
+        assert np.allclose(e.before, e.after + e.fitted)
 
 
 def test_every_finding_has_its_picture_and_evidence(told: Told) -> None:

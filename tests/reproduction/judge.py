@@ -14,7 +14,7 @@ from tests.generator.course import course
 from tests.generator.poses import toured
 from tests.generator.scene import total
 from tests.reproduction.instruments import _free, arm, bench
-from tests.reproduction.truth import TRACKER_M, truth
+from tests.reproduction.truth import COMPLIANCES, TRACKER_M, errors, truth
 
 VALIDATED, REGISTERED = 500, 40  # poses of the figures, and others that place the robot in the tracker's frame
 
@@ -51,6 +51,20 @@ def validated(calibration, q, x):
     p, R = robot.flange(q)
     tool = gauge_frames(calibration).points[0][1]
     return Errors(in_frame(p + R @ tool, x))
+
+
+def as_planted(calibration):
+    """Joint χ² of the parameters that the fit and Table 8 have in common, and how many they are.
+
+    Where the parallel axes 2 and 3 leave their offsets to one number, that is d2 here and d3 there; the last row's d6
+    and θ6 are the tool point's here, and the base's six numbers are those of another frame.
+    """
+    truth = dict(errors()) | {f"compliance{j}": float(np.radians(c)) for j, c in COMPLIANCES.items()}
+    truth["d2"] = truth.pop("d3")
+    names = calibration.fit.model.names
+    which = [k for k, name in enumerate(names) if name in truth]
+    off = calibration.fit.errors[which] - np.array([truth[names[k]] for k in which])
+    return float(off @ np.linalg.solve(calibration.covariance[np.ix_(which, which)], off)), len(which)
 
 
 def in_frame(p, x):

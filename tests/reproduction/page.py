@@ -6,6 +6,7 @@ from pathlib import Path
 from tests.loaded.reproduction import rows as loaded_rows
 from tests.loaded.reproduction import write_figures
 from tests.reproduction import pictures
+from tests.reproduction.judge import as_planted
 from tests.reproduction.table9 import PUBLISHED, SIZE, nominal, quickest, rows
 
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
@@ -71,8 +72,13 @@ def _table9(table):
 def _without(clean):
     yield "<h3>Without the further effects</h3>"
     yield "<p>Then the model is complete, and every instrument brings the arm back to its noise.</p>"
-    lines = [(r.measured.name, r.measured.poses, *_mm(r.errors.row)) for r in clean if not r.traced]
-    yield _table(("instrument", "poses", "mean (mm)", "max", "std"), lines)
+    plain = [r for r in clean if not r.traced]
+    joint = [as_planted(r.calibration) for r in plain]
+    lines = [
+        (r.measured.name, r.measured.poses, *_mm(r.errors.row), f"{value:.1f} of {count}")
+        for r, (value, count) in zip(plain, joint, strict=True)
+    ]
+    yield _table(("instrument", "poses", "mean (mm)", "max", "std", "joint χ² of the parameters"), lines)
 
 
 def _bars(table):

@@ -13,6 +13,7 @@ from planner.units import Array, to_mm
 
 BEFORE, AFTER = ORANGE, BLUE
 BINS = 60  # of the histogram
+MOST = 60  # parameters in the correlation matrix
 ROW = 20  # [px] of one name in the correlation matrix
 
 
@@ -92,12 +93,14 @@ def by_pose(told: Told) -> Picture:
 
 
 def correlation(told: Told) -> Picture:
-    """Correlations of the fitted parameters."""
-    names = told.calibration.fit.model.names
-    panel = Panel(
-        "", "", "", (), y_names=names, cells=Cells(told.correlation, names), height=max(240, ROW * len(names))
-    )
-    caption = (
+    """Correlations of the fitted parameters; of many, those that hang together most."""
+    matrix = told.correlation
+    strongest = np.abs(matrix - np.eye(len(matrix))).max(axis=1)
+    kept = np.sort(np.argsort(-strongest, kind="stable")[:MOST])
+    names = tuple(told.calibration.fit.model.names[k] for k in kept)
+    cells = Cells(matrix[np.ix_(kept, kept)], names)
+    panel = Panel("", "", "", (), y_names=names, cells=cells, height=max(240, ROW * len(names)))
+    caption = (f"The {MOST} of {len(matrix)} that hang together most. " if len(matrix) > MOST else "") + (
         "Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run knows "
         "the two better together than each by itself."
     )

@@ -23,6 +23,7 @@ class Step:
     Attributes:
         name: of its picture.
         what: as its stage and its parameters' group are called.
+        replaced: whether it took the place of something, which the stage before then still has.
     """
 
     finding: Finding
@@ -30,6 +31,7 @@ class Step:
     what: str
     before: Stage
     after: Stage
+    replaced: bool
 
     @property
     def inner(self) -> str:
@@ -67,14 +69,10 @@ def steps(told: Told) -> tuple[Step, ...]:
         what = f"{f.effect}, {f.on}"
         without = [k for k, s in enumerate(c.stages) if what not in s.effects]
         first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
-        out.append((first, Step(f, f"found_{len(out) + 1}", what, _before(c.stages, first), c.stages[first])))
+        before = c.stages[max(first - 1, 0)]
+        replaced = not set(before.effects) <= set(c.stages[-1].effects)
+        out.append((first, Step(f, f"found_{len(out) + 1}", what, before, c.stages[first], replaced)))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
-
-
-def _before(stages: tuple[Stage, ...], first: int) -> Stage:
-    """Return the last stage before number ``first`` that has nothing which a later one took out again."""
-    kept = set(stages[-1].effects)
-    return next(s for s in reversed(stages[: max(first, 1)]) if kept.issuperset(s.effects))
 
 
 def evidence(told: Told, step: Step) -> Evidence:
@@ -90,6 +88,8 @@ def evidence(told: Told, step: Step) -> Evidence:
     context = Context(fit.model.rig, told.calibration.run.samples.take(which))
     residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
     added = _added(told, step)
+    if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
+        residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
     looked = variable(own[0].main.phi, context) if _single(own) else None
     if looked is None:
@@ -110,7 +110,8 @@ def _added(told: Told, step: Step) -> Array:
     fit, rows = told.calibration.fit, told.few_rows[1]
     groups = [p.group for p in fit.model.parameters]
     own = [k for k, p in enumerate(fit.model.parameters) if p.group == step.what and p.name != step.inner]
-    rest = [k for k, group in enumerate(groups) if group in ("gauge", "geometry", *step.before.effects)]
+    known_then = (step.after if step.replaced else step.before).effects
+    rest = [k for k, group in enumerate(groups) if group in ("gauge", "geometry", *known_then)]
     added = rows[:, :, own] @ fit.errors[own]
     known = rows[:, :, [k for k in rest if k not in own]].reshape(added.size, -1)
     known = known / np.maximum(np.linalg.norm(known, axis=0), 1e-300)
