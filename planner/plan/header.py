@@ -45,6 +45,7 @@ class PlanFile(Loose):
 
     schema_: Literal["edbb-plan/1"] = Field(alias="schema")
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
+    robot: str = ""
     drives: tuple[DriveFile, ...] = Field(min_length=1)
     poses: tuple[PoseFile, ...] = ()
 

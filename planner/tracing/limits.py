@@ -31,7 +31,7 @@ def limits(shade: Shade, entries: Sequence[Entry], tried: int) -> Iterator[Limit
         )
         worst[s.entry.name] = max(worst.get(s.entry.name, 0.0), float(size))
     for e in entries:
-        if np.isfinite(worst.get(e.name, np.inf)):
+        if worst.get(e.name, np.inf) <= e.largest:  # beyond that no arm has it: the run says nothing of it
             yield Limit(e.kind, e.on, worst[e.name], e.make(_some(e)[0])[0].unit)
 
 

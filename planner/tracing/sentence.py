@@ -36,8 +36,8 @@ def sized(
     if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
         sentence = sentence.replace(" grow ", " shrink ")
     if entry.kind == CURVE:
-        strongest = " and ".join(f"{f:.1f}" for f in periods(entry.make(None), sizes))
-        sentence += f", mostly in waves of {strongest} a turn"
+        *others, last = [f"{f:.0f}" for f in periods(entry.make(None), sizes)]
+        sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"
     return sentence
 
 

@@ -59,15 +59,17 @@ def identify_runs(
         run = load_runs(runs, where.robot.n_joints)
         other = None if validate is None else load_runs([validate], where.robot.n_joints)
         if plan is not None:
-            run, kept_out = _by_plan(run, plan, read_plan(plan))
+            run, kept_out = _by_plan(run, plan, read_plan(plan), where.robot.name)
             other = other or kept_out
     with stages.stage("identification") as progress:
         found = identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
     return Identification(where, found)
 
 
-def _by_plan(run: Run, path: Path, plan: PlanFile) -> tuple[Run, Run | None]:
+def _by_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> tuple[Run, Run | None]:
     """Return the run without the plan's validation poses, and these."""
+    if plan.robot not in ("", robot):
+        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell's robot is {robot}")
     if run.plan_id is not None and run.plan_id != plan.plan_id:
         raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
     if run.samples.pose is None:
