@@ -11,10 +11,8 @@ from planner.errors import NoSolutionError
 from planner.loaded import Loaded, Options
 from planner.loaded.joint import Joint
 from planner.loaded.results import loaded_content
-from planner.study.softness.results import places_content, sentences
 from planner.units import DEG
 from planner.workflow.loaded import evaluate_loaded, write_loaded
-from planner.workflow.loaded_places import beside_plan, study_places, write_places
 
 
 def loaded_command(
@@ -57,6 +55,9 @@ def places_command(
     as_json: Json = False,
 ) -> None:
     """Find the places where loaded circles tell the joints' compliances apart."""
+    from planner.study.softness.results import places_content, sentences  # plotting: others start quicker without
+    from planner.workflow.loaded_places import beside_plan, study_places, write_places
+
     check_folder(output)
     with Screen() as stages:
         where, found = study_places(cell, places, seed, stages)
@@ -79,13 +80,13 @@ def _summary(found: Loaded, joint: Joint | None, folder: Path) -> None:
     c = found.compliances
     lines = [f"{found.name}: {len(found.circles)} circle{'s' * (len(found.circles) > 1)} of {found.robot}"]
     lines += [
-        f"  {name:<12}{value * 1e6:9.3f} ± {std * 1e6:.3f} urad/Nm (known before: ± {prior * 1e6:g})"
+        f"  {name:<12}{value * 1e6:9.3f} ± {std * 1e6:.3f} µrad/Nm (known before: ± {prior * 1e6:g})"
         for name, value, std, prior in zip(c.names, c.value, c.std, c.prior, strict=True)
     ]
     for e in () if joint is None else joint.estimates:
         if e.name in c.names and e.std is not None:
             lines.append(
-                f"  {e.name:<12}{e.value * 1e6:9.3f} ± {e.std * 1e6:.3f} urad/Nm together with runs without load"
+                f"  {e.name:<12}{e.value * 1e6:9.3f} ± {e.std * 1e6:.3f} µrad/Nm together with runs without load"
             )
     lines += [f"  found       {s}" for s in found.sentences]
     lines += [f"  note        {w}" for w in found.warnings]
