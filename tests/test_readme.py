@@ -1,6 +1,7 @@
 """The README's examples: its cell plans, its commands exist, its files are written."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,14 @@ from planner.run import import_run, load_run
 from tests.workflow.conftest import edbb
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
+
+
+@cache
+def help_of(verb):
+    """What a command says of itself."""
+    done = edbb(verb, "--help")
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
@@ -67,18 +76,15 @@ def test_every_command_of_the_readme_is_known():
         "loaded",
     }
     for verb in sorted(verbs):
-        done = edbb(verb, "--help")
-        assert done.returncode == 0, done.stderr
+        assert help_of(verb)
 
 
 @pytest.mark.parametrize(
     "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    helps = "".join(
-        edbb(verb, "--help").stdout for verb in ("plan", "study", "export", "import", "centre", "circular", "loaded")
-    )
-    assert option in helps
+    verbs = ("plan", "study", "export", "import", "centre", "circular", "loaded")
+    assert any(option in help_of(verb) for verb in verbs)
 
 
 def test_the_cells_that_the_readme_names_are_shipped():
