@@ -1,6 +1,5 @@
 """``plan.json`` of a circular test: written, and read later."""
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Literal
@@ -10,7 +9,7 @@ from pydantic import Field
 from planner.cell import Cell
 from planner.circular.types import Arc, CircularDrive, CircularPlan, Pass
 from planner.plan import Waypoints
-from planner.plan.file import SCHEMA, rounded
+from planner.plan.file import SCHEMA, digest, rounded
 from planner.plan.header import Loose, WaypointFile
 from planner.schema import read_json, validate
 from planner.units import to_deg, to_mm
@@ -98,8 +97,7 @@ def circular_text(plan: CircularPlan) -> str:
 
 def circular_identity(plan: CircularPlan) -> str:
     """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
-    content = _content_of(plan) | {"cell_file": plan.cell.file.model_dump(mode="json", by_alias=True)}
-    return hashlib.sha256(json.dumps(rounded(content), sort_keys=True).encode()).hexdigest()[:12]
+    return digest(_content_of(plan), plan.cell)
 
 
 def _content_of(plan: CircularPlan) -> dict[str, object]:

@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from planner.cell import Cell
 from planner.choice import Choice
 from planner.observability import RULES
 from planner.plan.course import DIGITS, Waypoints
@@ -32,9 +33,13 @@ def plan_text(plan: Plan) -> str:
 
 def identity(plan: Plan) -> str:
     """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
-    content = content_of(plan) | {"cell_file": plan.cell.file.model_dump(mode="json", by_alias=True)}
-    text = json.dumps(rounded(content), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+    return digest(content_of(plan), plan.cell)
+
+
+def digest(content: dict[str, object], cell: Cell) -> str:
+    """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
+    whole = content | {"cell_file": cell.file.model_dump(mode="json", by_alias=True)}
+    return hashlib.sha256(json.dumps(rounded(whole), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def content_of(plan: Plan) -> dict[str, object]:

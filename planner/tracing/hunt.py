@@ -58,8 +58,8 @@ class Hunt:
         return len(self.dictionary.items)
 
     def memory(self, state: State) -> float:
-        """How many samples are worth one where effects are screened: along a drive errors remember each other."""
-        return quick_memory(state) if self.bench.run.continuous else 1.0
+        """How many samples are worth one where effects are screened."""
+        return quick_memory(state, self.bench.run.continuous)
 
     def shade(self, state: State) -> Shade:
         """The space that a state's model spans."""

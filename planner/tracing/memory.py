@@ -10,8 +10,13 @@ from planner.units import Array
 STRETCHES = 40  # of a run, whose means are taken out before its memory is measured: an effect that is missing is slow
 
 
-def quick_memory(state: State) -> float:
-    """How many samples are worth one, by the residual's quick part: what is slow may be an effect yet to be found."""
+def quick_memory(state: State, continuous: bool) -> float:
+    """How many samples are worth one where effects are screened: along a drive errors remember each other.
+
+    By the residual's quick part: what is slow may be an effect yet to be found. Poses at rest are worth one each.
+    """
+    if not continuous:
+        return 1.0
     white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
     stretch = np.arange(len(white)) * STRETCHES // len(white)
     mean = np.bincount(stretch, white) / np.bincount(stretch)

@@ -26,7 +26,7 @@ def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Trace
     start = State(geometry.fit.model, (), geometry)
     found = search(start, entries, bench, say)
     last = found.last
-    shade = Shade.of(last.fit, quick_memory(last) if bench.run.continuous else 1.0)
+    shade = Shade.of(last.fit, quick_memory(last, bench.run.continuous))
     say("rivals")
     findings = tuple(_finding(found, h, rivals(shade, last, h, found.dictionary)) for h in last.effects)
     say("detection limits")

@@ -1,6 +1,5 @@
 """``edbb circular``: from the log of a circular test to its figures, and their folder."""
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from planner.repeatable import single_threaded
 from planner.run import load_runs
 from planner.workflow.circle_reading import circular_cell
 from planner.workflow.planning import Stages
-from planner.workflow.writing import move_all
+from planner.workflow.writing import drafted, move_all
 
 
 @single_threaded
@@ -33,9 +32,7 @@ def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> lis
     """Write ``circular.json``, ``report.html`` and its pictures: all of it, or nothing."""
     from planner.report.circular import write_test_report  # matplotlib: other commands start quicker without
 
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
-        draft = Path(name)
+    with drafted(folder) as draft, stages.stage("report"):
         write_text(draft / "circular.json", circular_test_text(test))
         write_test_report(test, draft)
         return move_all(draft, folder)

@@ -1,7 +1,5 @@
 """Writes a planned circular test into its folder: all of it, or nothing."""
 
-import json
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ from planner.gauge import bar_state
 from planner.trajectory import table, table_csv
 from planner.units import Array
 from planner.workflow.planning import Stages
-from planner.workflow.writing import SAMPLE, cell_text, move_all
+from planner.workflow.writing import SAMPLE, drafted, timed, write_driven
 
 
 def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> list[Path]:
@@ -23,19 +21,12 @@ def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> lis
     """
     from planner.report.circular import write_plan_report  # matplotlib: other commands start quicker without
 
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
-        draft = Path(name)
+    with drafted(folder) as draft:
         with stages.stage("report"):
-            for _, files in plan.programs:
-                for file in files:
-                    write_text(draft / file.name, file.text, file.encoding)
-            write_text(draft / "trajectory.csv", circular_trajectory_csv(plan))
-            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            write_driven(plan.cell, plan.programs, circular_trajectory_csv(plan), draft)
             write_plan_report(plan, draft)
             write_text(draft / "plan.json", circular_text(plan))
-        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
-        return move_all(draft, folder)
+        return timed(stages, draft, folder)
 
 
 def circular_trajectory_csv(plan: CircularPlan) -> str:

@@ -31,9 +31,7 @@ def plan_circles(cell: Cell, options: Options, stages: Stages) -> CircularPlan:
     """
     if not cell.circles:
         raise InputError(f"{cell.path}: a circular test needs at least one [[circles]] table")
-    dialects = options.dialects or cell.controller.dialects
-    for name in dialects:
-        _ = info(name)  # an unknown dialect is told before a minute's work
+    dialects = options.known_dialects(cell)
     cell = replace(cell, motion=replace(cell.motion, measure="continuous", both_ways=False))
     check_home(cell, Constraints(cell, bar=False))
     drives: list[CircularDrive] = []

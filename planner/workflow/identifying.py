@@ -1,6 +1,5 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +19,7 @@ from planner.residuals import leftover
 from planner.run import Run, load_runs
 from planner.tracing import trace
 from planner.workflow.planning import Stages
-from planner.workflow.writing import move_all
+from planner.workflow.writing import drafted, move_all
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,7 @@ def write_identification(done: Identification, folder: Path, stages: Stages) -> 
     from planner.report.calibration import write_calibration_report  # plotting: other commands start quicker without
 
     found = done.calibration
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
-        draft = Path(name)
+    with drafted(folder) as draft, stages.stage("report"):
         write_text(draft / "identification.json", identification_text(found, done.left))
         write_text(draft / "residuals.csv", residuals_csv(found))
         write_calibration_report(found, draft, done.left)

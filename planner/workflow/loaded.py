@@ -1,6 +1,5 @@
 """``evaluate_loaded()``: from the logs of loaded circles to compliances and the circle without load, and its folder."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from planner.plan.header import Loose
 from planner.run import Run, load_runs, run_text
 from planner.schema import read_json, validate
 from planner.workflow.planning import Stages
-from planner.workflow.writing import move_all
+from planner.workflow.writing import drafted, move_all
 
 
 @dataclass(frozen=True)
@@ -78,9 +77,7 @@ def write_loaded(done: Evaluation, folder: Path, stages: Stages) -> list[Path]:
     """
     from planner.report.loaded import write_loaded_report  # plotting: other commands start quicker without
 
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
-        draft = Path(name)
+    with drafted(folder) as draft, stages.stage("report"):
         write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
         write_text(draft / "curves.csv", curves_csv(done.found))
         write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))

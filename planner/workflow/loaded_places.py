@@ -1,6 +1,5 @@
 """``study_places()``: where loaded circles tell the compliances apart, and a cell that drives them."""
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from planner.study.softness import Both, Places, places_study, predicted_both
 from planner.study.softness.results import places_csv, places_text
 from planner.units import from_deg, to_mm
 from planner.workflow.planning import Stages
-from planner.workflow.writing import cell_text, move_all
+from planner.workflow.writing import cell_text, drafted, move_all
 
 MOST = 6
 
@@ -73,9 +72,7 @@ def write_places(
     from planner.report.printed import picture_png
     from planner.study.softness.pictures import place_pictures  # plotting: other commands start quicker without
 
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name, stages.stage("report"):
-        draft = Path(name)
+    with drafted(folder) as draft, stages.stage("report"):
         write_text(draft / "places.json", places_text(found, cell.robot.name, both))
         write_text(draft / "places.csv", places_csv(found))
         write_text(draft / "cell.toml", cell_text(with_places(cell, found, count), draft))

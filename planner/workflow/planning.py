@@ -58,6 +58,17 @@ class Options:
     tsp: Method = "auto"
     separate: Path | None = None
 
+    def known_dialects(self, cell: Cell) -> tuple[str, ...]:
+        """The dialects to write; an unknown one is told before a minute's work.
+
+        Raises:
+            InputError: there is no such dialect.
+        """
+        dialects = self.dialects or cell.controller.dialects
+        for name in dialects:
+            _ = info(name)
+        return dialects
+
 
 @single_threaded
 def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
@@ -67,9 +78,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
-    dialects = options.dialects or cell.controller.dialects
-    for name in dialects:
-        _ = info(name)  # an unknown dialect is told before a minute's work
+    dialects = options.known_dialects(cell)
     rivals = read_identified(options.separate, cell.robot.name) if options.separate else None
     with stages.stage("candidates") as progress:
         cell = with_mounts(cell, options.seed)

@@ -11,7 +11,6 @@ from planner.errors import InputError, NoSolutionError
 from planner.observability import index_value
 from planner.path import Constraints, parts
 from planner.plan import Drive, Plan, Role, identity
-from planner.program import info
 from planner.repeatable import single_threaded
 from planner.workflow.driving import Unreachable
 from planner.workflow.notes import session_notes
@@ -32,9 +31,7 @@ def plan_points(cell: Cell, options: Options, stages: Stages) -> Plan:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
-    dialects = options.dialects or cell.controller.dialects
-    for name in dialects:
-        _ = info(name)  # an unknown dialect is told before a minute's work
+    dialects = options.known_dialects(cell)
     index, poses = options.index or cell.plan.index, options.poses or cell.plan.poses
     if cell.gauge.head is not None:
         _check_shares(cell, poses, index)

@@ -3,6 +3,8 @@
 import json
 import shutil
 import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import tomli_w
@@ -18,6 +20,7 @@ from planner.trajectory import table, table_csv
 from planner.units import Array
 from planner.workflow.planning import Stages
 
+Programs = Iterable[tuple[str, tuple[ProgramFile, ...]]]
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
@@ -28,19 +31,35 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
     """
     from planner.report import write_report  # matplotlib and plotly: other commands start quicker without
 
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
-        draft = Path(name)
+    with drafted(folder) as draft:
         with stages.stage("report"):
-            for _, files in plan.programs:
-                for file in files:
-                    write_text(draft / file.name, file.text, file.encoding)
-            write_text(draft / "trajectory.csv", trajectory_csv(plan))
-            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            write_driven(plan.cell, plan.programs, trajectory_csv(plan), draft)
             write_report(plan, draft)
             write_text(draft / "plan.json", plan_text(plan))
-        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
-        return move_all(draft, folder)
+        return timed(stages, draft, folder)
+
+
+@contextmanager
+def drafted(folder: Path) -> Iterator[Path]:
+    """A folder beside ``folder`` in which to write what is moved there once all of it is right."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
+        yield Path(name)
+
+
+def write_driven(cell: Cell, programs: Programs, trajectory: str, draft: Path) -> None:
+    """Write what any plan has: its programs, the text of ``trajectory.csv``, and ``cell.toml``."""
+    for _, files in programs:
+        for file in files:
+            write_text(draft / file.name, file.text, file.encoding)
+    write_text(draft / "trajectory.csv", trajectory)
+    write_text(draft / "cell.toml", cell_text(cell, draft))
+
+
+def timed(stages: Stages, draft: Path, folder: Path) -> list[Path]:
+    """Write ``timings.json``, the last file, and move all of a draft into its folder."""
+    write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
+    return move_all(draft, folder)
 
 
 def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
