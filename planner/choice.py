@@ -27,7 +27,7 @@ class Choice:
         model: the measurement model with the identifiable parameters only.
         seen: what the candidates can see, and why the rest is dropped.
         q: chosen controller angles, refined off the grid where asked, (n, N) [rad].
-        fixture: which fixture holds the bar, (n,) int.
+        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
         chosen: positions of the on-grid selection in the pool, (n,) int.
         index: name of the index.
         value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
@@ -85,7 +85,7 @@ def what_is_seen(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Arr
         model, rows = model.subset(free), rows[:, :, free]
     seen = identifiable(rows, model.names, model.prior, prefer=preference(model), noise=noise)
     kept = list(seen.kept)
-    seen = with_others(seen, names, (*out, *unloaded(cell, model)))
+    seen = with_others(seen, names, (*out, *unloaded(cell.plan.effects, model)))
     return model.subset(kept), seen, np.ascontiguousarray(rows[:, :, kept])
 
 
@@ -144,17 +144,23 @@ def _selected(rows: Array, n: int, index: str, seed: int, certificate: Certifica
 
 
 def refined(cell: Cell, choice: Choice, seed: int) -> Choice:
-    """Move the chosen poses continuously to better the index, keeping every filter (one fixture at a time only)."""
-    if not cell.plan.refine or len(cell.fixtures) > 1 or choice.ball is not None:
+    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
+    if not cell.plan.refine or choice.ball is not None:
         return choice
-    workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
+    filters = [(Workspace(cell, k), CollisionWorld.from_cell(cell, k)) for k in range(len(cell.fixtures))]
 
-    def valid(states: Array) -> np.ndarray:
-        ok = np.asarray((workspace.margins(states) > ROOM).all(axis=1))
-        ok[ok] = ~world.collides(states[ok], cell.motion.clearance + ROOM)
+    def rows(states: Array, pose: np.ndarray) -> Array:
+        return choice.model.jacobian(states, choice.fixture[pose])
+
+    def valid(states: Array, pose: np.ndarray) -> np.ndarray:
+        ok = np.zeros(len(states), dtype=bool)
+        for k, (workspace, world) in enumerate(filters):
+            mine = np.flatnonzero(choice.fixture[pose] == k)
+            mine = mine[(workspace.margins(states[mine]) > ROOM).all(axis=1)]
+            ok[mine] = ~world.collides(states[mine], cell.motion.clearance + ROOM)
         return ok
 
-    return choice.moved(refine(choice.q, choice.model.jacobian, valid, choice.index, seed=seed).q)
+    return choice.moved(refine(choice.q, rows, valid, choice.index, seed=seed).q)
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:

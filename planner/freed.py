@@ -1,4 +1,4 @@
-"""What the fit of a planned run will free, and which of its parameters are preferred where some depend on others."""
+"""What a plan and the fit of its run free, and which of its parameters are preferred where some depend on others."""
 
 from dataclasses import replace
 
@@ -7,13 +7,15 @@ import numpy as np
 from planner.catalogue import catalogue
 from planner.cell import Cell
 from planner.errors import InputError, nearest
-from planner.model import Model
+from planner.model import Model, Parameter
 from planner.model.parameters import compliance_parameters
 from planner.observability import Dropped, Identifiability, covariance
 from planner.observability.sentences import because
+from planner.rig import Rig
 from planner.run import Samples
 from planner.units import UM, Array
 
+COMPLIANCE = "joint compliance"  # the kind that fits have most often beside geometry
 SAMPLED = 2000  # poses of a pool that tell which effects show
 READINGS = 80  # poses, where the plan does not say how many
 LOOSE = 1.0  # [m] what is known of a tool point that nobody measured: nothing
@@ -26,18 +28,30 @@ def planned_model(cell: Cell, q: Array, place: np.ndarray) -> Model:
         InputError: an effect that the catalogue does not have, or that these poses do not show.
     """
     model = Model.from_cell(cell)
-    if not cell.plan.effects:
-        return model
     rows = np.unique(np.linspace(0, len(q) - 1, min(SAMPLED, len(q))).astype(int))
-    entries = catalogue(model.rig, Samples(q[rows], place[rows]))
-    kinds = {e.kind for e in entries if e.inner is None}
+    return model.plus(declared(cell, model.rig, model.rig.visits(q[rows], place[rows])))
+
+
+def declared(cell: Cell, rig: Rig, samples: Samples, more: tuple[str, ...] = ()) -> list[Parameter]:
+    """Return the parameters of the effects in the cell's ``[plan]``, each kind a group, as far as the samples show any.
+
+    Kinds in ``more`` come behind them; of those nothing need show.
+
+    Raises:
+        InputError: ``[plan]`` has a kind that the catalogue does not have, or that these samples do not show.
+    """
+    kinds = (*cell.plan.effects, *more)
+    if not kinds:
+        return []
+    entries = [e for e in catalogue(rig, samples) if e.inner is None]
+    known = {e.kind for e in entries}
     for wanted in cell.plan.effects:
-        if wanted not in kinds:
+        if wanted not in known:
             raise InputError(
-                f"{cell.path}: plan.effects names '{wanted}'{nearest(wanted, sorted(kinds))}; these poses can show "
-                f"{', '.join(sorted(kinds))}"
+                f"{cell.path}: plan.effects names '{wanted}'{nearest(wanted, sorted(known))}; these poses can show "
+                f"{', '.join(sorted(known))}"
             )
-    return model.plus([p for e in entries if e.kind in cell.plan.effects for p in e.make(None)])
+    return [replace(p, group=kind) for kind in kinds for e in entries if e.kind == kind for p in e.make(None)]
 
 
 def preference(model: Model) -> list[int]:
@@ -60,7 +74,7 @@ def preference(model: Model) -> list[int]:
     ]
 
 
-def held(cell: Cell, model: Model, rows: Array, noise: float) -> tuple[Dropped, ...]:
+def held(cell: Cell, model: Model, rows: Array, noise: float, poses: int | None = None) -> tuple[Dropped, ...]:
     """Return the tool's parameters that were measured to less than the noise of one reading.
 
     Freed they would only take up what others do: the reading cannot see them off by that much, and a point that is
@@ -69,13 +83,15 @@ def held(cell: Cell, model: Model, rows: Array, noise: float) -> tuple[Dropped, 
     Args:
         cell: the cell; without ``tool.map_sigma_um`` nothing is held.
         model: all that is freed.
-        rows: its rows over candidates (n, r, P).
+        rows: its rows over candidates, or over what was measured, (n, r, P).
         noise: of one reading [m].
+        poses: how many were measured; ``None`` for a plan, which says how many will be.
     """
     if not cell.tool.measured:
         return ()
     part = rows[:: max(1, len(rows) // SAMPLED)]
-    per_reading = noise * np.sqrt(len(part) / (cell.plan.poses or READINGS))
+    per_reading = noise * np.sqrt(len(part) / (poses or cell.plan.poses or READINGS))
+    whose = "planned" if poses is None else "run's"
     moves = np.sqrt((part**2).sum(axis=1).mean(axis=0))
     out = []
     for k, p in enumerate(model.parameters):
@@ -87,15 +103,15 @@ def held(cell: Cell, model: Model, rows: Array, noise: float) -> tuple[Dropped, 
         told = f"{float(f'{std / UM:.2g}'):g} µm"
         why = (
             f"{p.name} was measured on the tool to {p.prior / UM:.2g} µm (tool.map_sigma_um), less than the noise of "
-            f"one reading, {noise / UM:.2g} µm; the planned readings alone would tell it to {told}: held"
+            f"one reading, {noise / UM:.2g} µm; the {whose} readings alone would tell it to {told}: held"
         )
         out.append(Dropped(p.name, why, ((p.name, 1.0),)))
     return tuple(out)
 
 
-def unloaded(cell: Cell, model: Model) -> tuple[Dropped, ...]:
-    """Return the joint compliances that the plan asks for and no pose can show, as no weight turns the joint."""
-    if "joint compliance" not in cell.plan.effects:
+def unloaded(kinds: tuple[str, ...], model: Model) -> tuple[Dropped, ...]:
+    """Return the joint compliances that are asked for and no pose can show, as no weight turns the joint."""
+    if COMPLIANCE not in kinds:
         return ()
     missing = [p for p in compliance_parameters(model.rig) if p.name not in model.names]
     return tuple(Dropped(p.name, because(d := ((p.name, 1.0),)), d) for p in missing)

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.cell import Cell
+from planner.cell import Cell, ToolPoint
 from planner.chain import Chain, Transform
 from planner.robot import Robot
 from planner.run import Readings, Samples
@@ -36,6 +36,8 @@ class Rig:
         noise, noise_angle: of one reading [m], [rad]; ``joint_sigma`` repeatability of one joint [rad].
         gravity_B: in the base frame, (3,) [m/s²]; tool_mass [kg]; com_F (3,) [m].
         zero: what a bar reads beyond its length, as far as known [m].
+        stands: place and point of each of the cell's fixtures, in their order; see :meth:`visits`.
+        loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
     """
 
     robot: Robot
@@ -58,6 +60,8 @@ class Rig:
     tool_mass: float
     com_F: Array
     zero: float = 0.0
+    stands: tuple[tuple[int, int], ...] = ()
+    loaded: tuple[str, ...] = ()
 
     @cached_property
     def chain(self) -> Chain:
@@ -71,6 +75,14 @@ class Rig:
         tool = [Transform(f"map_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
         probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.kind == "pose" else []
         return Chain((*moves, *turns, *self.robot.transforms, *tool, *probe))
+
+    def visits(self, q: Array, fixture: np.ndarray | int = 0) -> Samples:
+        """Return samples at q (n, N) [rad], each with the bar as it hangs at an entry of the cell's fixtures."""
+        which = np.broadcast_to(fixture, (len(q),))
+        if len(self.p_FM) == 1:
+            return Samples(q, which)
+        stands = np.array(self.stands)
+        return Samples(q, stands[which, 0], point=stands[which, 1])
 
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
@@ -123,28 +135,41 @@ KINDS: tuple[tuple[str, Kind], ...] = (
 
 def rig_of(cell: Cell) -> Rig:
     """Return the rig as the cell describes it; frames that it does not give are the base's and the flange's own."""
-    n = max(1, len(cell.fixtures))
+    names = tuple(dict.fromkeys(f.name for f in cell.fixtures))
+    cups = [next(f for f in cell.fixtures if f.name == name) for name in names]
+    tool = cell.tool
+    used = sorted({f.point for f in cell.fixtures} or range(len(tool.points)))
+    points = [tool.points[k] for k in used] if tool.points else [ToolPoint("", tool.p_FM, tool.axis_F)]
+    n = max(1, len(names))
     return Rig(
         robot=cell.robot,
         kind=dict(KINDS)[cell.gauge.kind],
-        p_BX=np.array([f.p_BX for f in cell.fixtures]).reshape(-1, 3),
+        p_BX=np.array([f.p_BX for f in cups]).reshape(-1, 3),
         R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
         p_BG=np.zeros((n, 3)),
-        p_FM=cell.tool.p_FM[None],
-        R_FM=np.eye(3)[None],
+        p_FM=np.array([p.p_FM for p in points]),
+        R_FM=np.broadcast_to(np.eye(3), (len(points), 3, 3)),
         p_GS=np.array([b.p_GS for b in cell.balls]).reshape(-1, 3),
-        place_names=tuple(f.name for f in cell.fixtures) or ("",),
-        point_names=("",),
-        place_prior=np.array([f.prior for f in cell.fixtures] or [np.inf]),
-        tool_prior=cell.tool.prior,
-        turn_prior=min([f.turn for f in cell.fixtures] or [np.inf]),
+        place_names=names or ("",),
+        point_names=tuple(p.name for p in points) if len(points) > 1 else ("",),
+        place_prior=np.array([f.prior for f in cups] or [np.inf]),
+        tool_prior=tool.prior,
+        turn_prior=min([f.turn for f in cups] or [np.inf]),
         noise=cell.gauge.noise,
         noise_angle=cell.gauge.noise_angle,
         joint_sigma=_joint_sigma(cell),
         gravity_B=cell.base.R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
-        tool_mass=cell.tool.mass,
-        com_F=cell.tool.com_F,
+        tool_mass=tool.mass,
+        com_F=tool.com_F,
+        stands=tuple((names.index(f.name), used.index(f.point)) for f in cell.fixtures),
+        loaded=tuple(dict.fromkeys(cell.fixtures[c.fixture].name for c in cell.circles if c.loads)),
     )
+
+
+def largest_load(cell: Cell) -> float | None:
+    """Return the largest pull of a bar that the robot may carry beside its tool [N]; ``None`` where nobody says."""
+    payload = cell.robot.payload
+    return None if payload is None else (payload - cell.tool.mass) * STANDARD_GRAVITY
 
 
 def _joint_sigma(cell: Cell) -> float:

@@ -29,6 +29,10 @@ class Workspace:
     fixture: int = 0
     bar: bool = True
 
+    def __post_init__(self) -> None:
+        """Take the tool point that the bar hangs from there."""
+        object.__setattr__(self, "cell", self.cell.at(self.fixture))
+
     @cached_property
     def columns(self) -> tuple[tuple[Stage, str], ...]:
         """Stage and name of each margin."""

@@ -4,13 +4,19 @@ import re
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from planner.cell import load_cell
-from planner.run import import_run, load_run
+from planner.compensation import compensate_file
+from planner.errors import InputError
+from planner.run import Samples, import_run, load_run
+from planner.simulation.truth import read_truth
+from tests.compensation.robots import bent
 from tests.workflow.conftest import edbb
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
+TEXTS = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
 
 
 @cache
@@ -32,7 +38,7 @@ def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
 
 def test_the_run_and_its_cell_are_read(tmp_path):
     (rows,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
-    cell = re.findall(r"```text\n(.*?)```", README, re.DOTALL)[0]
+    cell = TEXTS[0]
     (tmp_path / "run.csv").write_text(rows)
     (tmp_path / "cell.toml").write_text(cell)
     robot = load_cell(str(tmp_path / "cell.toml"), planning=False).robot
@@ -44,19 +50,57 @@ def test_the_run_and_its_cell_are_read(tmp_path):
 
 
 def test_the_balls_stand_in_a_cell(tmp_path):
-    cell, balls, _ = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    cell, balls = TEXTS[:2]
     (tmp_path / "cell.toml").write_text(cell.replace('"tracker"', '"ball-socket"') + balls)
     assert [b.name for b in load_cell(str(tmp_path / "cell.toml"), planning=False).balls] == ["1", "2"]
 
 
 def test_the_column_map_reads_two_traces(tmp_path):
-    (tmp_path / "map.toml").write_text(re.findall(r"```text\n(.*?)```", README, re.DOTALL)[2])
+    (tmp_path / "map.toml").write_text(TEXTS[2])
     times = [0.1 * k for k in range(200)]
     (tmp_path / "axes.log").write_text("Time;A1\n" + "".join(f"{t:.2f};{10 * t:.3f}\n" for t in times))
     (tmp_path / "gauge.csv").write_text("t,L\n" + "".join(f"{t:.2f},{400_000 + 100 * t:.1f}\n" for t in times))
     run = import_run([tmp_path / "axes.log", tmp_path / "gauge.csv"], tmp_path / "map.toml")
     assert run.readings.length is not None
     assert 0.4 <= run.readings.length.min() <= run.readings.length.max() < 0.403
+
+
+def test_the_truth_is_what_a_simulated_robot_has(tmp_path):
+    (tmp_path / "truth.toml").write_text(TEXTS[3])
+    cell = load_cell("comau-nj130/edbb")
+    q = np.random.default_rng(0).uniform(-1, 1, (30, 6))
+    truth = read_truth(tmp_path / "truth.toml", cell, Samples(q, np.zeros(30, dtype=int)))
+    values = dict(zip(truth.model.names, truth.errors, strict=True))
+    assert {k: v for k, v in values.items() if v} == {"a2": 0.8e-3, "theta3": pytest.approx(np.radians(0.05))}
+    assert [v for e in truth.effects for v in e.values if v] == [pytest.approx(120e-6)]
+    assert (truth.model.rig.noise, truth.model.rig.robot.repeatability) == (1e-6, 2e-5)
+
+
+@pytest.mark.parametrize("key", re.findall(r"compliance2\S+|fixture\S+|map\S+|zero_mm", TEXTS[3]))
+def test_every_error_that_the_truth_may_name_is_there(key, tmp_path):
+    (tmp_path / "truth.toml").write_text(f'schema = "edbb-truth/1"\n[errors]\n{key.rstrip(",")} = 0.1\n')
+    truth = read_truth(
+        tmp_path / "truth.toml", load_cell("comau-nj130/edbb"), Samples(np.zeros((1, 6)), np.zeros(1, int))
+    )
+    assert np.count_nonzero(truth.errors) == 1
+
+
+def test_the_table_of_targets_is_corrected(tmp_path):
+    (tmp_path / "targets.csv").write_text(TEXTS[4])
+    robot, real = bent("ur10", seed=1)
+    done = compensate_file(tmp_path / "targets.csv", robot, real)
+    assert done.report.joint_targets == 2
+    poses = TEXTS[4].replace("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg")
+    (tmp_path / "poses.csv").write_text(poses)
+    with pytest.raises(InputError, match="the joint angles then being where the search starts"):
+        compensate_file(tmp_path / "poses.csv", robot, real)
+
+
+def test_the_options_that_compensate_is_said_to_have_are_there():
+    own = README.split("`compensate` takes a program")[1].split("Held out means")[0]
+    options = set(re.findall(r"`(--[a-z-]+)`", own))
+    assert options == {"--keep-unsolved", "--tool", "--base", "--frames"}
+    assert all(option in help_of("compensate") for option in options)
 
 
 def test_every_command_of_the_readme_is_known():

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell import Cell
+from planner.cell.placed import nests_frame
 from planner.errors import InputError
+from planner.model import Model
 from planner.plan.header import Loose
-from planner.run import Run
+from planner.run import Run, Samples
 from planner.schema import read_json, validate
-from planner.units import Array
+from planner.units import Array, frozen
 
 
 @dataclass(frozen=True)
@@ -75,20 +77,60 @@ def precision(position: Array, group: np.ndarray, reference: Array | None = None
     return Precision(poses, len(off), float(size.max()), float(np.sqrt((size**2).mean())), apart, std)
 
 
-def precision_of_run(cell: Cell, run: Run, groups: dict[int, int]) -> Precision:
+@dataclass(frozen=True)
+class Repeats:
+    """The repeated centrings of a run, one entry each, in the order in which they were measured.
+
+    Attributes:
+        pose: which pose it belongs to, (m,) int.
+        ball: name of the ball.
+        off: from the mean of that pose's centrings, in the base frame, (m, 3) [m].
+        expected: rms of these distances, were repeatability and noise as declared [m].
+        summary: the figures.
+    """
+
+    pose: np.ndarray
+    ball: tuple[str, ...]
+    off: Array
+    expected: float
+    summary: Precision
+
+
+def repeats_of_run(cell: Cell, run: Run, groups: dict[int, int]) -> Repeats:
     """Judge the repeated centrings of a run: where the robot's axes and the last readings put the ball each time.
 
-    The nominal geometry is near enough: centrings of one pose differ by micrometres.
+    The nominal geometry is near enough: centrings of one pose differ by micrometres. What the arm's axes do not show,
+    its repeatability, is part of the figures; a CMM beside the head, as in the paper, would leave it out.
 
     Raises:
-        InputError: the run names no poses, or none was centred more than once.
+        InputError: no run of balls, or it names no poses, or none was centred more than once.
     """
+    if run.readings.ball is None:
+        raise InputError(f"{run.name}: a precision test needs the column ball of a head that is centred on balls")
     if run.samples.pose is None:
         raise InputError(f"{run.name}: the column 'pose' is missing, so nothing tells which centrings belong together")
     x = cell.map_position(run.samples.q)
     if run.readings.offset is not None:
-        x = x - run.readings.offset
-    return precision(x, np.array([groups.get(int(k), int(k)) for k in run.samples.pose]))
+        x = x - run.readings.offset @ nests_frame(cell.file)[0].T
+    group = np.array([groups.get(int(k), int(k)) for k in run.samples.pose])
+    try:
+        summary = precision(x, group)
+    except InputError as err:
+        raise InputError(f"{run.name}: {err}") from err
+    _, member, count = np.unique(group, return_inverse=True, return_counts=True)
+    often = np.flatnonzero(count[member] > 1)
+    mean = np.stack([np.bincount(member, x[:, k]) for k in range(3)], axis=1) / count[:, None]
+    ball = tuple(run.balls[k] for k in run.readings.ball[often])
+    free = 1.0 - 1.0 / count[member[often]]  # of a pose's scatter that its own mean leaves
+    expected = float(np.sqrt((_declared(cell, run.samples.take(often)) * free).mean()))
+    return Repeats(group[often], ball, frozen((x - mean[member])[often]), expected, summary)
+
+
+def _declared(cell: Cell, samples: Samples) -> Array:
+    """Mean square distance of a centring from where it should be, by repeatability and noise, (m,) [m²]."""
+    model = Model.from_cell(cell)
+    shaken = (model.joint_rows(samples) ** 2).sum(axis=(1, 2))
+    return np.asarray(3 * model.rig.noise**2 + model.rig.joint_sigma**2 * shaken)
 
 
 def _diameter(x: Array) -> float:

@@ -6,15 +6,15 @@ A frame that is fitted to the validation poses takes up a part of the error that
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from planner.calibrated import CalibratedRobot
 from planner.cell import Cell
+from planner.cell.placed import nests_frame
 from planner.errors import InputError
 from planner.placing.rotations import registration
 from planner.robot import Robot
 from planner.run import Run
-from planner.units import UM, Array, from_deg, from_mm, to_mm
+from planner.units import UM, Array, to_mm
 
 NESTS = 3
 FLAT = 0.05  # share of their spread by which the nests must leave one line
@@ -33,21 +33,22 @@ class Stand:
 class Registered:
     """Where the tracker's frame G stands in the nests' frame W: R_WG (3, 3), p_WG (3,) [m].
 
-    ``misses`` (k,) [m] is what is left at each nest.
+    ``misses`` (k,) [m] is what is left at each nest, ``p_WN`` (k, 3) [m] where they are.
     """
 
     R_WG: Array
     p_WG: Array
     misses: Array
+    p_WN: Array
+
+    def seen(self, p_GM: Array) -> Array:
+        """Bring points (n, 3) [m] from the tracker's frame to the nests'."""
+        return np.asarray(p_GM @ self.R_WG.T + self.p_WG)
 
 
 def stand_of(cell: Cell) -> Stand:
     """Return where the nests' frame stands as the cell says: with the artifact, or on the base without one."""
-    placed = cell.file.artifact
-    if placed is None:
-        return Stand(np.eye(3), np.zeros(3))
-    R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
-    return Stand(np.asarray(R), np.asarray(from_mm(placed.position_mm)))
+    return Stand(*nests_frame(cell.file))
 
 
 def registered(cell: Cell) -> Registered:
@@ -60,7 +61,10 @@ def registered(cell: Cell) -> Registered:
     if len(read) < NESTS:
         missing = [n.name for n in cell.nests if n.p_GN is None]
         which = f"read_mm is missing for {', '.join(missing)}" if missing else f"it has {len(read)} of them"
-        raise InputError(f"{cell.path}: the tracker's frame takes {NESTS} nests in [[tracker.nests]]; {which}")
+        raise InputError(
+            f"{cell.path}: the tracker's frame takes {NESTS} nests in [[tracker.nests]]; {which}, and so is a line "
+            "'# nest_mm: NAME, x, y, z' for each above the columns of the run"
+        )
     W, G = np.array([n.p_WN for n in read]), np.array([n.p_GN for n in read])
     spread = np.linalg.svd(W - W.mean(axis=0), compute_uv=False)
     if spread[1] < FLAT * spread[0]:
@@ -74,7 +78,7 @@ def registered(cell: Cell) -> Registered:
             f"with the tracker's frame as it fits best; {float(to_mm(CLOSE)):g} mm are allowed: read the nests again, "
             "or check their position_mm"
         )
-    return Registered(R, p, misses)
+    return Registered(R, p, misses, W)
 
 
 def errors_of(robot: Robot, p_FM: Array, stand: Stand, frame: Registered, run: Run) -> Array:
@@ -94,5 +98,5 @@ def errors_of(robot: Robot, p_FM: Array, stand: Stand, frame: Registered, run: R
         raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
     p_BF, R_BF = CalibratedRobot(robot).flange(run.samples.q)
     model = p_BF + R_BF @ p_FM
-    seen = (run.readings.position @ frame.R_WG.T + frame.p_WG) @ stand.R_BW.T + stand.p_BW
+    seen = frame.seen(run.readings.position) @ stand.R_BW.T + stand.p_BW
     return np.asarray(seen - model)

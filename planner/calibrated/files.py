@@ -63,5 +63,5 @@ def _tilt(gravity_B: Array) -> Array:
 
 def _source(c: Calibration) -> str:
     effects = [g for g in c.stages[-1].effects if g not in ("gauge", "geometry")]
-    what = ", ".join(["geometry", *effects])
+    what = "; ".join(["geometry", *effects])  # their names have commas inside
     return f"Identified from {PurePath(c.run.name).name}, {len(c.run)} samples: {what}."

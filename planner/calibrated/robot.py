@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from planner.calibrated.uncorrected import uncorrected
 from planner.effects import Context, Phi
 from planner.effects.keys import is_static, needs_loads, phi_of
 from planner.errors import InputError
@@ -44,13 +45,7 @@ class CalibratedRobot:
     @property
     def sentence(self) -> str | None:
         """Say what is left out, or ``None``."""
-        names = list(dict.fromkeys(e.name for e in self.left_out))
-        if not names:
-            return None
-        return (
-            f"{', '.join(names)}: not compensated, because {'it depends' if len(names) == 1 else 'they depend'} on "
-            "more than joint angles and loads"
-        )
+        return uncorrected(self.left_out)
 
     def flange(self, q: Array) -> tuple[Array, Array]:
         """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""

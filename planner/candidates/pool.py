@@ -71,7 +71,7 @@ class PoseSet:
 
     Attributes:
         q: controller angles, (n, N) [rad].
-        fixture: which fixture holds the bar, (n,) int.
+        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
         funnel: what each filter left.
         ball: at which ball, (n,) int, where an artifact's balls are measured.
         back: the pose from which each is approached, (n, N) [rad], there too.
@@ -176,8 +176,7 @@ def _stages(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
 
 def why_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
     """Say which filter emptied the candidates, with counts, and what would help."""
-    place = cell.fixtures[fixture]
-    head = f"no candidate pose is left for fixture {place.name}: {funnel.text()}."
+    head = f"no candidate pose is left for fixture {cell.place_name(fixture)}: {funnel.text()}."
     if funnel.workspace == 0:
         return f"{head} {_out_of_reach(cell, fixture)}"
     if funnel.cones == 0:
@@ -190,7 +189,7 @@ def why_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
 
 def _out_of_reach(cell: Cell, fixture: int) -> str:
     """Say how far the fixture is out of reach and which way to move it."""
-    rng = np.random.default_rng(0)
+    cell, rng = cell.at(fixture), np.random.default_rng(0)
     q = rng.uniform(*_limits(cell), (200_000, cell.robot.n_joints))
     x, f = cell.map_position(q), cell.fixtures[fixture].p_BX
     distance = np.linalg.norm(x - f, axis=1)

@@ -70,6 +70,7 @@ def sample_shell(cell: Cell, fixture: int, points: Array) -> ShellSample:
         fixture: which fixture holds the bar.
         points: samples of all joints but the first in the unit cube, (m, N − 1).
     """
+    cell = cell.at(fixture)
     lower, upper = box(cell)
     q = np.empty((len(points), cell.robot.n_joints))
     q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]

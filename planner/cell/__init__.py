@@ -1,10 +1,12 @@
 """The cell: robot, tool, fixtures, gauge, obstacles and cable, read from one TOML file."""
 
 from planner.cell.circles import Circle
-from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool
-from planner.cell.reading import load_cell, shipped_cells
+from planner.cell.file import Aim
+from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool, ToolPoint
+from planner.cell.reading import cell_of, load_cell, shipped_cells
 
 __all__ = [
+    "Aim",
     "Ball",
     "Base",
     "Cable",
@@ -16,6 +18,8 @@ __all__ = [
     "Motion",
     "PlanOptions",
     "Tool",
+    "ToolPoint",
+    "cell_of",
     "load_cell",
     "shipped_cells",
 ]

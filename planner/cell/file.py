@@ -19,6 +19,16 @@ from planner.cell.placed_file import ArtifactFile, BallFile, HeadFile, TrackerFi
 from planner.schema import Strict
 
 Angle = Annotated[float, Field(gt=0, le=180)]
+Aim = Literal["index", "tracing"]
+FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
+
+
+class PointFile(Strict):
+    """``[[tool.points]]``: one more place on the tool for the bar's ball; ``[tool] map_mm`` is point "1"."""
+
+    name: Annotated[str, Field(min_length=1)]
+    map_mm: Vector
+    map_axis: Vector | None = None  # the tool's own where it is not given
 
 
 class ToolFile(Grown):
@@ -31,7 +41,8 @@ class ToolFile(Grown):
     bodies: tuple[BodyFile, ...] = ()
     prior_mm: PositiveFloat = 1.0
     map_sigma_um: PositiveFloat | None = None  # where the MAP was measured on the tool, by a CMM for instance
-    LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um",)
+    points: tuple[PointFile, ...] = ()
+    LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um", "points")
 
 
 class ConeFile(Strict):
@@ -144,7 +155,8 @@ class PlanFile(Grown):
     repeat: NonNegativeInt = 3
     validate_: NonNegativeInt = Field(default=10, alias="validate")
     effects: tuple[str, ...] = ()  # kinds of the catalogue that the fit will have beside geometry
-    LATER: ClassVar[tuple[str, ...]] = ("effects",)
+    aim: Aim = "index"  # poses by the index, or by what would be left of what nobody declared
+    LATER: ClassVar[tuple[str, ...]] = ("effects", "aim")
 
 
 class CellFile(Grown):
@@ -180,7 +192,8 @@ class CellFile(Grown):
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":
-        names = [f.name for f in self.fixtures]
-        if len(set(names)) < len(names):
-            raise ValueError(f"two fixtures share a name ({', '.join(names)})")
+        points = [FIRST_POINT, *(p.name for p in self.tool.points)] if self.tool else []
+        for what, names in (("fixtures", [f.name for f in self.fixtures]), ("tool points", points)):
+            if len(set(names)) < len(names):
+                raise ValueError(f"two {what} share a name ({', '.join(names)})")
         return self

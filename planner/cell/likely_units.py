@@ -24,8 +24,10 @@ def check_units(path: Path, file: CellFile) -> None:
         if max(map(abs, f.position_mm)) < NEAR_BASE:
             _metres(path, f"fixtures.{f.name}.position_mm", f.position_mm, "inside the robot's base")
     _check_placed(path, file)
-    if file.tool is not None and np.linalg.norm(file.tool.map_mm) < SHORT_TOOL:
-        _metres(path, "tool.map_mm", file.tool.map_mm, f"less than {SHORT_TOOL:g} mm from the flange")
+    points = [(f"tool.points.{p.name}.map_mm", p.map_mm) for p in file.tool.points] if file.tool else []
+    for key, point in [*([("tool.map_mm", file.tool.map_mm)] if file.tool else []), *points]:
+        if np.linalg.norm(point) < SHORT_TOOL:
+            _metres(path, key, point, f"less than {SHORT_TOOL:g} mm from the flange")
     mounts = [(f"fixtures.{f.name}.mount_deg", f.mount_deg) for f in file.fixtures]
     for key, angles in [("home_deg", file.home_deg), ("gauge.mount_deg", file.gauge.mount_deg), *mounts]:
         if angles and _like_radians(angles):

@@ -1,6 +1,6 @@
 """The cell that everything else works with: SI units, checked, read-only."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.bodies import Body
 from planner.cell.circles import Circle
-from planner.cell.file import CellFile
+from planner.cell.file import Aim, CellFile
 from planner.chain import Chain, Transform
 from planner.robot import Robot
 from planner.units import Array, frozen
@@ -17,11 +17,21 @@ LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
 
 
 @dataclass(frozen=True)
+class ToolPoint:
+    """One of several MAPs on a tool: p_FM (3,) [m], axis of its ball joint (3,)."""
+
+    name: str
+    p_FM: Array
+    axis_F: Array
+
+
+@dataclass(frozen=True)
 class Tool:
     """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies.
 
     Where ``known`` is false the cell gives no MAP and it stands at the flange; ``measured`` says that the MAP was
-    measured on the tool, so that ``prior`` is the uncertainty of that.
+    measured on the tool, so that ``prior`` is the uncertainty of that. ``points`` are all its MAPs where it has
+    several; p_FM is then the one that the bar hangs from, see :meth:`Cell.at`.
     """
 
     p_FM: Array
@@ -32,6 +42,7 @@ class Tool:
     prior: float
     known: bool = True
     measured: bool = False
+    points: tuple[ToolPoint, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,8 @@ class Nest:
 class Fixture:
     """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m].
 
+    ``point`` is which of the tool's points the bar hangs from: a cup stands here once for each of them.
+
     ``mount`` (N,) [rad] is the pose where the bar is attached, ``None`` until one is chosen. The artifact of a head
     with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3) is how they are turned, ``turn`` the
     prior size of the error of that [rad], and their mount is where the head is mastered or the reflector put in.
@@ -73,6 +86,7 @@ class Fixture:
     mount: Array | None = None
     R_BX: Array = field(default_factory=lambda: frozen(np.eye(3)))
     turn: float = np.inf
+    point: int = 0
 
 
 @dataclass(frozen=True)
@@ -180,6 +194,7 @@ class PlanOptions:
     repeat: int
     validate: int
     effects: tuple[str, ...] = ()
+    aim: Aim = "index"
 
 
 @dataclass(frozen=True)
@@ -213,6 +228,22 @@ class Cell:
         """Balls in the base frame, where the cell says that the artifact stands, (K, 3) [m]."""
         place = self.fixtures[0]
         return np.array([b.p_GS for b in self.balls]).reshape(-1, 3) @ place.R_BX.T + place.p_BX
+
+    def at(self, fixture: int) -> "Cell":
+        """Return the cell with the tool point that the bar hangs from at the entry ``fixture`` of its fixtures."""
+        if not self.tool.points:
+            return self
+        point = self.tool.points[self.fixtures[fixture].point]
+        return replace(self, tool=replace(self.tool, p_FM=point.p_FM, axis_F=point.axis_F))
+
+    def point_name(self, fixture: int) -> str:
+        """Return the name of that tool point; empty where there is but one."""
+        return self.tool.points[self.fixtures[fixture].point].name if self.tool.points else ""
+
+    def place_name(self, fixture: int) -> str:
+        """Return what a person calls that place of the bar: the fixture, and the tool point where there are several."""
+        point = self.point_name(fixture)
+        return self.fixtures[fixture].name + (f", tool point {point}" if point else "")
 
     @property
     def chain(self) -> Chain:

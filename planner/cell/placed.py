@@ -10,7 +10,7 @@ from planner.cell.file import CellFile
 from planner.cell.model import Ball, Fixture, Head, Nest
 from planner.cell.placed_file import HeadFile, PlacedFile
 from planner.errors import InputError
-from planner.units import MM, from_deg, from_mm, frozen
+from planner.units import MM, Array, from_deg, from_mm, frozen
 
 SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
 NESTS = 3
@@ -43,6 +43,14 @@ def nests_of(file: CellFile) -> tuple[Nest, ...]:
         Nest(n.name, frozen(from_mm(n.position_mm)), None if n.read_mm is None else frozen(from_mm(n.read_mm)))
         for n in nests
     )
+
+
+def nests_frame(file: CellFile) -> tuple[Array, Array]:
+    """Return R (3, 3), p (3,) [m] of the nests' frame in the base frame: the artifact's, or the base's own."""
+    if file.artifact is None:
+        return frozen(np.eye(3)), frozen(np.zeros(3))
+    R = Rotation.from_euler("xyz", from_deg(file.artifact.rpy_deg)).as_matrix()
+    return frozen(R), frozen(from_mm(file.artifact.position_mm))
 
 
 def place_of(path: Path, file: CellFile) -> Fixture:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.circles import Circle, circles_of
-from planner.cell.file import CellFile, FixtureFile, ToolFile
+from planner.cell.file import CellFile
 from planner.cell.gauge_reading import gauge_of
 from planner.cell.likely_units import check_units
 from planner.cell.model import (
@@ -16,20 +16,18 @@ from planner.cell.model import (
     Cable,
     Cell,
     Controller,
-    Fixture,
     Motion,
     PlanOptions,
-    Tool,
 )
+from planner.cell.mounted import angles, fixtures_of, tool_of
 from planner.cell.placed import balls_of, carrier_of, nests_of, place_of
 from planner.errors import InputError, nearest
 from planner.resources import folder
 from planner.robot import Robot, load_robot
 from planner.schema import read_toml
-from planner.units import MM, MM_PER_MIN, UM, Array, from_deg, from_mm, frozen
+from planner.units import MM, MM_PER_MIN, from_deg, from_mm, frozen
 
 PLANNED = (*LENGTH_GAUGES, "trical", "tracker")
-UNKNOWN = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
 
 
 def shipped_cells() -> tuple[str, ...]:
@@ -66,7 +64,15 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
-    file = read_toml(path, CellFile)
+    return cell_of(read_toml(path, CellFile), path, name, planning)
+
+
+def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cell:
+    """Return the cell that ``file`` says; paths in it count from the folder of ``path``, which messages name.
+
+    Raises:
+        InputError: a key is wrong, missing, or contradicts another.
+    """
     if planning and file.gauge.kind not in PLANNED:
         raise InputError(
             f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(PLANNED)}"
@@ -79,23 +85,25 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     bar = file.gauge.kind in LENGTH_GAUGES
     if planning and bar and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-    places = tuple(_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures)
+    places = fixtures_of(path, robot, file)
     if planning and not bar:
+        if file.tool is not None and file.tool.points:
+            raise InputError(f"{path}: [[tool.points]] are for a bar ({', '.join(LENGTH_GAUGES)})")
         if places:
             raise InputError(
                 f"{path}: [[fixtures]] are for a bar ({', '.join(LENGTH_GAUGES)}); a {file.gauge.kind} has none"
             )
         given = file.gauge.mount_deg
-        mount = None if given is None else _angles(path, robot, "gauge.mount_deg", given)
+        mount = None if given is None else angles(path, robot, "gauge.mount_deg", given)
         places = (replace(place_of(path, file), mount=mount),)
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
     if planning or file.home_deg is not None:
-        home = _angles(path, robot, "home_deg", file.home_deg)
+        home = angles(path, robot, "home_deg", file.home_deg)
     return Cell(
         name=name,
         robot=robot,
         home=home,
-        tool=_tool(path, file.tool, robot, planning),
+        tool=tool_of(path, file.tool, robot, planning),
         gauge=gauge_of(path, file, planning),
         fixtures=places,
         balls=balls_of(file),
@@ -135,57 +143,6 @@ def _check_drives(robot: Robot) -> None:
     for key, values in parts:
         for i in np.flatnonzero(np.isinf(values)):
             raise InputError(f"{robot.path}: joint {i + 1} has no {key}, which planning needs")
-
-
-def _angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:
-    if value is None:
-        raise InputError(f"{path}: the key '{key}' is missing ({robot.n_joints} angles in degrees)")
-    if len(value) != robot.n_joints:
-        raise InputError(f"{path}: '{key}' has {len(value)} angles, but {robot.name} has {robot.n_joints} joints")
-    q = from_deg(value)
-    for i in np.flatnonzero((q < robot.q_lower) | (q > robot.q_upper)):
-        low, up = np.rad2deg(robot.q_lower[i]), np.rad2deg(robot.q_upper[i])
-        raise InputError(f"{path}: '{key}' has joint {i + 1} at {value[i]:g}°, outside its limits {low:g}° … {up:g}°")
-    return frozen(q)
-
-
-def _unit(path: Path, key: str, v: tuple[float, float, float]) -> Array:
-    norm = float(np.linalg.norm(v))
-    if norm < 1e-9:
-        raise InputError(f"{path}: '{key}' = {list(v)} is no direction")
-    return frozen(np.array(v) / norm)
-
-
-def _tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -> Tool:
-    if tool is None and not planning:
-        return Tool(frozen(np.zeros(3)), frozen([0, 0, 1]), 0.0, frozen(np.zeros(3)), (), UNKNOWN, known=False)
-    if tool is None:
-        raise InputError(
-            f"{path}: the section [tool] with map_mm is missing; without it nothing says where the bar's ball sits"
-        )
-    if robot.payload is not None and tool.mass_kg > robot.payload:
-        raise InputError(
-            f"{path}: tool.mass_kg = {tool.mass_kg:g} exceeds the rated payload of {robot.name}, {robot.payload:g} kg"
-        )
-    bodies = tuple(b.body(f"tool_{k}", path.parent) for k, b in enumerate(tool.bodies))
-    axis = _unit(path, "tool.map_axis", tool.map_axis)
-    return Tool(
-        frozen(from_mm(tool.map_mm)),
-        axis,
-        tool.mass_kg,
-        frozen(from_mm(tool.com_mm)),
-        bodies,
-        tool.prior_mm * MM if tool.map_sigma_um is None else tool.map_sigma_um * UM,
-        measured=tool.map_sigma_um is not None,
-    )
-
-
-def _fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None) -> Fixture:
-    key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
-    angles = f.mount_deg or common
-    mount = None if angles is None else _angles(path, robot, key, angles)
-    axis = _unit(path, f"fixtures.{f.name}.axis", f.axis)
-    return Fixture(f.name, frozen(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
 
 
 def _circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
@@ -233,4 +190,4 @@ def _plan(file: CellFile) -> PlanOptions:
     if file.gauge.zero == "known":
         free -= {"zero"}
     step = None if p.grid_step_deg is None else float(from_deg(p.grid_step_deg))
-    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects)
+    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects, p.aim)

@@ -6,30 +6,18 @@ from typing import Annotated
 import typer
 
 from planner import __version__
-from planner.cli import calibrating, centring, circular, loaded, planning
 from planner.cli.screen import errors
+from planner.cli.verbs import Verbs
 from planner.errors import PlannerError
 
 app = typer.Typer(
     name="edbb",
+    cls=Verbs,
     help="Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command("plan")(planning.plan_command)
-app.command("study")(planning.study_command)
-app.command("export")(planning.export_command)
-app.command("simulate")(calibrating.simulate_command)
-app.command("identify")(calibrating.identify_command)
-app.command("import")(calibrating.import_command)
-app.command("compensate")(calibrating.compensate_command)
-app.command("circular")(circular.circular_command)
-app.command("loaded")(loaded.loaded_command)
-app.command("loaded-places")(loaded.places_command)
-app.command("centre")(centring.centre_command)
-app.command("robots")(planning.robots_command)
-app.command("dialects")(planning.dialects_command)
 
 
 @app.callback(invoke_without_command=True)

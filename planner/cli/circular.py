@@ -10,6 +10,7 @@ from planner.circular import CircularPlan, CircularTest, circular_content
 from planner.circular.results import circular_test_content
 from planner.cli.options import Json, Output, check_folder, print_json
 from planner.cli.screen import Screen, errors
+from planner.cli.written import written_line
 from planner.units import UM, to_deg, to_mm
 from planner.workflow import Options
 from planner.workflow.circle_evaluating import evaluate_circular_runs, write_circular_test
@@ -49,8 +50,7 @@ def circular_summary(plan: CircularPlan, folder: Path) -> None:
         f"judged again by fcl; {sum(d.duration for d in plan.drives) / 60:.1f} min with the bar on"
     )
     lines += [f"  note        {note}" for note in plan.notes]
-    names = ", ".join(f.name for _, files in plan.programs for f in files)
-    lines.append(f"  written to  {folder}: {names}, report.html")
+    lines.append(written_line(folder, [f.name for _, files in plan.programs for f in files]))
     errors.print("\n".join(lines), markup=False)
 
 

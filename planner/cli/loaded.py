@@ -11,7 +11,8 @@ from planner.errors import NoSolutionError
 from planner.loaded import Loaded, Options
 from planner.loaded.joint import Joint
 from planner.loaded.results import loaded_content
-from planner.units import DEG
+from planner.loaded.sentences import known_as, share
+from planner.units import DEG, UM
 from planner.workflow.loaded import evaluate_loaded, write_loaded
 
 
@@ -69,8 +70,8 @@ def places_command(
     lines = [f"{where.name}: {len(found.pool)} places can be driven", *(f"  {s}" for s in sentences(found))]
     for name, unloaded, loaded, together in () if both is None else both.of("compliance"):
         lines.append(
-            f"  {name}: without load {100 * unloaded:.2g} %, the {places} circles {100 * loaded:.2g} %, "
-            f"in one fit {100 * together:.2g} % of its prior size"
+            f"  {name}: without load {share(unloaded)}, the {places} circles {share(loaded)}, in one fit "
+            f"{share(together)} of its prior size"
         )
     lines.append(f"  written to  {output}: places.json, places.csv, cell.toml, pictures")
     errors.print("\n".join(lines), markup=False)
@@ -79,16 +80,18 @@ def places_command(
 def _summary(found: Loaded, joint: Joint | None, folder: Path) -> None:
     c = found.compliances
     lines = [f"{found.name}: {len(found.circles)} circle{'s' * (len(found.circles) > 1)} of {found.robot}"]
-    lines += [
-        f"  {name:<12}{value * 1e6:9.3f} ± {std * 1e6:.3f} µrad/Nm (known before: ± {prior * 1e6:g})"
-        for name, value, std, prior in zip(c.names, c.value, c.std, c.prior, strict=True)
-    ]
-    for e in () if joint is None else joint.estimates:
-        if e.name in c.names and e.std is not None:
-            lines.append(
-                f"  {e.name:<12}{e.value * 1e6:9.3f} ± {e.std * 1e6:.3f} µrad/Nm together with runs without load"
-            )
+    lines += [f"  {name:<12}{known_as(c, k)}" for k, name in enumerate(c.names)]
+    if joint is not None:
+        lines.append(
+            f"  in one fit with runs without load ({len(joint.names)} parameters; {joint.rms[0] / UM:.1f} µm left without "
+            f"load, {joint.rms[1] / UM:.1f} µm with load):"
+        )
+        lines += [
+            f"  {e.name:<12}{e.value * 1e6:.3f} ± {e.std * 1e6:.3f} µrad/Nm"
+            for e in joint.estimates
+            if e.name in c.names and e.std is not None
+        ]
     lines += [f"  found       {s}" for s in found.sentences]
     lines += [f"  note        {w}" for w in found.warnings]
-    lines.append(f"  written to  {folder}: loaded.json, curves.csv, averaged.csv, report.html")
+    lines.append(f"  written to  {folder}: loaded.json, curves.csv, averaged.csv, report.html, pictures")
     errors.print("\n".join(lines), markup=False)

@@ -12,9 +12,18 @@ from planner.errors import InputError
 
 Index = Literal["O1", "O2", "O3", "O4", "O5"]
 CellArgument = Annotated[str, typer.Argument(metavar="CELL", help="a cell file, or robot/cell for a shipped one")]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder to write to")]
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same bytes")]
+
+
+def folder(text: str) -> Path:
+    """Return the folder that a person names; an empty name is no way to mean the current one."""
+    if not text.strip():
+        raise InputError("-o '': names no folder; '-o .' would be the one that you are in")
+    return Path(text)
+
+
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=folder, help="folder to write to")]
 
 
 def check_folder(output: Path) -> None:

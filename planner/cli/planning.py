@@ -1,4 +1,4 @@
-"""The commands of planning: plan, study, export, and what is there."""
+"""The commands of planning: plan, study, export."""
 
 import sys
 from pathlib import Path
@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from planner.cell import load_cell, shipped_cells
+from planner.cell import Aim, load_cell
 from planner.cli.circular import plan_circular_test
 from planner.cli.options import CellArgument, Index, Json, Output, Seed, check_folder, print_json
 from planner.cli.screen import Screen, errors
-from planner.cli.summary import dialect_table, plan_summary, robot_table
+from planner.cli.summary import plan_summary
 from planner.errors import InputError
 from planner.plan import plan_content
 from planner.workflow import Options, export_plan, plan, write_plan, write_program_as
@@ -30,10 +30,16 @@ def plan_command(
         Path | None,
         typer.Option(metavar="IDENTIFICATION.json", help="choose poses that tell its findings from their rivals"),
     ] = None,
+    fixtures: Annotated[
+        int | None, typer.Option(min=1, max=6, help="fixtures in all: good places are found for those beside the first")
+    ] = None,
+    aim: Annotated[
+        Aim | None, typer.Option(help="poses by the index, or by the error that is left once hidden effects are traced")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    options = Options(poses, index, seed, tuple(dialect or ()), tsp, separate)
+    options = Options(poses, index, seed, tuple(dialect or ()), tsp, separate, fixtures or 1, aim)
     check_folder(output)
     chosen = load_cell(cell)
     if chosen.circles:
@@ -84,13 +90,3 @@ def export_command(
         return
     for line in write_program_as(files, Path(output)):
         errors.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-def robots_command(as_json: Json = False) -> None:
-    """List the robots and cells that come with the planner."""
-    robot_table(shipped_cells(), as_json)
-
-
-def dialects_command(as_json: Json = False) -> None:
-    """List the robot languages that programs can be written in."""
-    dialect_table(as_json)

@@ -54,6 +54,7 @@ def build_scene(cell: Cell, fixture: int = 0) -> Scene:
 
     Neighbouring links, bodies that do not move against each other, and the two parts of the bar are left out.
     """
+    cell = cell.at(fixture)
     robot, n = cell.robot, cell.robot.n_joints
     T_LF = np.array(robot.flange_frame().homogeneous)
     pieces = [Piece(b, "link", link, reach_of(b), of_robot=True) for link, b in robot.bodies]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.compensation.cautions import far_moved, turned_words
 from planner.compensation.detection import dialect_of, read_targets
 from planner.compensation.inverse import Problem, nominal_angles
 from planner.compensation.poser import NominalPoser, Poser
@@ -69,12 +70,15 @@ def compensate_file(
         problems += _problems([targets[i].line for i in done], nominal, correction)
         good = correction.good
     if not good.any() or (problems and not keep_unsolved):
-        raise NoSolutionError("\n".join([_summary(path, problems, targets), *listed(path.name, problems)]))
+        raise NoSolutionError(
+            "\n".join([_summary(path, problems, targets, keep_unsolved), *listed(path.name, problems)])
+        )
     done, q_new = done[good], correction.q[good]
     chosen = [targets[i] for i in done]
     text = written(text, _values(nominal, chosen, q[done], q_new))
     again, _ = _targets(path, text, nominal, dialect, frames)
     report = report_of(nominal, calibrated, chosen, [again[i] for i in done], q[done], q_new)
+    notes += [*far_moved(nominal, chosen, q[done], q_new), *turned_words(chosen, [again[i] for i in done])]
     report = replace(report, notes=tuple(notes), kept=tuple(sorted(problems)))
     return CompensatedFile(path.name, text, encoding, report)
 
@@ -140,10 +144,11 @@ def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Problem]:
     return problems
 
 
-def _summary(path: Path, problems: list[Problem], targets: list[Target]) -> str:
+def _summary(path: Path, problems: list[Problem], targets: list[Target], kept: bool) -> str:
     return (
         f"{path.name}: {len(problems)} of {len(targets)} targets have no fake target near the nominal one; move them "
-        "away from limits and singular positions (a wrist that is straight), or have them kept as they are"
+        "away from limits and singular positions (a wrist that is straight)"
+        + ("" if kept else ", or keep them as they are (--keep-unsolved)")
     )
 
 

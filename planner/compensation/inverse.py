@@ -12,7 +12,7 @@ from planner.compensation.shapes import agrees, shape_of
 from planner.compensation.solving import solve
 from planner.compensation.targets import Pose, Target
 from planner.robot import Robot
-from planner.units import Array
+from planner.units import DEG, Array
 
 SEEDS = 15  # log2 of how many arm positions are kept to start from
 STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
@@ -69,13 +69,16 @@ def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems:
         poses.append(pose)
     found, ok = _search(robot, flange_of(poses), shapes[rows])
     for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
-        lifted = _lifted(robot, pose, solution, q, targets[i].follows) if good else None
-        if lifted is not None:
-            q[i] = lifted
-        elif good:
-            problems.append((targets[i].line, "no joint angles within the limits have the turns that are said"))
+        target = targets[i]
+        before = None if target.follows is None else targets[target.follows].line
+        if before is not None and np.isnan(q[target.follows]).any():
+            problems.append((target.line, f"it follows line {before}, whose joint angles are not known"))
+        elif not good:
+            problems.append((target.line, f"the nominal robot does not reach the pose in {_shape_said(before)}"))
         else:
-            problems.append((targets[i].line, "the nominal robot does not reach the pose in the shape that is said"))
+            q[i], why = _lifted(robot, pose, solution, q, target.follows)
+            if why:
+                problems.append((target.line, f"in {_shape_said(before)} {why}"))
 
 
 def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarray]:
@@ -116,21 +119,34 @@ def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
     return q, (far < FOUND) & (off < FOUND)
 
 
-def _lifted(robot: Robot, pose: Pose, solution: Array, q: Array, follows: int | None) -> Array | None:
-    """Add the whole turns that the configuration says, or that bring the angles nearest to those before."""
+def _shape_said(before: int | None) -> str:
+    return "the shape that is said" if before is None else f"the shape of the target before (line {before})"
+
+
+def _lifted(robot: Robot, pose: Pose, solution: Array, q: Array, follows: int | None) -> tuple[Array, str]:
+    """Add the whole turns that the configuration says, or that bring the angles nearest to those before.
+
+    Returns:
+        The angles (N,) [rad], NaN where there are none, and why there are none.
+    """
     options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None]
-    allowed = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
+    within = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
+    nothing = np.full(len(solution), np.nan)
+    if not within.any(axis=0).all():
+        j = int(np.argmin(within.any(axis=0)))
+        low, up = robot.q_lower[j] / DEG, robot.q_upper[j] / DEG
+        return nothing, f"joint {j + 1} would stand at {solution[j] / DEG:.2f}°; {low:g} … {up:g}° are allowed"
     if pose.configuration is not None:
-        allowed &= pose.configuration.turns(options)
-        distance = np.abs(options)
-    elif follows is not None and not np.isnan(q[follows]).any():
-        distance = np.abs(options - q[follows])
+        allowed, distance = within & pose.configuration.turns(options), np.abs(options)
     else:
-        return None
+        assert follows is not None
+        allowed, distance = within, np.abs(options - q[follows])
     if not allowed.any(axis=0).all():
-        return None
+        j = int(np.argmin(allowed.any(axis=0)))
+        angles = " or ".join(f"{v / DEG:.2f}°" for v in options[within[:, j], j])
+        return nothing, f"joint {j + 1} would stand at {angles}, which is not in the turn that is said"
     best = np.where(allowed, distance, np.inf).argmin(axis=0)
-    return np.asarray(options[best, np.arange(robot.n_joints)])
+    return np.asarray(options[best, np.arange(robot.n_joints)]), ""
 
 
 def _seeds(robot: Robot) -> tuple[Array, float]:

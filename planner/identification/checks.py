@@ -52,9 +52,9 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     if beyond:
         out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
     if len(found.outliers):
-        named = ", ".join(str(k + 1) for k in found.outliers[:NAMED])
-        more = f" and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
-        out.append(f"{len(found.outliers)} samples are outliers (number {named}{more}); they were kept in the fit")
+        named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED])
+        more = f"; and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
+        out.append(f"{len(found.outliers)} samples are outliers ({named}{more}); they were kept in the fit")
     if all(m is None for m in rig.robot.masses):
         out.append(
             f"{rig.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"

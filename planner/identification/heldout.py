@@ -4,6 +4,7 @@ Taking a fold out moves the parameters so little that the model is linear over t
 folds is the whole less the fold's own (the leave-one-out formula by leverages, for groups). A test refits in full.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +34,38 @@ class HeldOut:
 
 def held_out(fit: Fit, split: Split) -> HeldOut:
     """Predict every sample by the fit without its fold."""
+    return _judged(fit, split, _grams(fit.problem, fit.errors, split), np.full(len(fit.errors), np.nan))
+
+
+def held_out_without(
+    fit: Fit, split: Split, effects: Sequence[Sequence[int]], known: Sequence[int] = ()
+) -> Iterator[HeldOut]:
+    """Yield the same with each of some effects left out and everything else fitted anew beside it.
+
+    Args:
+        fit: with all of them; its noise and prior sizes stay.
+        split: of the fit's samples.
+        effects: positions of each effect's parameters.
+        known: positions of parameters that stay as they are.
+    """
+    grams = _grams(fit.problem, fit.errors, split)
+    for which in effects:
+        step = np.full(len(fit.errors), np.nan)
+        step[list(known)] = 0.0
+        step[list(which)] = -(fit.errors / fit.problem.prior)[list(which)]
+        yield _judged(fit, split, grams, step)
+
+
+def _judged(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOut:
+    """Predict every sample; ``step`` (P,): steps in prior sizes that are given, not a number where one is sought."""
     problem, errors = fit.problem, fit.errors
-    grams = _grams(problem, errors, split)
     total = grams.sum(axis=0)
     z = errors / problem.prior
     shift = np.zeros((split.folds, len(errors)))
     own = np.zeros(shift.shape, dtype=bool)
     for f, gram in enumerate(grams):
-        own[f] = np.diag(gram)[:-1] > (1 - NOTHING) * np.diag(total)[:-1]
-        shift[f] = problem.prior * _without(total - gram, gram, z, own[f])
+        own[f] = np.isnan(step) & (np.diag(gram)[:-1] > (1 - NOTHING) * np.diag(total)[:-1])
+        shift[f] = problem.prior * _without(total - gram, gram, z, own[f], step)
     names = fit.model.names
     return HeldOut(
         _moved(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
@@ -63,19 +87,19 @@ def _grams(problem: Problem, errors: Array, split: Split) -> Array:
     return np.asarray(sum(problem.over_pieces(one)))
 
 
-def _without(train: Array, fold: Array, z: Array, own: np.ndarray) -> Array:
+def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array) -> Array:
     """Step in prior sizes from the whole fit to the fit by the ``train`` information.
 
     Parameters that only the fold knows (where its plate lies) are then fitted on the fold itself.
     """
-    move = np.zeros(len(z))
-    common = np.flatnonzero(~own)
+    move = np.where(np.isnan(step), 0.0, step)
+    common = np.flatnonzero(~own & np.isnan(step))
     H = train[np.ix_(common, common)] + np.eye(len(common))
-    move[common] = np.linalg.solve(H, train[common, -1] - z[common])
+    move[common] = np.linalg.solve(H, train[common, -1] - z[common] - train[common, :-1] @ move)
     if own.any():
         mine = np.flatnonzero(own)
         H = fold[np.ix_(mine, mine)] + np.eye(len(mine))
-        move[mine] = np.linalg.solve(H, fold[mine, -1] - fold[np.ix_(mine, common)] @ move[common] - z[mine])
+        move[mine] = np.linalg.solve(H, fold[mine, -1] - fold[mine, :-1] @ move - z[mine])
     return move
 
 

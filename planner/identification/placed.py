@@ -36,18 +36,23 @@ def rig_for(cell: Cell, run: Run) -> Rig:
         )
     else:
         n = len(run.places)
+        names = run.places if n > 1 or run.readings.ball is None else ("",)  # one plate needs no file's name
         R, p = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
-        rig = replace(rig, place_names=run.places, R_BG=R, p_BG=p, place_prior=np.full(n, FOUND), turn_prior=TURN)
+        rig = replace(rig, place_names=names, R_BG=R, p_BG=p, place_prior=np.full(n, FOUND), turn_prior=TURN)
     if run.balls:
         balls = tuple(b.name for b in cell.balls)
         rig = replace(rig, p_GS=rig.p_GS[[_index(run, name, balls, "ball", cell) for name in run.balls]])
     if run.readings.rotation is not None:
         rig = replace(rig, kind="pose")
-    many = len(run.points)
-    p_FM = np.broadcast_to(rig.p_FM, (many, 3))
-    prior = rig.tool_prior if cell.tool.known and many == 1 else FOUND
+    many, named = len(run.points), rig.point_names
+    which = [_index(run, name, named, "point", cell) for name in run.points] if len(named) > 1 else [0] * many
+    known = cell.tool.known and (many == 1 or len(named) > 1)
     return replace(
-        rig, point_names=run.points, p_FM=p_FM, R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)), tool_prior=prior
+        rig,
+        point_names=run.points,
+        p_FM=rig.p_FM[which],
+        R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)),
+        tool_prior=rig.tool_prior if known else FOUND,
     )
 
 

@@ -66,6 +66,7 @@ class _Triangle:
 
     @classmethod
     def about(cls, problem: Problem, errors: Array) -> "_Triangle":
+        """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
         whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
         z = errors / problem.prior
         if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow

@@ -11,7 +11,8 @@ from planner.units import Array
 
 SAME = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
 STRETCHES = 8  # stretches for each fold of a continuous run: every fold sees every part of it
-FEWEST = 3  # placements or sessions that make a split of their own
+FEWEST = 5  # placements or sessions that make a split of their own: held out, a fold of fewer is too large a part
+SEVERAL = 3  # placements or sessions from which on neighbours in the run's order are held out together
 SMALL = 0.03  # share of the samples that a session must hold to count
 
 
@@ -75,17 +76,27 @@ def within(run: Run, whole: Split) -> Split | None:
 
 
 def groups(run: Run) -> tuple[str, np.ndarray]:
-    """Return what the groups are and the group of every sample, (n,)."""
+    """Return what the groups are and the group of every sample, (n,).
+
+    Whole placements and whole sessions where there are enough of them. Of three whole ones each fold would lose a
+    third of the run, and all that was measured about one fixture: then it is blocks of the run in its order, every fold
+    with its share of each.
+    """
     samples = run.samples
-    if run.readings.length is None and len(run.places) >= FEWEST:
-        return "placement", samples.place
+    stood = samples.place if run.readings.length is None else np.zeros(len(run), dtype=int)
+    if len(np.unique(stood)) >= FEWEST:
+        return "placement", stood
     if run.continuous:
         return "stretch", _stretches(len(run))
-    if samples.session is not None and len(np.unique(samples.session)) >= FEWEST:
-        if _balanced(samples.session):
-            return "session", samples.session
-        return "block", _stretches(len(run))
-    return "pose", together(poses(samples.q), samples.pose)
+    session = np.zeros(len(run), dtype=int) if samples.session is None else samples.session
+    if _balanced(session):
+        return "session", session
+    whole = fine_groups(run)
+    if max(len(np.unique(session)), len(np.unique(stood))) >= SEVERAL:
+        block = together(_stretches(len(run)), whole)
+        if len(np.unique(block)) >= 2 * FEWEST:  # poses measured again and again would chain them all
+            return "block", block
+    return "pose", whole
 
 
 def fine_groups(run: Run) -> np.ndarray:
@@ -98,7 +109,7 @@ def _stretches(n: int) -> np.ndarray:
 
 
 def _balanced(session: np.ndarray) -> bool:
-    """Tell whether sessions are fit to be held out: at least so many hold a fair part, and none holds most."""
+    """Tell whether sessions are fit to be held out: enough of them hold a fair part, and none holds most."""
     share = np.unique(session, return_counts=True)[1] / len(session)
     return bool((share > SMALL).sum() >= FEWEST and share.max() <= 0.5)
 

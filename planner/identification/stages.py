@@ -48,7 +48,7 @@ def fitted(
     factors = None if before is None else _known_factors(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    few = None if whole or len(run) * model.width <= 2 * PART else evenly(len(run), PART // model.width)
+    few = None if whole else fitted_part(run, model)
     part = run if few is None else run.take(few)
     found = fit(Problem.of(model, part, noise, even=rough), robust, start, factors=factors)
     held = held_out(found, split if few is None else split.take(few))
@@ -67,6 +67,11 @@ def fitted(
         held_residual,
     )
     return Fitted(stage, found, held.refitted)
+
+
+def fitted_part(run: Run, model: Model) -> np.ndarray | None:
+    """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
+    return None if len(run) * model.width <= 2 * PART else evenly(len(run), PART // model.width)
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
@@ -106,15 +111,20 @@ def gains(before: Stage, after: Stage, split: Split) -> bool:
 
 
 def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
-    """Fall of the held-out squared error from one stage to another, and its standard error, over groups.
+    """Fall of the held-out squared error from one stage to another, and its standard error, over groups."""
+    return fall_in_errors(before.held_residual, after.held_residual, split)
+
+
+def fall_in_errors(before: Array, after: Array, split: Split) -> tuple[float, float]:
+    """Fall of the squared error between residuals (n, r) of the same samples, and its standard error, over groups.
 
     As a share of the error before, positions and angles each by their own where a probe measures both: 1 is all of it.
     """
-    fall = np.zeros(len(before.held_residual))
-    width = before.held_residual.shape[1]
+    fall = np.zeros(len(before))
+    width = before.shape[1]
     blocks = [slice(k, min(k + 3, width)) for k in range(0, width, 3)]
     for block in blocks:
-        was, now = before.held_residual[:, block], after.held_residual[:, block]
+        was, now = before[:, block], after[:, block]
         fall += ((was**2).sum(axis=1) - (now**2).sum(axis=1)) / max(float((was**2).sum(axis=1).mean()), 1e-300)
     each = np.bincount(split.fine, fall) / np.bincount(split.fine) / len(blocks)
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))

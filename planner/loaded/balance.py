@@ -1,12 +1,16 @@
 """The arm in balance with its loads: where it comes to stand when its joints yield."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from planner.effects import Context
+from planner.effects import Context, LoadTorque
+from planner.effects.loads import DriveTorque
+from planner.gauge import bar_state
 from planner.loaded.circle import points
 from planner.loaded.types import Curves
+from planner.model import Model, Parameter
 from planner.rig import Rig
 from planner.run import Samples
 from planner.units import Array, frozen
@@ -31,6 +35,48 @@ def balanced(rig: Rig, samples: Samples, value: Array) -> Samples:
         torque = Context(rig, replace(samples, q=q)).load_torque
         q = samples.q + (torque * value) @ back.T
     return replace(samples, q=frozen(q))
+
+
+def by_held_torque(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Return parameters with compliances by the torques that the samples carry, see :func:`with_torque`."""
+
+    def held(p: Parameter) -> Parameter:
+        phi = p.main.phi
+        return replace(p, moves=(replace(p.main, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
+
+    return tuple(held(p) for p in parameters)
+
+
+def in_balance(model: Model, samples: Samples, errors: Array) -> tuple[Model, Samples]:
+    """Return model and samples such that arm, weights and bar are in balance at the errors (P,), by held torques."""
+    held = replace(model, parameters=by_held_torque(model.parameters))
+    samples = with_torque(samples, model, np.zeros(len(errors)))
+    for _ in range(ROUNDS):
+        samples = with_torque(samples, held, errors)
+    return held, samples
+
+
+def with_torque(samples: Samples, model: Model, errors: Array) -> Samples:
+    """Return samples with the torques of weights and bar where the errors (P,) say that arm and fixture really are.
+
+    A bar of 130 mm turns by a percent where its ball is a millimetre off or the arm yields as much, and its moments
+    with it; weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.
+    """
+    rig, context = model.rig, Context(model.rig, samples)
+    delta = rig.offsets(samples)
+    for p, value in zip(model.parameters, errors, strict=True):
+        for m in p.moves if value else ():
+            if m.on == "transform":
+                delta[m.index] = delta[m.index] + value * context.value(m.phi)
+    turned = np.stack([np.broadcast_to(delta[k], len(samples)) for k in context.joints], axis=1)
+    q = samples.q + turned @ np.linalg.inv(rig.robot.sense_matrix).T
+    torque = Context(rig, replace(samples, q=q, force=None)).load_torque
+    if samples.force is not None:
+        motion = rig.chain.forward(context.theta, delta)
+        pull = -samples.force * bar_state(motion.x.T, rig.p_BX[samples.place]).direction.T
+        torque = torque + np.einsum("jkn,kn->nj", motion.point_screws(context.joints), pull)
+    held = -torque * np.sign(np.diag(rig.robot.sense_matrix))
+    return replace(samples, torque=frozen(held))
 
 
 def settled(rig: Rig, curves: Curves, value: Array) -> Rig:

@@ -9,7 +9,7 @@ from planner.errors import InputError
 from planner.gauge import bar_state
 from planner.loaded.circle import points
 from planner.loaded.types import Compliances, Curves, Evaluated
-from planner.rig import STANDARD_GRAVITY, Rig
+from planner.rig import Rig, largest_load
 from planner.units import MM, UM
 
 ROOM = 10.0 * MM  # beyond the bar's range that cell and program may be wrong by
@@ -41,7 +41,6 @@ def check_loads(cell: Cell, curves: Sequence[Curves], name: str) -> None:
     Raises:
         InputError: with the load and what is allowed.
     """
-    payload = cell.robot.payload
     largest = max(float(np.abs(c.loads).max()) for c in curves)
     stated = max((load for c in cell.circles for load in c.loads), default=np.inf)
     if largest > BEYOND * stated:
@@ -49,13 +48,12 @@ def check_loads(cell: Cell, curves: Sequence[Curves], name: str) -> None:
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
             "only; check force_N, or loads_N in [[circles]]"
         )
-    if payload is None:
-        return
-    allowed = (payload - cell.tool.mass) * STANDARD_GRAVITY
-    if largest > allowed:
+    allowed = largest_load(cell)
+    if allowed is not None and largest > allowed:
         raise InputError(
-            f"{name}: the bar loads the arm with {largest:.0f} N, but {cell.robot.name} may carry {payload:g} kg, "
-            f"{allowed:.0f} N beyond its tool of {cell.tool.mass:g} kg; check force_N, or load less"
+            f"{name}: the bar loads the arm with {largest:.0f} N, but {cell.robot.name} may carry "
+            f"{cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of {cell.tool.mass:g} kg; check force_N, or "
+            "load less"
         )
 
 
@@ -90,7 +88,7 @@ def check_sign(curves: Curves, name: str) -> None:
     if slope > SURE * scatter:
         way = "pull" if force[-1] > 0 else "push"
         raise InputError(
-            f"{name}: the bar at fixture '{curves.circle.name}' reads {slope * 100 / UM:+.1f} um for each 100 N more "
+            f"{name}: the bar at fixture '{curves.circle.name}' reads {slope * 100 / UM:+.1f} µm for each 100 N more "
             f"of force_N, as if the arm yielded against its load (a negative compliance); force_N is positive where "
             f"the bar pulls the arm to the fixture: check the sign, the log calls it a {way}"
         )
@@ -99,7 +97,7 @@ def check_sign(curves: Curves, name: str) -> None:
 def problems_of(found: Compliances) -> tuple[str, ...]:
     """Return the reasons not to use the compliances."""
     return tuple(
-        f"{n} came out at {v * 1e6:.3f} ± {s * 1e6:.3f} urad/Nm, negative beyond its uncertainty: no joint yields "
+        f"{n} came out at {v * 1e6:.3f} ± {s * 1e6:.3f} µrad/Nm, negative beyond its uncertainty: no joint yields "
         "against its load; something else bends (base, tool, links), or forces or joint angles are wrong"
         for n, v, s in zip(found.names, found.value, found.std, strict=True)
         if v < -SURE * s
@@ -126,7 +124,7 @@ def warnings_of(circles: Sequence[Evaluated], found: Compliances) -> tuple[str, 
         if second > CURVED:
             out.append(
                 f"fixture '{name}': the circle is {np.linalg.norm(c.centre_offset) / MM:.1f} mm off its ball, so "
-                f"{second / UM:.0f} um of the kinematic error twice a turn are its geometry; centre it better"
+                f"{second / UM:.0f} µm of the kinematic error twice a turn are its geometry; centre it better"
             )
     if found.misfit > AGREE:
         out.append(

@@ -24,6 +24,7 @@ def loaded_content(found: Loaded, joint: Joint | None = None) -> dict[str, objec
             {
                 "share_of_prior": _figures(c.std),
                 "known": c.std < KNOWN,
+                "told": c.told,
                 "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
             }
             for c in found.compliances.combinations
@@ -56,8 +57,11 @@ def _compliances(found: Compliances) -> list[dict[str, object]]:
             "std_urad_Nm": _figures(std / URAD),
             "prior_urad_Nm": _figures(prior / URAD),
             "share_of_prior": _figures(std / prior),
+            "told": told,
         }
-        for name, value, std, prior in zip(found.names, found.value, found.std, found.prior, strict=True)
+        for name, value, std, prior, told in zip(
+            found.names, found.value, found.std, found.prior, found.told, strict=True
+        )
     ]
 
 

@@ -9,6 +9,8 @@ from planner.units import Array
 
 WORTH = 0.2  # of the largest share of a combination: less is not written out
 KNOWN, OPEN = 1.0 / 3.0, 1.0  # standard deviation as a part of the prior size: below known, above not known at all
+SHARED = OPEN / np.sqrt(2.0)  # the same with the prior, where the readings say no more than was known before
+WELL, HARDLY, UNTOLD = "known", "hardly known", "not learnt"
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,11 @@ class Combination:
     std: float
 
     @property
+    def told(self) -> str:
+        """What the readings alone say of it: known, hardly known, or not learnt (more is open than was before)."""
+        return WELL if self.std < KNOWN else HARDLY if self.std <= OPEN else UNTOLD
+
+    @property
     def text(self) -> str:
         """The direction in words, largest share first; c2 is compliance2."""
         largest = float(abs(self.shares).max())
@@ -112,6 +119,12 @@ class Compliances:
     combinations: tuple[Combination, ...]
     noise: float
     misfit: float
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Of each joint's compliance by itself, (N,): known, hardly known, or not learnt (the prior says more)."""
+        share = self.std / self.prior
+        return tuple(WELL if s < KNOWN else HARDLY if s < SHARED else UNTOLD for s in share)
 
     @property
     def known(self) -> tuple[Combination, ...]:

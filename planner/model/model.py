@@ -97,12 +97,12 @@ class Model:
             fixture: which fixture holds the bar, (n,) or one number.
             errors: values of the parameters, (P,); zero when not given.
         """
-        samples = Samples(q, np.broadcast_to(fixture, (len(q),)))
+        samples = self.rig.visits(q, fixture)
         return -self.residual(samples, Targets(length=np.zeros(len(q))), errors)
 
     def jacobian(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Identification Jacobian at nominal parameters, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4)."""
-        return self.rows(Samples(q, np.broadcast_to(fixture, (len(q),))))
+        return self.rows(self.rig.visits(q, fixture))
 
     def rows(self, samples: Samples, errors: Array | None = None) -> Array:
         """Identification Jacobian for any samples, (n, r, P); it does not depend on the readings."""
@@ -133,7 +133,10 @@ class Model:
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Standard deviation of one reading, (n,) [m]: gauge and joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
-        samples = Samples(q, np.broadcast_to(fixture, (len(q),)))
+        return self.noise_of(self.rig.visits(q, fixture))
+
+    def noise_of(self, samples: Samples) -> Array:
+        """Return the same for any samples, (n,) [m]."""
         shaken = self.joint_rows(samples)
         return np.asarray(np.sqrt(self.rig.noise**2 + self.rig.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
 

@@ -71,7 +71,7 @@ def gauge_parameters(rig: Rig, free: frozenset[str]) -> Iterator[Parameter]:
     if "tool" in free:
         yield from _tool(rig)
     if rig.kind == "length" and "zero" in free:
-        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading(), "gauge")
+        yield from _zeros(rig)
 
 
 def _fixtures(rig: Rig) -> Iterator[Parameter]:
@@ -82,6 +82,17 @@ def _fixtures(rig: Rig) -> Iterator[Parameter]:
         for a, axis in enumerate("xyz"):
             what = f"place of fixture {name} along {axis}"
             yield Parameter(f"{label}_{axis}", "m", prior, what, transform(a, AtPlace(s, -1.0)), "gauge")
+
+
+def _zeros(rig: Rig) -> Iterator[Parameter]:
+    """One zero, or where a loaded bar stands beside another one for each of the two."""
+    under = [name in rig.loaded for name in rig.place_names]
+    if all(under) or not any(under):
+        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading(), "gauge")
+        return
+    for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
+        moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading(AtPlace(s)))
+        yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")
 
 
 def _frames(rig: Rig) -> Iterator[Parameter]:

@@ -29,6 +29,7 @@ class Constraints:
     def __init__(
         self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
     ) -> None:
+        cell = cell.at(fixture)
         scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
         bar = bar and cell.gauge.is_bar
         self.cell, self.bar, self.room = cell, bar, room

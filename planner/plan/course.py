@@ -78,6 +78,7 @@ def is_continuous(cell: Cell) -> bool:
 
 def course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
+    cell = cell.at(fixture)
     moving = is_continuous(cell)
     if moving and cell.motion.both_ways:
         measuring = measuring.there_and_back()

@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.choice import Choice
+from planner.foresight import ASSUMED, Foresight
 from planner.observability import RULES
 from planner.plan.course import DIGITS, Waypoints
 from planner.plan.types import Drive, Plan, Visit
@@ -63,17 +64,24 @@ def content_of(plan: Plan) -> dict[str, object]:
             "file": "trajectory.csv",
         },
         "drives": [_drive(plan, d) for d in drives],
-    } | _separation(plan.separation)
+    } | (_separation(plan.separation) | _foresight(plan.foresight))
 
 
 def _pose(plan: Plan, v: Visit) -> dict[str, object]:
     pose: dict[str, object] = {"id": v.id, "q_deg": np.rad2deg(v.q)}
     if plan.cell.gauge.is_bar:
-        pose |= {"length_mm": v.length * 1e3, "fixture": plan.cell.fixtures[v.fixture].name}
+        pose |= {"length_mm": v.length * 1e3, **_place(plan.cell, v.fixture)}
     elif v.ball >= 0:
         pose |= {"ball": plan.cell.balls[v.ball].name, "first_contact_mm": (v.contact or 0.0) * 1e3}
     pose |= {"role": v.role, "approach": list(v.approach)}
     return pose if v.repeats is None else pose | {"repeats": v.repeats}
+
+
+def _place(cell: Cell, fixture: int) -> dict[str, object]:
+    """The fixture and, where the tool has several points, the one that the bar hangs from."""
+    place: dict[str, object] = {"fixture": cell.fixtures[fixture].name}
+    point = cell.point_name(fixture)
+    return place | {"point": point} if point else place
 
 
 def _supports(drive: Drive) -> list[dict[str, object]]:
@@ -114,6 +122,21 @@ def _separation(separation: Separation | None) -> dict[str, object]:
     return {"separation": [asdict(t) for t in separation.told], "separation_proof": proof}
 
 
+def _foresight(ahead: Foresight | None) -> dict[str, object]:
+    """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
+    if ahead is None:
+        return {}
+    told = {
+        "assumed": ASSUMED,
+        "error_mm": ahead.left * 1e3,
+        "untraced_mm": ahead.unknown.untraced * 1e3,
+        "on_grid": {"error_mm": ahead.after[-1] * 1e3, "gap": ahead.gap},
+        "bound_mm": ahead.bound * 1e3,
+        "after_mm": ahead.after * 1e3,
+    }
+    return {"foresight": told}
+
+
 def _tour(drives: tuple[Drive, ...]) -> dict[str, object]:
     return {
         "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
@@ -151,7 +174,7 @@ def _drive(plan: Plan, drive: Drive) -> dict[str, object]:
     """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
     m, measuring = len(drive.path.q), drive.course.measuring
     return {
-        "fixture": plan.cell.fixtures[drive.fixture].name,
+        **_place(plan.cell, drive.fixture),
         "travel": _waypoints(drive.course.travel, len(drive.travel.q)),
         "waypoints": _waypoints(measuring, m),
     }

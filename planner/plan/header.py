@@ -23,9 +23,10 @@ class WaypointFile(Loose):
 
 
 class DriveFile(Loose):
-    """What is driven with the bar on one fixture."""
+    """What is driven with the bar on one fixture, at one tool point where there are several."""
 
     fixture: str
+    point: str = ""
     travel: tuple[WaypointFile, ...]
     waypoints: tuple[WaypointFile, ...]
 
@@ -38,6 +39,7 @@ class PoseFile(Loose):
     role: Literal["calibrate", "repeat", "validate", "mount"]
     approach: tuple[int, ...] = ()
     fixture: str = ""
+    point: str = ""
 
 
 class PlanFile(Loose):

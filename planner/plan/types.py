@@ -8,6 +8,7 @@ import numpy as np
 from planner.candidates import PoseSet
 from planner.cell import Cell
 from planner.choice import Choice
+from planner.foresight import Foresight
 from planner.path import Path, Verdict
 from planner.plan.course import Course
 from planner.program import ProgramFile
@@ -88,6 +89,7 @@ class Plan:
         programs: files of each dialect.
         notes: what a person should know (a pose replaced, a solver that failed, …).
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
+        foresight: the error that the robot would keep, where the poses were chosen by that.
     """
 
     plan_id: str
@@ -101,6 +103,7 @@ class Plan:
     programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...]
     notes: tuple[str, ...]
     separation: Separation | None = None
+    foresight: Foresight | None = None
 
 
 def signs(q: Array) -> np.ndarray:

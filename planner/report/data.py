@@ -63,7 +63,7 @@ def driven(cell: Cell, drive: Drive, samples: int = SAMPLES) -> Driven:
 
 def bar_length(cell: Cell, fixture: int, q: Array) -> Array:
     """Bar length at controller angles q (n, N) [rad], (n,) [m]."""
-    return bar_state(cell.map_position(q), cell.fixtures[fixture].p_BX).length
+    return bar_state(cell.at(fixture).map_position(q), cell.fixtures[fixture].p_BX).length
 
 
 @dataclass(frozen=True)

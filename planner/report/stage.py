@@ -92,13 +92,13 @@ def build_stage(plan: Plan) -> Stage:
     cell, drives = plan.cell, plan.drives
     parts = [_frames(cell, d, FRAMES // len(drives)) for d in drives]
     frames = Frames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
-    thin = np.linspace(0, len(plan.pool) - 1, min(CLOUD, len(plan.pool))).astype(int)
+    thin = plan.pool.take(np.linspace(0, len(plan.pool) - 1, min(CLOUD, len(plan.pool))).astype(int))
     return staged(
         cell,
         frames,
-        cloud=to_mm(cell.map_position(plan.pool.q[thin])),
-        paths=tuple(to_mm(cell.map_position(driven(cell, d).motion.q)) for d in drives),
-        ways=tuple(to_mm(cell.map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
+        cloud=np.vstack([to_mm(cell.at(d.fixture).map_position(thin.q[thin.fixture == d.fixture])) for d in drives]),
+        paths=tuple(to_mm(cell.at(d.fixture).map_position(driven(cell, d).motion.q)) for d in drives),
+        ways=tuple(to_mm(cell.at(d.fixture).map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
         spots=tuple(s for d in drives for s in _spots(cell, d)),
     )
 
@@ -159,7 +159,7 @@ def _group(name: str, pieces: list[Piece], colours: list[str], carrier: dict[str
 def _frames(cell: Cell, drive: Drive, count: int) -> Frames:
     """Poses of all carriers along the way there, and a line of text for each."""
     way = driven(cell, drive, count)
-    name = f"fixture {cell.fixtures[drive.fixture].name}   " if len(cell.fixtures) > 1 else ""
+    name = f"fixture {cell.place_name(drive.fixture)}   " if len(cell.fixtures) > 1 else ""
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{seconds(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
@@ -177,7 +177,7 @@ def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
     for link, end in enumerate(robot.link_end):
         motion = Chain(robot.transforms[:end]).forward(robot.theta(q))
         out[:, link, :, :3], out[:, link, :, 3] = np.moveaxis(motion.R, 2, 0), to_mm(motion.x.T)
-    x = cell.map_position(q)
+    x = cell.at(fixture).map_position(q)
     along = np.array([turn_z_to(d) for d in bar_state(x, p_BX).direction])
     out[:, -2:, :, :3] = along[:, None]
     out[:, -2, :, 3], out[:, -1, :, 3] = to_mm(p_BX), to_mm(x)
@@ -189,11 +189,12 @@ def _shells(cell: Cell) -> tuple[Mesh, ...]:
     if not g.is_bar:
         return ()
     radii = (g.length_min, g.length_max)
-    return tuple(_mm(cap(f.p_BX, f.axis_B, r, g.cone_fixture)) for f in cell.fixtures for r in radii)
+    cups = [f for f in cell.fixtures if f.point == 0]
+    return tuple(_mm(cap(f.p_BX, f.axis_B, r, g.cone_fixture)) for f in cups for r in radii)
 
 
 def _spots(cell: Cell, drive: Drive) -> list[Spot]:
-    x = to_mm(cell.map_position(np.array([v.q for v in drive.visits])))
+    x = to_mm(cell.at(drive.fixture).map_position(np.array([v.q for v in drive.visits])))
     return [
         Spot(p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_bar else ""))
         for p, v in zip(x, drive.visits, strict=True)

@@ -64,7 +64,7 @@ def _section(plan: Plan, k: int) -> Section:
     way = driven(cell, drive)
     suffix = f"_{k + 1}" if len(plan.drives) > 1 else ""
     return Section(
-        fixture=cell.fixtures[drive.fixture].name,
+        fixture=cell.place_name(drive.fixture),
         tour_facts=tour_facts(cell, drive),
         path_facts=path_facts(cell, drive),
         tour=tour(drive, rounds(cell, drive), suffix),

@@ -44,7 +44,9 @@ def _apart(runs: Sequence[Run], files: Sequence[Path]) -> list[Run]:
             result.append(run)
             continue
         name = f"{folders[run.name][names[:i].count(run.name)]}/{run.name}"
-        result.append(replace(run, name=name, places=(name,) if run.places == (run.name,) else run.places))
+        named = tuple(f"{Path(name).parent}/{file}" for file in run.files)
+        places = (name,) if run.places == (run.name,) else run.places
+        result.append(replace(run, name=name, places=places, files=named))
     return result
 
 
@@ -57,7 +59,7 @@ def joined(runs: Sequence[Run]) -> Run:
     if len(runs) == 1:
         return runs[0]
     _same([kind_of(r.readings) for r in runs], runs, "reads {}")
-    _same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}")
+    _same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}", _averaged(runs))
     _same(
         [r.robot for r in runs if r.robot is not None], [r for r in runs if r.robot is not None], "is of the robot {}"
     )
@@ -84,15 +86,24 @@ def joined(runs: Sequence[Run]) -> Run:
         runs[0].plan_id if len(plans) == 1 else None,
         next((r.robot for r in runs if r.robot is not None), None),
         tuple(warnings),
+        tuple(file for r in runs for file in r.files),
     )
 
 
-def _same(values: Sequence[str], runs: Sequence[Run], text: str) -> None:
+def _averaged(runs: Sequence[Run]) -> str:
+    """What would help where circles under load were logged as they were driven, beside a run at rest."""
+    raw = [r.name for r in runs if r.continuous and r.samples.force is not None]
+    if not raw:
+        return ""
+    return f"; edbb loaded brings {raw[0]} into a static run, averaged.csv, or fits both at once (--with)"
+
+
+def _same(values: Sequence[str], runs: Sequence[Run], text: str, more: str = "") -> None:
     for value, run in zip(values, runs, strict=True):
         if value != values[0]:
             raise InputError(
                 f"{run.name} {text.format(value)}, but {runs[0].name} {text.format(values[0])}; "
-                "only runs of one kind are joined"
+                f"only runs of one kind are joined{more}"
             )
 
 
@@ -102,6 +113,9 @@ def _samples(runs: Sequence[Run], places: tuple[str, ...], points: tuple[str, ..
     runs = _without_load(runs, warnings)
     for name in (f.name for f in fields(Samples)):
         parts[name] = _all_or_none(name, runs, [getattr(r.samples, name) for r in runs], warnings)
+    if parts["file"] is not None:
+        first = np.cumsum([0, *(len(r.files) for r in runs[:-1])])
+        parts["file"] = _locked(parts["file"] + np.repeat(first, [len(r) for r in runs]))
     parts["place"] = _renamed([r.samples.place for r in runs], [r.places for r in runs], places)
     if len(points) > 1:
         zeros = [r.samples.point if r.samples.point is not None else np.zeros(len(r), dtype=np.int64) for r in runs]
@@ -143,7 +157,7 @@ def _all_or_none(name: str, runs: Sequence[Run], values: Sequence[Array | None],
     there = [v for v in values if v is not None]
     if len(there) == len(values):
         return _locked(np.concatenate(there))
-    if there and name not in ("session", "point"):
+    if there and name not in ("session", "point", "file", "line"):
         lacking = ", ".join(r.name for r, v in zip(runs, values, strict=True) if v is None)
         warnings.append(f"{name} is not logged in {lacking}, so it was left out of the other files too")
     return None

@@ -78,6 +78,8 @@ def _as_logged(table: Table, n_joints: int) -> Run:
         torque=_joints(table, "torque", n_joints),
         payload=_column(table, "payload"),
         direction=_joints(table, "direction", n_joints),
+        file=_locked(np.zeros(table.frame.height, dtype=np.int64)),
+        line=_locked(table.source.numbers(table.frame.height)),
     )
     warnings = (*table.warnings, *odd, *odd_cmd, *said)
     return Run(
@@ -92,6 +94,7 @@ def _as_logged(table: Table, n_joints: int) -> Run:
         table.note("plan_id"),
         table.note("robot"),
         warnings,
+        (table.source.name,),
     )
 
 
@@ -127,9 +130,7 @@ def _times(n: int) -> str:
 def _names(table: Table, key: str, otherwise: str) -> tuple[IntArray, tuple[str, ...]]:
     if table.has(key):
         return indexed(table.frame[key].to_list())
-    nothing = np.zeros(table.frame.height, dtype=np.int64)
-    nothing.setflags(write=False)
-    return nothing, (otherwise,)
+    return _locked(np.zeros(table.frame.height, dtype=np.int64)), (otherwise,)
 
 
 def _column(table: Table, key: str) -> Array | None:
@@ -145,6 +146,9 @@ def _whole(table: Table, key: str) -> IntArray | None:
     """Return a column of whole numbers; a blank is −1."""
     if not table.has(key):
         return None
-    whole = np.asarray(table.frame[key].fill_null(-1.0).to_numpy()).astype(np.int64)
-    whole.setflags(write=False)
-    return whole
+    return _locked(np.asarray(table.frame[key].fill_null(-1.0).to_numpy()).astype(np.int64))
+
+
+def _locked(numbers: IntArray) -> IntArray:
+    numbers.setflags(write=False)
+    return numbers

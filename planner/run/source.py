@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from planner.run.types import IntArray
 
 
@@ -54,6 +56,23 @@ class Source:
             if seen == row:
                 return number, line.decode("utf-8", "replace").rstrip("\r")
         raise IndexError(row)
+
+    def numbers(self, n: int) -> IntArray:
+        """Return the line of each row of the table (n,), as :meth:`at` says it for one."""
+        every = self._numbers(n if self.rows is None else int(self.rows.max(initial=-1)) + 1)
+        return every if self.rows is None else np.asarray(every[self.rows])
+
+    def _numbers(self, n: int) -> IntArray:
+        """Return the line of each of the first n rows of the file (n,)."""
+        if self.lines is not None:
+            return self.lines[:n]
+        body = self.body or b""
+        if body.count(b"\n") + (not body.endswith(b"\n")) == n:  # a line for each row
+            return np.arange(self.skipped + 1, self.skipped + 1 + n)
+        if self.body is None:
+            return np.arange(1, n + 1)
+        lines = enumerate(body.split(b"\n"), start=self.skipped + 1)
+        return np.array([number for number, line in lines if self.is_row(line)], dtype=np.int64)[:n]
 
     def is_row(self, line: bytes) -> bool:
         """Return whether a line of the body is neither blank nor a comment."""

@@ -105,7 +105,10 @@ def _headed(file: str, lines: list[str], trace: TraceMap) -> _Text:
         if trace.header:
             return _Text(file, lines, number + 1, fields)
         return _Text(file, lines, number, [str(i + 1) for i in range(len(fields))])
-    raise InputError(f"{file}: there is nothing below the {trace.skip_rows} lines that the map skips")
+    below = f"below the {trace.skip_rows} lines that the map skips" if trace.skip_rows else "but blanks and comments"
+    raise InputError(
+        f"{file}: there is nothing {below}" if any(line.strip() for line in lines) else f"{file}: is empty"
+    )
 
 
 def _squeezed(line: str, trace: TraceMap) -> str:

@@ -29,6 +29,7 @@ class Samples:
         length: as the bar showed it, (n,) [m].
         reversals: angles at each joint's last reversals, (n, N, M) [rad], the latest last.
         speed: of the controller angles where the run is continuous, (n, N) [rad/s].
+        file: index of the file that a sample was read from, (n,) int; ``line``: its line there (row of a Parquet file).
     """
 
     q: Array
@@ -47,6 +48,8 @@ class Samples:
     speed: Array | None = None
     length: Array | None = None
     reversals: Array | None = None
+    file: IntArray | None = None
+    line: IntArray | None = None
 
     def __len__(self) -> int:
         """Return the number of samples n."""
@@ -95,6 +98,7 @@ class Run:
         clocks: 2 where gauge and controller were logged apart, each by its own clock, else 1.
         plan_id, robot: from the comment lines, ``None`` where not given.
         warnings: what a person should know.
+        files: names that ``samples.file`` counts.
     """
 
     name: str
@@ -108,10 +112,19 @@ class Run:
     plan_id: str | None = None
     robot: str | None = None
     warnings: tuple[str, ...] = field(default=())
+    files: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.samples)
+
+    def where(self, k: int) -> str:
+        """Return where sample k, from 0, stands: ``"run.csv, line 12"``; its number where no file is known."""
+        s = self.samples
+        if s.file is None or s.line is None:
+            return f"number {k + 1}"
+        name = self.files[s.file[k]]
+        return f"{name}, {'row' if name.lower().endswith('.parquet') else 'line'} {s.line[k]}"
 
     def take(self, which: slice | IntArray) -> "Run":
         """Return the run with only the samples at ``which`` (a slice, indices, or a mask)."""

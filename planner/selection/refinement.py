@@ -22,8 +22,8 @@ _TRIALS = 24
 _REACH = 0.2  # [rad] at first
 _SMALLEST = 1e-4  # [rad]
 
-RowsOf = Callable[[Array], Array]
-Valid = Callable[[Array], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
+RowsOf = Callable[[Array, np.ndarray], Array]
+Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
 
 
 @dataclass(frozen=True)
@@ -43,21 +43,22 @@ def refine(q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: in
     """Return poses near ``q0`` (n, N) [rad] with a better index.
 
     ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,)
-    which joint angles pass every filter. ``rounds`` of trials at each of four barrier strengths. Deterministic. The
-    result is ``q0`` itself when nothing better is found.
+    which joint angles pass every filter; both are told (m,) of which pose each is a trial. ``rounds`` of trials at
+    each of four barrier strengths. Deterministic. The result is ``q0`` itself when nothing better is found.
 
     Raises:
         InputError: a starting pose is not valid.
     """
     rule(index)
     q0 = np.asarray(q0, dtype=float)
-    fine = np.asarray(valid(q0), dtype=bool)
+    own = np.arange(len(q0))
+    fine = np.asarray(valid(q0, own), dtype=bool)
     if not fine.all():
         raise InputError(
             f"pose {int(np.flatnonzero(~fine)[0])} does not pass the filters: refinement starts from valid poses"
         )
     rng = np.random.default_rng(seed)
-    q, rows = q0.copy(), rows_of(q0)
+    q, rows = q0.copy(), rows_of(q0, own)
     before = _value(rows, index)
     best = q, rows, before
     for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
@@ -91,12 +92,13 @@ def _round(
     n, joints = q.shape
     step = rng.standard_normal((n, _TRIALS, joints)) / np.sqrt(joints)
     trial = q[:, None] + reach[:, None, None] * step
-    trial_rows = rows_of(trial.reshape(-1, joints)).reshape(n, _TRIALS, *rows.shape[1:])
+    which = np.repeat(np.arange(n), _TRIALS).reshape(n, _TRIALS)
+    trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(n, _TRIALS, *rows.shape[1:])
     gains = np.array([_gains(rows, k, trial_rows[k], potential) for k in range(n)])
     hopeful = gains > 0
     passed = np.zeros(gains.shape, dtype=bool)
     if hopeful.any():
-        passed[hopeful] = valid(trial[hopeful])
+        passed[hopeful] = valid(trial[hopeful], which[hopeful])
     q, rows, reach = q.copy(), rows.copy(), reach.copy()
     for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
         gain = np.where(passed[k], _gains(rows, k, trial_rows[k], potential), -np.inf) if passed[k].any() else gains[k]

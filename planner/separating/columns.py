@@ -34,13 +34,14 @@ class Sight:
 
     def entries(self) -> dict[str, Entry]:
         """Every effect that these samples can show, by name."""
-        both = [np.concatenate([getattr(s, k) for s in self.samples]) for k in ("q", "place", "t")]
+        own = [k for k in ("q", "place", "t", "point") if getattr(self.samples[0], k) is not None]
+        both = {k: np.concatenate([getattr(s, k) for s in self.samples]) for k in own}
         one = {
             k: np.concatenate([getattr(s, k) for s in self.samples])
             for k in ("direction", "speed", "reversals")
             if getattr(self.samples[0], k) is not None
         }
-        return {e.name: e for e in catalogue(self.model.rig, Samples(*both, **one))}
+        return {e.name: e for e in catalogue(self.model.rig, Samples(**both, **one))}
 
     def rows(self, parameters: Sequence[Parameter]) -> Array:
         """Whitened rows of every candidate, (n, r, P), per unit of the parameters; r numbers over all visits."""

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.errors import InputError
 from planner.robot.additions import si_unit
 from planner.schema import read_json, validate
+from planner.separating.known import check_name, once
 from planner.units import MM
 
 
@@ -115,11 +116,11 @@ class Identified:
         return float(min(last.train.rms_mm * taken, last.held_out.rms_mm) * MM / np.sqrt(width))
 
 
-def read_identified(path: Path, robot: str) -> Identified:
-    """Read ``identification.json`` for a plan of ``robot``.
+def read_identified(path: Path, robot: str, n_joints: int) -> Identified:
+    """Read ``identification.json`` for a plan of ``robot``, an arm of ``n_joints`` joints.
 
     Raises:
-        InputError: no identification, one of another robot, or one without rivals.
+        InputError: no identification, one of another robot, one without rivals, or an effect that there is none of.
     """
     part = validate(read_json(path), IdentificationPart, str(path))
     if part.robot != robot:
@@ -127,6 +128,9 @@ def read_identified(path: Path, robot: str) -> Identified:
     if not any(f.rivals for f in part.findings):
         what = "its findings have no rivals" if part.findings else "it has no findings"
         raise InputError(f"{path}: there is nothing to separate, {what}: plan without --separate")
+    for k, f in enumerate(part.findings, start=1):
+        for name in (f"{f.effect}, {f.on}", *f.rivals):
+            check_name(name, n_joints, f"{path}: 'findings' number {k}")
     found = tuple(_found(path, f) for f in part.findings)
     values = {p.name: p.value * _factor(path, p.unit) for p in part.parameters}
     return Identified(path, found, values, part)
@@ -134,7 +138,8 @@ def read_identified(path: Path, robot: str) -> Identified:
 
 def _found(path: Path, f: FindingPart) -> Found:
     inner = None if f.inner is None else f.inner.value * _factor(path, f.inner.unit)
-    return Found(f"{f.effect}, {f.on}", f.value * _factor(path, f.unit), inner, f.rivals)
+    rivals = tuple(dict.fromkeys(once(r) for r in f.rivals))
+    return Found(once(f"{f.effect}, {f.on}"), f.value * _factor(path, f.unit), inner, rivals)
 
 
 def _factor(path: Path, unit: str) -> float:

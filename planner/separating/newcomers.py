@@ -10,9 +10,9 @@ from planner.separating.columns import Sight, flat, spanned
 from planner.separating.criterion import Question
 from planner.separating.judging import power
 from planner.separating.pairs import Asked
+from planner.separating.types import SURE
 from planner.units import Array
 
-SURE = 0.98  # power below which an effect of the catalogue counts as a new rival
 EACH = 2  # that are taken up for each truth at a time
 SHOWN = 1e-6  # share of a column that must be left off the model's for its parameter to count
 HIDDEN = ("link mass",)  # shows through joints that yield only, and the identification fits it along with them

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.candidates import PoseSet
 from planner.cell import Cell
+from planner.rig import rig_of
 from planner.run import Samples
 from planner.units import Array, frozen
 
@@ -23,7 +24,7 @@ def passages(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[Samples,
     before = pool.q[rng.permutation(len(pool))]
     way = pool.q - before
     t = rng.random(len(pool)) * poses * (BETWEEN + cell.motion.settle + cell.motion.dwell)
-    at = Samples(pool.q, pool.fixture, t=frozen(t))
+    at = replace(rig_of(cell).visits(pool.q, pool.fixture), t=frozen(t))
     if cell.motion.measure == "static":
         return (replace(at, direction=frozen(np.sign(way))),)
     speed, earlier = _speed(cell, pool.q, way), [pool.q[rng.permutation(len(pool))] for _ in range(TURNS)]

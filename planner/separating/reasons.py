@@ -18,6 +18,7 @@ NEEDS = {
     "warm-up": "a longer run that starts with a cold arm",
     "drift": "a longer run",
     "unnamed": "nothing that can be planned: the correction has no cause that could be compared",
+    "gear error curve": "nothing that can be planned: a whole curve takes the shape of whatever the readings hold",
 }
 
 

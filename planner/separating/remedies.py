@@ -136,7 +136,7 @@ def _drawn(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
 
 
 def _sigma(model: Model, samples: tuple[Samples, ...], scale: float) -> Array:
-    return np.asarray(scale * model.noise(samples[0].q, samples[0].place))
+    return np.asarray(scale * model.noise_of(samples[0]))
 
 
 def _twice(samples: Samples, **change: tuple[float, float]) -> Samples:

@@ -45,7 +45,7 @@ class Separated:
     def as_driven(self, samples: tuple[Samples, ...]) -> Separation:
         """Judge the visits of the finished plan: samples of each, for every way on which it is passed."""
         model, first = self.choice.model, samples[0]
-        sigma = self.scale * model.noise(first.q, first.place)
+        sigma = self.scale * model.noise_of(first)
         rows = Sight(model, samples, np.asarray(sigma)).rows(self.asked.parameters)
         now = judged(self.asked, self.frame, information(self.frame.rows(rows)))
         sizes = {(p.finding, p.rival): size for p, size in zip(self.asked.pairs, now, strict=True)}
@@ -102,6 +102,7 @@ def separate(cell: Cell, pool: PoseSet, choice: Choice, identified: Identified, 
         float(np.expm1(done.bound.value - done.aim.value(information(rows[done.places])))),
         check(done.bound, rows),
         noise,
+        choice.value,
     )
     kept = _moved(choice, pool, done.places % len(pool))
     if sides:
@@ -114,7 +115,7 @@ def _sight(cell: Cell, pool: PoseSet, choice: Choice, noise: float, both_sides: 
     samples = passages(cell, pool, len(choice.chosen), seed)
     if both_sides:
         samples = tuple(from_both_sides(s) for s in samples)
-    sigma = choice.model.noise(samples[0].q, samples[0].place)
+    sigma = choice.model.noise_of(samples[0])
     scale = noise / float(np.sqrt(np.mean(sigma**2)))
     return Sight(choice.model, samples, np.asarray(scale * sigma)), scale
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 UNSURE = 0.8  # power below which a person is told what would help
+SURE = 0.98  # power below which an effect that nobody named is taken up as a rival
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Separation:
         gap: no set of as many candidates betters the criterion by more than this factor less one.
         verified: whether that was checked again over all candidates.
         noise: of one reading, as the identification left it [m].
+        alone: observability index of as many poses chosen by it alone.
     """
 
     told: tuple[Told, ...]
@@ -66,6 +68,7 @@ class Separation:
     gap: float
     verified: bool
     noise: float
+    alone: float
 
     def texts(self) -> tuple[str, ...]:
         """Say it in a line for each pair that the identification names, and one for all the others."""
@@ -74,4 +77,9 @@ class Separation:
         if not others:
             return own
         least = min(others, key=lambda t: t.power)
-        return (*own, f"{len(others)} more that other poses would have mixed up; least surely {least.text()}")
+        effects, them = ("1 more effect", "it") if len(others) == 1 else (f"{len(others)} more effects", "them")
+        return (
+            *own,
+            f"{effects} that nobody named and that poses chosen without a look at {them} would tell with a power below "
+            f"{100 * SURE:.0f} %; least surely now {least.text()}",
+        )

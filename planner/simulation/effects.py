@@ -43,7 +43,7 @@ def effects_of(path: Path, files: tuple[EffectFile, ...], rig: Rig, samples: Sam
     if not files:
         return ()
     entries = catalogue(rig, samples)
-    return tuple(_effect(f"{path}: effects[{k}]", f, entries) for k, f in enumerate(files))
+    return tuple(_effect(f"{path}: [[effects]] number {k}", f, entries) for k, f in enumerate(files, start=1))
 
 
 def _effect(where: str, file: EffectFile, entries: tuple[Entry, ...]) -> Effect:

@@ -7,10 +7,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 from planner.cell import Cell
+from planner.loaded.balance import in_balance
 from planner.plan import Course, PlanFile, PoseFile, is_continuous
-from planner.rig import Targets
+from planner.rig import Targets, rig_of
 from planner.run import Readings, Run, Samples
-from planner.simulation.points import simulated_points
+from planner.run.beside import NOTHING, Beside
+from planner.simulation.points import simulated_beside, simulated_points
 from planner.simulation.truth import Truth
 from planner.units import Array, frozen
 
@@ -21,13 +23,20 @@ WANDER = 1.0  # [s] over which the joints' deviation from where they read is cor
 
 @dataclass(frozen=True)
 class SimulatedRun(Run):
-    """A run that nobody measured; ``truth`` says the errors behind it, as keys of ``TRUTH.toml``."""
+    """A run that nobody measured.
+
+    Attributes:
+        truth: the errors behind it, as keys of ``TRUTH.toml``.
+        beside: what was read beside the poses.
+    """
 
     truth: tuple[str, ...] = ()
+    beside: Beside = NOTHING
 
     def comments(self) -> str:
-        """Return the comment lines that tell a person so."""
-        return "".join(f"# truth: {line}\n" for line in ("simulated, nobody measured this", *self.truth))
+        """Return the comment lines that tell a person so, and what was read beside the poses."""
+        truth = [f"truth: {line}" for line in ("simulated, nobody measured this", *self.truth)]
+        return "".join(f"# {line}\n" for line in (*truth, *self.beside.lines()))
 
 
 def samples_of(cell: Cell, plan: PlanFile, courses: Sequence[Course]) -> Samples:
@@ -41,9 +50,12 @@ def samples_of(cell: Cell, plan: PlanFile, courses: Sequence[Course]) -> Samples
     parts = [_driven(c) if moving else _rests(cell, plan, c) for c in courses]
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + PAUSE for c in courses[:-1]])
     count = [len(p.t) for p in parts]
+    q = np.concatenate([p.q for p in parts])
+    hung = rig_of(cell).visits(q, np.repeat([c.fixture for c in courses], count))
     return Samples(
-        q=frozen(np.concatenate([p.q for p in parts])),
-        place=np.repeat([c.fixture for c in courses], count),
+        q=frozen(q),
+        place=hung.place,
+        point=hung.point,
         t=frozen(np.concatenate([p.t + start for p, start in zip(parts, starts, strict=True)])),
         session=np.repeat(np.arange(len(parts)), count) if moving else None,
         pose=np.concatenate([p.pose for p in parts]),
@@ -64,16 +76,28 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
     if not cell.gauge.is_bar:
         samples, readings = simulated_points(cell, model, errors, samples, off, rng)
         balls = tuple(b.name for b in cell.balls) if readings.ball is not None else ()
-        name, said = f"simulated run of {plan_id}", truth.lines()
-        return SimulatedRun(name, samples, readings, balls=balls, plan_id=plan_id, robot=cell.robot.name, truth=said)
+        return SimulatedRun(
+            name=f"simulated run of {plan_id}",
+            samples=samples,
+            readings=readings,
+            balls=balls,
+            plan_id=plan_id,
+            robot=cell.robot.name,
+            truth=truth.lines(),
+            beside=simulated_beside(cell, np.random.default_rng([seed, 2])),
+        )
     nothing = Targets(length=np.zeros(len(samples)))
-    exact = -model.residual(replace(samples, q=samples.q + off), nothing, errors)[:, 0]
+    stood = replace(samples, q=samples.q + off)
+    if samples.force is not None:  # a loaded bar turns as the arm yields, and its moments with it
+        model, stood = in_balance(model, stood, errors)
+    exact = -model.residual(stood, nothing, errors)[:, 0]
     length = exact + model.rig.noise * rng.standard_normal(len(samples))
     return SimulatedRun(
         name=f"simulated run of {plan_id}",
         samples=samples,
         readings=Readings(length=frozen(length)),
-        places=tuple(f.name for f in cell.fixtures),
+        places=model.rig.place_names,
+        points=model.rig.point_names,
         continuous=moving,
         plan_id=plan_id,
         robot=cell.robot.name,

@@ -1,15 +1,18 @@
-"""What gauges without a bar would read: a head centred on its balls, a tracker that sees the reflector."""
+"""What gauges without a bar would read: a head centred on its balls, a tracker that sees the reflector, the nests."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from planner.cell import Cell
+from planner.cell.placed import nests_frame
 from planner.model import Model
 from planner.rig import Targets
 from planner.run import Readings, Samples
-from planner.units import Array, frozen
+from planner.run.beside import Beside
+from planner.units import UM, Array, frozen
 
+MASTERED = 0.5 * UM  # scatter of an indicator on the master ball
 STEPS = 8  # of Newton's method from a planned pose to the centred one, millimetres away
 
 
@@ -37,6 +40,17 @@ def simulated_points(
         J = model.joint_rows(samples)
         samples = replace(samples, q=samples.q + np.einsum("nij,nj->ni", np.linalg.pinv(J), missing))
     return replace(samples, q=frozen(samples.q)), Readings(ball=ball)
+
+
+def simulated_beside(cell: Cell, rng: np.random.Generator) -> Beside:
+    """Return what is read before the poses: a tracker's nests, or twice a head's indicators at the master ball."""
+    if cell.gauge.head is not None:
+        wanted = cell.gauge.head.master / 2 - cell.balls[0].radius
+        return Beside(masters=tuple(frozen(wanted + MASTERED * rng.standard_normal(3)) for _ in range(2)))
+    R_BW, p_BW = nests_frame(cell.file)
+    place = cell.fixtures[0]
+    seen = [(n.name, (R_BW @ n.p_WN + p_BW - place.p_BX) @ place.R_BX) for n in cell.nests]
+    return Beside(tuple((name, frozen(p + cell.gauge.noise * rng.standard_normal(3))) for name, p in seen))
 
 
 def _point(model: Model, samples: Samples, off: Array, errors: Array) -> Array:

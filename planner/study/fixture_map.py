@@ -105,7 +105,7 @@ def fixture_map(
     noise = float(np.median(model.noise(here.q)))
     kept = identifiable(rows, model.names, model.prior, range(len(model.names)), noise).kept
     poses = max(poses, len(kept))
-    half, places = _grid(cell, far, across, up)
+    half, places = grid(cell, across, up)
     out: list[Place] = []
     for place in places:
         say("fixture places", len(out), len(places))
@@ -134,7 +134,9 @@ def _reach(cell: Cell) -> float:
     return float(np.ceil(np.linalg.norm(cell.map_position(q)[:, :2], axis=1).max() / 0.05) * 0.05)
 
 
-def _grid(cell: Cell, far: float, across: int, up: int) -> tuple[tuple[float, float], list[Place]]:
+def grid(cell: Cell, across: int, up: int) -> tuple[tuple[float, float], list[Place]]:
+    """Half sizes (2,) [m] of a grid's cells, and its places: the present one, those level with it, the upright ones."""
+    far = _reach(cell)
     start = cell.fixtures[0].p_BX
     outward = start[:2] / max(float(np.linalg.norm(start[:2])), 1e-9)
     places = [Place("present", start, float(np.linalg.norm(start[:2])), float(start[2]), "usable")]

@@ -100,6 +100,7 @@ class _Request:
 
     @property
     def closed(self) -> bool:
+        """Whether the tour ends where it starts."""
         return self.start is not None and self.start == self.end
 
     def few(self) -> Tour:

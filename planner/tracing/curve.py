@@ -1,8 +1,7 @@
 """The whole error of a joint's gear over its angle, where single waves do not tell it.
 
 A gear whose error is no pure tone shows as ripple after ripple. It is one effect: the joint's angle is off by a smooth
-function of itself. Its waves are expected the smaller the quicker they run (a Gaussian process with a squared
-exponential kernel, in its Fourier series; Rasmussen & Williams 2006, ch. 4); how quick, and how large, the run decides.
+function of itself. How quickly it changes, and how large it is, the run decides.
 """
 
 from collections.abc import Iterator
@@ -10,52 +9,31 @@ from collections.abc import Iterator
 import numpy as np
 
 from planner.catalogue import Entry
-from planner.effects.waves import Cosine, Sine
+from planner.catalogue.curves import CURVE, gear_curve
+from planner.effects.waves import Sine
 from planner.model import Model, Parameter
-from planner.model.parameters import transform
 from planner.tracing.again import plain
 from planner.tracing.dictionary import products
 from planner.tracing.screen import Shade
 from planner.tracing.state import Held
 from planner.units import Array
 
-KIND = "gear error curve"
+KIND = CURVE
 TONES = ("gear ripple", "encoder once a turn", "encoder twice a turn")
 QUICKEST = (3.0, 6.0, 10.0, 15.0, 20.0, 30.0)  # waves a turn within which most of the error lies
-LAST = 2.0  # times that: the quickest waves that are modelled
-SIZE = 2e-4  # [rad], root mean square
-SIZES = (0.3, 1.0, 3.0)  # times that are tried
-LARGEST = 5e-3  # [rad]
-ROOM = 1.3  # length over which the function repeats itself, over the joint's range
-TURN = 2 * np.pi
-
-
-def curve(base: Model, q: Array, joint: int, quickest: float) -> Entry:
-    """Return the entry of a joint (from 0) with the angles q (n, N) [rad] of the run."""
-    spread = min(TURN, ROOM * float(np.ptp(q[:, joint])))
-    step = TURN / spread
-    waves = step * np.arange(1, max(2, int(LAST * quickest / step) + 1))
-    size = np.exp(-0.5 * (waves / quickest) ** 2)
-    size *= SIZE / np.sqrt((size**2).sum())
-    where = next(k for k, t in enumerate(base.rig.chain.transforms) if t.joint == joint)
-    on = f"joint {joint + 1}"
-    parameters = tuple(
-        Parameter(
-            f"gear_curve{joint + 1}_{name}{k}", "rad", float(s), f"gear error of {on}, {w:.4g} waves a turn",
-            transform(where, phi), f"{KIND}, {on}",
-        )
-        for k, (w, s) in enumerate(zip(waves, size, strict=True), 1)
-        for name, phi in (("sin", Sine(joint, float(w))), ("cos", Cosine(joint, float(w))))
-    )  # fmt: skip
-    sentence = f"{on}: gear or encoder runs unevenly over the joint's own angle, {{size}}"
-    return Entry(KIND, on, lambda _: parameters, sentence, LARGEST, "measured curve: no model of a gear behind it")
+SIZES = (0.3, 1.0, 3.0)  # times the expected one that are tried
 
 
 def likeliest(shade: Shade, base: Model, joint: int) -> Entry:
     """The curve of a joint whose quickness the screened samples are likeliest under, any size being possible."""
     q = shade.problem.samples.q
-    known = [curve(base, q, joint, f) for f in QUICKEST]
-    return max(known, key=lambda e: max(_evidence(shade, e)))
+    known = [gear_curve(base, q, joint, f) for f in QUICKEST]
+    return max(known, key=lambda e: evidence(shade, e))
+
+
+def evidence(shade: Shade, entry: Entry) -> float:
+    """Logarithm of the likelihood of the screened samples with a curve over that without, at its likeliest size."""
+    return max(_evidence(shade, entry))
 
 
 def _evidence(shade: Shade, entry: Entry) -> Iterator[float]:

@@ -1,10 +1,13 @@
 """Whether an effect that was added to the model stays in it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from planner.identification import Bench
-from planner.identification.stages import gain_in_errors
+from planner.identification import Bench, Metrics
+from planner.identification.heldout import held_out, held_out_without
+from planner.identification.stages import fall_in_errors, fitted_part, gain_in_errors
 from planner.tracing.masses import GROUP
 from planner.tracing.memory import inflation
 from planner.tracing.state import Held, State
@@ -37,6 +40,35 @@ def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
 def gain(before: State, after: State, bench: Bench) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
     return gain_in_errors(before.stage, after.stage, bench.split)
+
+
+@dataclass(frozen=True)
+class Own:
+    """What one effect gains for itself: against the model without it, everything else fitted anew.
+
+    Attributes:
+        fall: of the held-out root mean square error [m].
+        share: of the held-out squared error that goes with it; ``error`` its standard error.
+    """
+
+    fall: float
+    share: float
+    error: float
+
+
+def own_gains(state: State, bench: Bench) -> list[Own]:
+    """What each effect of a state gains; noise, prior sizes and weights stay as they are."""
+    fit = state.fit
+    few = fitted_part(bench.run, fit.model) if len(fit.problem) < len(bench.run) else None
+    split = bench.split if few is None else bench.split.take(few)
+    names = fit.model.names
+    slopes = [[names.index(h.slope_name)] if h.slope_name in names else [] for h in state.effects]
+    parts = [[*state.positions(h), *slope] for h, slope in zip(state.effects, slopes, strict=True)]
+    weights = [j for j, p in enumerate(fit.model.parameters) if p.group == GROUP]
+    after = held_out(fit, split).residual
+    bare = [h.residual for h in held_out_without(fit, split, parts, weights)]
+    least = Metrics.of(after).rms
+    return [Own(Metrics.of(b).rms - least, *fall_in_errors(b, after, split)) for b in bare]
 
 
 def strength(state: State, held: Held) -> float:

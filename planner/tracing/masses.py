@@ -13,6 +13,7 @@ from planner.model import Model, Move, Parameter
 
 KIND = "joint compliance"
 PART = 0.15  # one sigma of a link's mass over its stated one
+FAR_OFF = 0.3  # one sigma of the weights as a run has them, above which it is not the weights that the run shows
 GROUP = "link weights"
 
 
@@ -35,3 +36,8 @@ def weights(base: Model, compliance: Sequence[tuple[int, float]]) -> list[Parame
         name = "weight_tool" if link == n else f"weight{link + 1}"
         out.append(Parameter(name, "1", PART, f"part by which {what} weighs more than stated", moves, GROUP))
     return out
+
+
+def believed(model: Model) -> float:
+    """How far the weights of a fitted model are believed to be off, one sigma; 0 where there are none."""
+    return max((p.prior for p in model.parameters if p.group == GROUP), default=0.0)

@@ -20,6 +20,7 @@ from planner.tracing.screen import Shade, grid
 from planner.tracing.state import Held, State, refit
 from planner.tracing.steps import best, settled
 from planner.tracing.swaps import BETTER, swapped
+from planner.tracing.uneven import uneven
 from planner.tracing.unnamed import unnamed
 
 TRIES = 6  # of the most surprising entries that are refitted before the search gives up
@@ -59,6 +60,7 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
     hunt = Hunt(shade.lay_out([pair for e in entries for pair in grid(e)]), bench, say, Refused())
     path = _forward(hunt, [start])
     path = _yielding(hunt, start, entries, path)
+    path = _uneven(hunt, start, entries, path)
     for _ in range(SWAPS):
         other = swapped(hunt, path[-1])
         if other is None:
@@ -117,6 +119,16 @@ def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[Sta
         return path
     hunt.refused.share.clear()
     return _forward(hunt, [start, kept])
+
+
+def _uneven(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State]) -> list[State]:
+    """Go on with the curves of all gears at once, where the run is likelier so."""
+    best = uneven(hunt, entries, start, path[-1])
+    if best is None:
+        return path
+    kept = _pruned(hunt, best)
+    hunt.refused.share.clear()
+    return _forward(hunt, [*(path if path[-1].names <= kept.names else path[:1]), kept])
 
 
 def _pruned(hunt: Hunt, state: State) -> State:

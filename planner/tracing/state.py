@@ -12,7 +12,7 @@ from planner.identification.stages import Fitted, fitted
 from planner.model import Model, Parameter
 from planner.repeatable import evenly
 from planner.tracing.inner_grid import slope, spacing, within
-from planner.tracing.masses import KIND, weights
+from planner.tracing.masses import FAR_OFF, KIND, believed, weights
 from planner.units import Array
 
 ROUNDS = 6  # in which inner numbers settle
@@ -104,9 +104,16 @@ def refit(bench: Bench, name: str, base: Model, effects: tuple[Held, ...], befor
     slopes = [
         slope(h.entry, h.inner, s) for h, s in zip(effects, sizes, strict=True) if h.inner is not None and s.any()
     ]
-    more = [*(p for h in effects for p in h.entry.make(h.inner)), *slopes, *_weights(base, effects, errors)]
-    model = base.plus(more)
-    return State(base, effects, fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, before.fit))
+    own = base.plus([*(p for h in effects for p in h.entry.make(h.inner)), *slopes])
+    weights = _weights(base, effects, errors)
+
+    def with_all(model: Model) -> Fitted:
+        return fitted(name, model, bench.run, bench.split, bench.judge, bench.robust, before.fit)
+
+    found = with_all(own.plus(weights))
+    if weights and believed(found.fit.model) > FAR_OFF:
+        found = with_all(own)  # they stand in for what is missing yet, and for the compliances themselves
+    return State(base, effects, found)
 
 
 def _known(held: Held, errors: dict[str, float]) -> Array:
@@ -153,6 +160,9 @@ def _settled(
         else h
         for h in effects
     )
+    for before, after in zip(effects, moved, strict=True):  # parameters bear their inner number in their names
+        sizes = [value[p.name] for p in before.entry.make(before.inner)]
+        value |= {p.name: v for p, v in zip(after.entry.make(after.inner), sizes, strict=True)}
     settled = len(slopes) == sum(h.inner is not None for h in effects)
     settled = settled and all(abs(shift) <= 0.1 * std for shift, std in step.values())
     yielding = [h.entry.make(None)[0].name for h in effects if h.entry.kind == KIND]

@@ -7,7 +7,7 @@ from planner.identification import Bench, Finding, Traced
 from planner.identification.stages import Fitted
 from planner.tracing.again import plain
 from planner.tracing.hunt import Say
-from planner.tracing.judging import wald_log_p
+from planner.tracing.judging import own_gains, wald_log_p
 from planner.tracing.limits import limits
 from planner.tracing.memory import inflation, quick_memory
 from planner.tracing.rivals import rivals
@@ -20,22 +20,30 @@ HIDDEN = ("link mass",)  # shows through joints that yield only, and is fitted a
 
 
 def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Traced]:
-    """Trace what the geometry leaves; returns the stages that were added, and what was found."""
+    """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
+
+    A kind of effect that is in the model already is not looked for again.
+    """
     offered = catalogue(geometry.fit.model.rig, bench.run.samples)
-    entries = tuple(e for e in offered if e.kind not in HIDDEN)
+    there = {*HIDDEN, *geometry.stage.effects}
+    entries = tuple(e for e in offered if e.kind not in there)
     start = State(geometry.fit.model, (), geometry)
     found = search(start, entries, bench, say)
     last = found.last
     shade = Shade.of(last.fit, quick_memory(last, bench.run.continuous))
     say("rivals")
-    findings = tuple(_finding(found, h, rivals(shade, last, h, found.dictionary)) for h in last.effects)
+    gains = own_gains(last, bench)
+    findings = tuple(
+        _finding(found, h, own.fall, rivals(shade, last, h, found.dictionary))
+        for h, own in zip(last.effects, gains, strict=True)
+    )
     say("detection limits")
     taken = last.names
     silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))
     return [s.fitted for s in found.path[1:]], Traced(findings, silent, found.rejected, found.tried)
 
 
-def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
+def _finding(found: Trace, held: Held, gain: float, others: tuple[str, ...]) -> Finding:
     last = found.last
     which = last.positions(held)
     root = last.fit.solution.root(last.fit.problem.prior)[which]
@@ -63,16 +71,7 @@ def _finding(found: Trace, held: Held, others: tuple[str, ...]) -> Finding:
         inner_std=spread,
         inner_unit=inner.unit if inner else None,
         log_p=wald_log_p(last, held, found.tried, wide),
-        held_out_gain=_gain(found, held),
+        held_out_gain=gain,
         rivals=others,
         note=sized(held.entry, signed, std, unit, held.inner, spread, sizes),
     )
-
-
-def _gain(found: Trace, held: Held) -> float:
-    """Fall of the held-out error over the step that brought the effect in [m]."""
-    for before, after in reversed(list(zip(found.path, found.path[1:], strict=False))):
-        names = {h.entry.name for h in before.effects}
-        if held.entry.name not in names and held.entry.name in {h.entry.name for h in after.effects}:
-            return before.stage.held_out.rms - after.stage.held_out.rms
-    return 0.0

@@ -21,6 +21,7 @@ class MeasuredPose(Loose):
     q_deg: tuple[float, ...]
     length_mm: float | None = None
     fixture: str = ""
+    point: str = ""
     ball: str | None = None
 
 
@@ -38,6 +39,11 @@ class PlannedFor(Loose):
     trajectory: Driven
 
 
+def places_of(cell: Cell) -> list[tuple[str, str]]:
+    """Return the names of fixture and tool point of each place of the bar, as ``plan.json`` gives them."""
+    return [(f.name, cell.point_name(k)) for k, f in enumerate(cell.fixtures)]
+
+
 def check_robot(path: Path, beside: Path, cell: Cell, plan: PlanFile) -> PlannedFor:
     """Hold robot and fixtures of the plan at ``path`` against the cell, before anything is made of both.
 
@@ -50,10 +56,11 @@ def check_robot(path: Path, beside: Path, cell: Cell, plan: PlanFile) -> Planned
             f"{path} is a plan for {found.robot}, but {beside} is a cell of {cell.robot.name}: "
             "put the cell.toml that was written with the plan beside it"
         )
-    driven, there = [d.fixture for d in plan.drives], [f.name for f in cell.fixtures]
+    driven, there = [(d.fixture, d.point) for d in plan.drives], places_of(cell)
     if driven != there:
+        said, has = (", ".join(" at ".join(filter(None, pair)) for pair in pairs) for pairs in (driven, there))
         raise InputError(
-            f"{path} drives the fixtures {', '.join(driven)}, but {beside} has {', '.join(there)}: "
+            f"{path} drives the fixtures {said}, but {beside} has {has}: "
             "put the cell.toml that was written with the plan beside it"
         )
     return found
@@ -82,9 +89,13 @@ def check_courses(path: Path, beside: Path, cell: Cell, plan: PlannedFor, course
 
 def _lengths(cell: Cell, plan: PlannedFor) -> Array:
     """Bar length by the cell less that of the plan, one a pose [mm]."""
-    p_BX = {f.name: f.p_BX for f in cell.fixtures}
-    bar = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses])) - np.array([p_BX[p.fixture] for p in plan.poses])
-    return np.asarray(np.linalg.norm(bar, axis=1) * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
+    q, there = np.deg2rad([p.q_deg for p in plan.poses]), places_of(cell)
+    where = np.array([there.index((p.fixture, p.point)) for p in plan.poses])
+    length = np.zeros(len(q))
+    for k, fixture in enumerate(cell.fixtures):
+        bar = cell.at(k).map_position(q[where == k]) - fixture.p_BX
+        length[where == k] = np.linalg.norm(bar, axis=1)
+    return np.asarray(length * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
 
 
 def _off_centre(cell: Cell, plan: PlannedFor) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell import Cell, Circle
 from planner.circular import Arc, CircularDrive, CircularPlan, Pass, circular_identity, measured_passes, plan_arc
+from planner.circular.loads import check_loads, load_notes
 from planner.errors import InputError, NoSolutionError
 from planner.path import Constraints, Gaps, join
 from planner.plan import settled
@@ -31,6 +32,7 @@ def plan_circles(cell: Cell, options: Options, stages: Stages) -> CircularPlan:
     """
     if not cell.circles:
         raise InputError(f"{cell.path}: a circular test needs at least one [[circles]] table")
+    check_loads(cell)
     dialects = options.known_dialects(cell)
     cell = replace(cell, motion=replace(cell.motion, measure="continuous", both_ways=False))
     check_home(cell, Constraints(cell, bar=False))
@@ -107,7 +109,7 @@ def _between(constraints: Constraints, here: Array, goal: Array, seed: int) -> W
 
 
 def _notes(plan: CircularPlan) -> list[str]:
-    cell, notes = plan.cell, []
+    cell, notes = plan.cell, load_notes(plan.cell)
     if not cell.robot.bodies:
         bare = "has no collision bodies: only bar and tool were checked against the surroundings"
         notes.append(f"{cell.robot.name} {bare}")

@@ -57,6 +57,7 @@ def drive(
         Unreachable: a stop cannot be reached; replace it and call again.
         NoSolutionError: no tour joins the poses, or a judge rejects the path.
     """
+    cell = cell.at(fixture)
     with_bar, without_bar = Constraints(cell, fixture), Constraints(cell, fixture, bar=False)
     mount = np.asarray(cell.fixtures[fixture].mount)
     nodes = np.vstack([mount, *[s.q for s in stops]])
@@ -80,7 +81,7 @@ def way_to_mount(constraints: Constraints, ends: Array, seed: int) -> Path:
     """The way without the bar from home to the mount pose."""
     travel = join(constraints, ends, [0, 1], seed=seed)
     if isinstance(travel, Gaps):
-        place = constraints.cell.fixtures[constraints.workspace.fixture].name
+        place = constraints.cell.place_name(constraints.workspace.fixture)
         raise NoSolutionError(
             f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
             "lower motion.clearance_mm, or give another home_deg or gauge.mount_deg"

@@ -11,7 +11,7 @@ from planner.errors import InputError
 from planner.plan import Course, DriveFile, WaypointFile, Waypoints, course, read_plan, settled
 from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
-from planner.workflow.belonging import check_courses, check_robot
+from planner.workflow.belonging import check_courses, check_robot, places_of
 from planner.workflow.circle_reading import export_circles
 from planner.workflow.session import session
 
@@ -40,7 +40,7 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
 
 
 def _course(path: Path, cell: Cell, drive: DriveFile) -> Course:
-    fixture = [f.name for f in cell.fixtures].index(drive.fixture)
+    fixture = places_of(cell).index((drive.fixture, drive.point))
     return course(cell, fixture, _waypoints(path, cell, drive.travel), _waypoints(path, cell, drive.waypoints))
 
 

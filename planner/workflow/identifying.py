@@ -19,6 +19,7 @@ from planner.residuals import leftover
 from planner.run import Run, load_runs
 from planner.tracing import trace
 from planner.workflow.planning import Stages
+from planner.workflow.suspecting import check_unit
 from planner.workflow.writing import drafted, move_all
 
 
@@ -60,6 +61,9 @@ def identify_runs(
         if plan is not None:
             run, kept_out = _by_plan(run, plan, read_plan(plan), where.robot.name)
             other = other or kept_out
+        for each in (run, other):
+            if each is not None:
+                check_unit(each, where)
     with stages.stage("identification") as progress:
         found = identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
     return Identification(where, found)

@@ -8,7 +8,7 @@ from planner.cell import load_cell
 from planner.errors import InputError
 from planner.files import write_text
 from planner.loaded import Loaded, Options, evaluate
-from planner.loaded.joint import Joint, averaged_run, joint_fit
+from planner.loaded.joint import Joint, averaged_run, averages_noise, joint_fit
 from planner.loaded.results import curves_csv, loaded_text
 from planner.plan.header import Loose
 from planner.run import Run, load_runs, run_text
@@ -59,7 +59,9 @@ def evaluate_loaded(
             _check_plan(run, plan, where.robot.name)
     with stages.stage("evaluation"):
         found = evaluate(run, where, other, options)
-        return Evaluation(found, None if free is None else joint_fit(where, free, averaged_run(found)))
+        if free is None:
+            return Evaluation(found)
+        return Evaluation(found, joint_fit(where, free, averaged_run(found), averages_noise(found)))
 
 
 def _check_plan(run: Run, path: Path, robot: str) -> None:

@@ -1,6 +1,7 @@
 """``study_places()``: where loaded circles tell the compliances apart, and a cell that drives them."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,15 @@ from planner.errors import InputError
 from planner.files import write_bytes, write_text
 from planner.plan.header import Loose
 from planner.schema import read_json, validate
-from planner.study.softness import Both, Places, places_study, predicted_both
+from planner.study.softness import Both, Candidate, Places, places_study, predicted_both
+from planner.study.softness.circles import own_circle
 from planner.study.softness.results import places_csv, places_text
-from planner.units import from_deg, to_mm
+from planner.units import Array, from_deg, from_mm, to_mm
 from planner.workflow.planning import Stages
 from planner.workflow.writing import cell_text, drafted, move_all
 
 MOST = 6
+FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 
 class PlannedPose(Loose):
@@ -25,6 +28,7 @@ class PlannedPose(Loose):
 
     q_deg: tuple[float, ...]
     fixture: str
+    role: str = "calibrate"
 
 
 class PlannedPoses(Loose):
@@ -48,21 +52,40 @@ def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell
     return where, found
 
 
+@dataclass(frozen=True)
+class Unloaded:
+    """Poses of a plan without load: its cell, controller angles q (n, N) [rad], fixture of each (n,) int."""
+
+    cell: Cell
+    q: Array
+    fixture: np.ndarray
+
+
+def unloaded_plan(plan: Path) -> Unloaded:
+    """Read what a plan without load measures for the fit: mounting and validation poses left out.
+
+    Raises:
+        InputError: the plan or its cell.toml is wrong, or they do not belong together.
+    """
+    poses = [p for p in validate(read_json(plan), PlannedPoses, str(plan)).poses if p.role in FITTED]
+    if not poses:
+        raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
+    free = load_cell(str(plan.parent / "cell.toml"))
+    names = [f.name for f in free.fixtures]
+    unknown = sorted({p.fixture for p in poses} - set(names))
+    if unknown:
+        raise InputError(f"{plan}: measures at fixture '{unknown[0]}', which {free.path} does not have")
+    return Unloaded(free, from_deg([p.q_deg for p in poses]), np.array([names.index(p.fixture) for p in poses]))
+
+
 def beside_plan(cell: Cell, found: Places, count: int, plan: Path) -> Both:
     """Predict what the best ``count`` circles and the poses of a plan without load know in one fit.
 
     Raises:
         InputError: the plan or its cell.toml is wrong, or of another robot.
     """
-    poses = validate(read_json(plan), PlannedPoses, str(plan)).poses
-    free = load_cell(str(plan.parent / "cell.toml"))
-    names = [f.name for f in free.fixtures]
-    unknown = sorted({p.fixture for p in poses} - set(names))
-    if unknown:
-        raise InputError(f"{plan}: measures at fixture '{unknown[0]}', which {free.path} does not have")
-    q = from_deg([p.q_deg for p in poses])
-    fixture = np.array([names.index(p.fixture) for p in poses])
-    return predicted_both(free, q, fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]])
+    free = unloaded_plan(plan)
+    return predicted_both(free.cell, free.q, free.fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]])
 
 
 def write_places(
@@ -84,11 +107,17 @@ def write_places(
 
 def with_places(cell: Cell, found: Places, count: int) -> Cell:
     """Return the cell with the fixtures and circles of the best set of ``count`` places."""
+    return with_circles(cell, [found.pool[int(i)] for i in found.sets[count - 1]])
+
+
+def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
+    """Return the cell with fixtures and circles P1 … at these places, each driven and loaded as the cell's own."""
     content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-    fixture, circle = content["fixtures"][cell.circles[0].fixture], content["circles"][0]
+    own = own_circle(cell)
+    fixture, circle = content["fixtures"][own.fixture], content["circles"][0]
+    fixture.pop("mount_deg", None)
     for key in ("start_deg", "tool_axis"):
         circle.pop(key, None)
-    places = [found.pool[int(i)] for i in found.sets[count - 1]]
     names = [f"P{k + 1}" for k in range(len(places))]
     content["fixtures"] = [
         {**fixture, "name": n, "position_mm": _mm(p.p_BX), "axis": np.round(p.axis_B, 6).tolist()}
@@ -98,7 +127,16 @@ def with_places(cell: Cell, found: Places, count: int) -> Cell:
         {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre)}
         for n, p in zip(names, places, strict=True)
     ]
-    return replace(cell, file=validate(content, CellFile, str(cell.path)))
+    fixtures = [
+        replace(cell.fixtures[own.fixture], name=n, p_BX=from_mm(_mm(p.p_BX)), axis_B=p.axis_B, mount=None)
+        for n, p in zip(names, places, strict=True)
+    ]
+    circles = [
+        replace(own, name=n, fixture=k, plane=p.plane, p_BC=from_mm(_mm(p.centre)), start=0.0, axis_B=None)
+        for k, (n, p) in enumerate(zip(names, places, strict=True))
+    ]
+    file = validate(content, CellFile, str(cell.path))
+    return replace(cell, file=file, fixtures=tuple(fixtures), circles=tuple(circles))
 
 
 def _mm(point: np.ndarray) -> list[float]:

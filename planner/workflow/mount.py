@@ -49,7 +49,7 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     for k, fixture in enumerate(cell.fixtures):
         reason = Constraints(cell, k).reason(np.asarray(fixture.mount))
         if reason is not None:
-            raise InputError(f"{cell.path}: mount_deg of fixture {fixture.name} cannot hold the bar: {reason}")
+            raise InputError(f"{cell.path}: mount_deg of fixture {cell.place_name(k)} cannot hold the bar: {reason}")
     return cell
 
 

@@ -14,4 +14,9 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
+    if options.fixtures > 1:
+        from planner.study.adding import with_fixtures  # matplotlib: other plans start quicker without
+
+        with stages.stage("fixtures"):
+            cell = with_fixtures(cell, options.fixtures, options.seed, stages.say)
     return plan_with_bar(cell, options, stages) if cell.gauge.is_bar else plan_points(cell, options, stages)

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from planner.candidates import PoseSet, draw_candidates
-from planner.cell import Cell
-from planner.choice import Choice, choose, refined
-from planner.errors import NoSolutionError
+from planner.cell import Aim, Cell
+from planner.choice import Choice, choose, refined, taken
+from planner.errors import InputError, NoSolutionError
+from planner.foresight import Foresight, foresee
 from planner.observability import index_value
 from planner.plan import Drive, Plan, identity, is_continuous
 from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
-from planner.separating import Separated, enough, read_identified, separate
+from planner.selection import CurveInBackground
+from planner.separating import Identified, Separated, enough, read_identified, separate
 from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
@@ -57,6 +59,19 @@ class Options:
     dialects: tuple[str, ...] = ()
     tsp: Method = "auto"
     separate: Path | None = None
+    fixtures: int = 1
+    aim: Aim | None = None
+
+    def for_tracing(self, cell: Cell) -> bool:
+        """Tell whether the poses are to show what nobody has declared.
+
+        Raises:
+            InputError: they are to tell rivals apart as well.
+        """
+        wanted = (self.aim or cell.plan.aim) == "tracing"
+        if wanted and self.separate:
+            raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
+        return wanted
 
     def known_dialects(self, cell: Cell) -> tuple[str, ...]:
         """The dialects to write; an unknown one is told before a minute's work.
@@ -79,24 +94,20 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     dialects = options.known_dialects(cell)
-    rivals = read_identified(options.separate, cell.robot.name) if options.separate else None
+    _ = options.for_tracing(cell)
+    robot = cell.robot
+    rivals = read_identified(options.separate, robot.name, robot.n_joints) if options.separate else None
     with stages.stage("candidates") as progress:
         cell = with_mounts(cell, options.seed)
         pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
     index, poses = options.index or cell.plan.index, options.poses or cell.plan.poses
     with stages.stage("roadmap"):
         pool, apart = reachable(cell, pool, index, poses, options.seed)
-    with stages.stage("selection"):
-        poses = enough(cell, pool) if rivals and poses is None else poses
-        choice, curve = choose(cell, pool, poses, index, options.seed)
-    parted: Separated | None = None
-    if rivals:
-        with curve, stages.stage("separation"):
-            parted = separate(cell, pool, choice, rivals, options.seed)
-            choice = parted.choice
+    chosen = _chosen(cell, pool, poses, index, options, rivals, stages)
+    choice, curve, parted, ahead = chosen.choice, chosen.curve, chosen.parted, chosen.ahead
     with curve, stages.stage("refinement"):
         choice, swapped = joinable(cell, pool, choice, options.seed)
-        choice = choice if parted else refined(cell, choice, options.seed)
+        choice = choice if parted or ahead else refined(cell, choice, options.seed)
     with curve, stages.stage("path"):
         drives, choice, notes = _driven(cell, pool, choice, options)
     with stages.stage("index curve"):
@@ -105,12 +116,48 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
         told = separation_driven(cell, parted, drives) if parted else None
         notes = apart + swapped + notes + separation_notes(cell, told, choice, drives)
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told)
+        ahead = replace(ahead, left=ahead.with_poses(choice.q, choice.fixture)) if ahead else None
+        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told, ahead)
         named = replace(bare, plan_id=identity(bare))
         more = session_notes(cell, (d.course for d in drives), named.plan_id, dialects)
         return replace(
             named, programs=tuple((name, programs(named, name)) for name in dialects), notes=(*named.notes, *more)
         )
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """The poses, the index curve that is still being computed, and what they were chosen for beside the index."""
+
+    choice: Choice
+    curve: CurveInBackground
+    parted: Separated | None = None
+    ahead: Foresight | None = None
+
+
+def _chosen(
+    cell: Cell,
+    pool: PoseSet,
+    poses: int | None,
+    index: str,
+    options: Options,
+    rivals: Identified | None,
+    stages: Stages,
+) -> _Chosen:
+    """Choose the poses by the index, for telling rivals apart, or for what nobody has declared."""
+    if options.for_tracing(cell):
+        with stages.stage("foresight") as progress:
+            ahead = foresee(cell, pool, poses, progress)
+        with stages.stage("selection"):
+            return _Chosen(*taken(cell, pool, ahead.chosen, index, options.seed), ahead=ahead)
+    with stages.stage("selection"):
+        poses = enough(cell, pool) if rivals and poses is None else poses
+        choice, curve = choose(cell, pool, poses, index, options.seed)
+    if not rivals:
+        return _Chosen(choice, curve)
+    with curve, stages.stage("separation"):
+        parted = separate(cell, pool, choice, rivals, options.seed)
+    return _Chosen(parted.choice, curve, parted)
 
 
 def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:
@@ -143,7 +190,7 @@ def _driven(
                     choice = replaced(pool, choice, int(mine[lost.which]))
                 else:
                     checks = np.delete(checks, lost.which - len(mine))
-                notes.append(f"a pose that no path could join was replaced (fixture {cell.fixtures[fixture].name})")
+                notes.append(f"a pose that no path could join was replaced (fixture {cell.place_name(fixture)})")
         else:
             raise NoSolutionError(
                 f"{REPLACEMENTS} poses in a row could not be joined to the tour: the shell is split by obstacles"

@@ -1,10 +1,14 @@
 """What a finished plan tells apart: its visits in the order, and from the sides, in which the tour comes to them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from planner.cell import Cell
 from planner.choice import Choice
+from planner.observability import RULES
 from planner.plan import Drive, is_continuous
+from planner.rig import rig_of
 from planner.run import Samples
 from planner.run.reversals import reversals
 from planner.separating import UNSURE, Separated, Separation, scarce
@@ -12,11 +16,12 @@ from planner.units import Array
 
 STEP = 0.05  # [s] along the path in which reversals are looked for
 MEASURED = ("calibrate", "repeat")
+MUCH = 1.5  # times worse that the index may be before a person is told
 
 
 def separation_driven(cell: Cell, parted: Separated, drives: tuple[Drive, ...]) -> Separation:
     """Return how surely the plan tells findings from rivals, as it is driven."""
-    parts = [_moving(d) if is_continuous(cell) else _resting(cell, d) for d in drives]
+    parts = [_moving(cell, d) if is_continuous(cell) else _resting(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
     return parted.as_driven(tuple(_joined([p[k] for p in parts]) for k in range(ways)))
 
@@ -35,7 +40,25 @@ def separation_notes(
         for t in separation.told
         if t.power < UNSURE and t.named
     )
-    return (*(f"not told apart: {s}" for s in separation.inseparable), *unsure, *sides, *few)
+    return (
+        *(f"not told apart: {s}" for s in separation.inseparable),
+        *unsure,
+        *sides,
+        *few,
+        *_blunter(separation, choice),
+    )
+
+
+def _blunter(separation: Separation, choice: Choice) -> tuple[str, ...]:
+    """Tell that poses which tell effects apart see the robot's own parameters much worse."""
+    times = 1.0 + RULES[choice.index].gap(choice.value, separation.alone)
+    if times < MUCH:
+        return ()
+    return (
+        f"these poses see the robot's own parameters {times:.1f} times worse than poses chosen by {choice.index} alone "
+        f"({choice.index} {choice.value:.4g} instead of {separation.alone:.4g}): identify their run together with the "
+        "one before",
+    )
 
 
 def _few(cell: Cell, choice: Choice, drives: tuple[Drive, ...]) -> tuple[str, ...]:
@@ -61,23 +84,23 @@ def _resting(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
     t = drive.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
     approach = np.array([v.approach for v in visits], dtype=float)
     q = np.array([v.q for v in visits])
-    return (Samples(q, np.full(len(q), drive.fixture), t=t, direction=approach),)
+    return (replace(rig_of(cell).visits(q, drive.fixture), t=t, direction=approach),)
 
 
-def _moving(drive: Drive) -> tuple[Samples, ...]:
+def _moving(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
     """Every visit in passing, for each way driven."""
     ways: dict[int, list[int]] = {}
     for k in _at(drive):
         ways.setdefault(int(drive.course.measuring.visit[k]), []).append(int(k))
     count = min(len(way) for way in ways.values())
-    return tuple(_passed(drive, np.array([way[j] for way in ways.values()])) for j in range(count))
+    return tuple(_passed(cell, drive, np.array([way[j] for way in ways.values()])) for j in range(count))
 
 
-def _passed(drive: Drive, at: np.ndarray) -> Samples:
+def _passed(cell: Cell, drive: Drive, at: np.ndarray) -> Samples:
     t: Array = drive.trajectory.waypoint_time[at]
     motion, whole = drive.trajectory.at(t), drive.trajectory.sample(STEP)
     turned = reversals(whole.q)[np.minimum(np.searchsorted(whole.t, t), len(whole.t) - 1)]
-    return Samples(motion.q, np.full(len(at), drive.fixture), t=t, speed=motion.dq, reversals=turned)
+    return replace(rig_of(cell).visits(motion.q, drive.fixture), t=t, speed=motion.dq, reversals=turned)
 
 
 def _at(drive: Drive) -> np.ndarray:
@@ -89,5 +112,6 @@ def _at(drive: Drive) -> np.ndarray:
 def _joined(parts: list[Samples]) -> Samples:
     """The samples of every fixture, one after the other."""
     first = parts[0]
-    columns = [k for k in ("q", "place", "t", "direction", "speed", "reversals") if getattr(first, k) is not None]
+    names = ("q", "place", "point", "t", "direction", "speed", "reversals")
+    columns = [k for k in names if getattr(first, k) is not None]
     return Samples(**{k: np.concatenate([getattr(p, k) for p in parts]) for k in columns})

@@ -57,18 +57,20 @@ def program_of(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
 
 
 def _of_fixture(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
-    name = cell.fixtures[one.fixture].name
+    cell, name = cell.at(one.fixture), cell.fixtures[one.fixture].name
+    point = cell.point_name(one.fixture)
+    place, tool = cell.place_name(one.fixture), f"tool point {point}" if point else "tool"
     there = joint_moves(cell, one.travel, one.travel_trajectory, bar=False)
     if not cell.gauge.is_bar:
         legs = joint_moves(cell, one.measuring, one.trajectory, bar=True)
         return of_points(cell, there, legs, way_back(there, one.travel.q))
     measuring = dense_moves(cell, one) if dense and is_continuous(cell) else measured_moves(cell, one)
     return [
-        Section(f"to the mount pose of fixture {name}, without the bar"),
+        Section(f"to the mount pose of fixture {place}, without the bar"),
         *there,
-        Pause(f"attach the bar (fixture {name} to tool), set its zero"),
+        Pause(f"attach the bar (fixture {name} to {tool}), set its zero"),
         WaitInput("gauge ready"),
-        Section(f"measuring on fixture {name}"),
+        Section(f"measuring on fixture {place}"),
         *measuring,
         Pause("take the bar off"),
         Section("back home, without the bar"),

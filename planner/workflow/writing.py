@@ -103,10 +103,9 @@ def trajectory_csv(plan: Plan) -> str:
     """The driven trajectory of every fixture, one after the other: t_s, q1_deg …, length_mm."""
     texts = []
     for drive in plan.drives:
-        p_BX = plan.cell.fixtures[drive.fixture].p_BX
 
-        def length(q: Array, p_BX: Array = p_BX) -> Array:
-            return bar_state(plan.cell.map_position(q), p_BX).length
+        def length(q: Array, fixture: int = drive.fixture) -> Array:
+            return bar_state(plan.cell.at(fixture).map_position(q), plan.cell.fixtures[fixture].p_BX).length
 
         texts.append(table_csv(table(drive.trajectory, SAMPLE, length)))
     head = texts[0].split("\n", 1)[0] + "\n"

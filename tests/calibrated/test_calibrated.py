@@ -5,10 +5,11 @@ import pinocchio as pin
 import pytest
 
 from planner.calibrated import CalibratedRobot, calibrated_files, calibrated_meshes
+from planner.calibrated.uncorrected import CAUSES, uncorrected
 from planner.effects import basis, heat
-from planner.effects.keys import is_static, phi_of
+from planner.effects.keys import FORMS, is_static, phi_of
 from planner.rig import Targets
-from planner.robot import load_robot, shipped_robots
+from planner.robot import RobotEffect, load_robot, shipped_robots
 from planner.run import Samples
 from tests.calibrated import made as making
 from tests.calibrated.made import calibration, compliances, parameter, poses, predicted, robot_called, write
@@ -144,7 +145,7 @@ def test_a_second_calibration_keeps_the_controllers_model(tmp_path):
     np.testing.assert_allclose(CalibratedRobot(second).flange(q)[0], predicted(made, q), rtol=0, atol=1e-9)
     assert second.effects == ()  # they were not in this fit
     heads = [(tmp_path / f / "robot.toml").read_text().partition("schema")[0] for f in ("out", "b/out")]
-    assert heads[0] == heads[1].replace("samples: geometry.", "samples: geometry, joint compliance.")
+    assert heads[0] == heads[1].replace("samples: geometry.", "samples: geometry; joint compliance.")
     assert "Marwitz" in heads[0]
     nominal = [t.nominal for t in second.nominal.transforms]
     np.testing.assert_allclose(nominal, [t.nominal for t in robot.transforms], rtol=0, atol=1e-11)
@@ -248,3 +249,26 @@ def test_what_is_called_static_needs_nothing_but_angles_and_loads(tmp_path):
     at_base = Targets(position=np.zeros((len(q), 3)))
     expected = -made.fit.model.residual(made.samples, at_base, made.fit.errors)
     np.testing.assert_allclose(p, expected, rtol=0, atol=1e-9)
+
+
+def test_what_programs_are_not_corrected_for_is_told_by_cause_and_place():
+    def effect(on, phi):
+        return RobotEffect(f"raw_{on}", on, phi, 1.0, "m", False)
+
+    effects = [effect(f"base_{axis}", "warm-up:0.0:55.6") for axis in "xyz"]
+    effects += [effect(on, "warm-up:0.0:55.6") for on in ("d3", "a2", "d2")]
+    effects += [
+        effect("theta3", "approach:3"),
+        effect("theta1", "times:0.5:speed-sign:1"),
+        effect("theta2", "approach:2"),
+    ]
+    assert uncorrected(effects) == (
+        "not corrected: warming up (base; links 2, 3), play (joints 2, 3), what depends on the sense of "
+        "motion (joint 1): it depends on more than joint angles and loads"
+    )
+    assert uncorrected([]) is None
+
+
+def test_every_effect_that_programs_are_not_corrected_for_has_a_cause():
+    own = {f.word for f in FORMS if not f.static and not f.gauge}
+    assert own == set(CAUSES)

@@ -107,7 +107,7 @@ def changed(tmp_path, old, new, count=1):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("limit_deg = [-180, 180]", "limit_deg = [-3.1, 3.1]", ["radians", "joints.0.limit_deg"]),
+        ("limit_deg = [-180, 180]", "limit_deg = [-3.1, 3.1]", ["radians", "[[joints]] number 1: 'limit_deg'"]),
         ("limit_deg = [-180, 180]", "limit_deg = [180, -180]", ["lower limit"]),
         ("speed_deg_s = 110", "speed_deg_s = 0", ["speed_deg_s", "greater than 0"]),
         ("speed_deg_s = 110", "speed_deg_s = -5", ["speed_deg_s", "greater than 0"]),

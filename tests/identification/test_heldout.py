@@ -1,13 +1,13 @@
 """Held-out errors: folds of whole groups, linearised folds against full refits, and runs with nothing but noise."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from planner.identification import Problem, Split, fit, identify, split
-from planner.identification.heldout import held_out
+from planner.identification.heldout import held_out, held_out_without
 from planner.identification.solve import solve
 from planner.run import Readings, Run, Samples
 from tests.generator.runs import balls, edbb_continuous, edbb_static, tracker
@@ -35,7 +35,9 @@ def grouped_runs():
     yield "pose", made_run(150, rng, pose=rng.integers(0, 30, 150)), "pose"
     yield "pose again, unnumbered", made_run(150, rng, q=q), "pose"
     yield "session", made_run(150, rng, session=session), "session"
+    yield "few sessions", made_run(150, rng, session=np.arange(150) // 50), "block"
     yield "placement", made_run(150, rng, place=place, tracker=True), "placement"
+    yield "few placements", made_run(150, rng, place=np.arange(150) // 50, tracker=True), "block"
     yield "stretch", made_run(4000, rng, t=np.arange(4000) * 1e-2, continuous=True), "stretch"
 
 
@@ -65,6 +67,34 @@ def test_groups_are_what_they_are_called():
         )
 
 
+def test_of_few_sessions_every_fold_holds_some_of_each():
+    """Of three, a fold would be a third of the run: neighbours are held out, and none of a pose's repeats is left."""
+    rng = np.random.default_rng(1)
+    session = np.arange(300) // 100
+    q = rng.normal(size=(300, 6))
+    q[[7, 150]] = q[[41, 260]]
+    s = split(made_run(300, rng, session=session, q=q))
+    assert (s.by, s.folds) == ("block", 5)
+    assert s.groups >= 20
+    for a, b in ((7, 41), (150, 260)):
+        assert s.fold[a] == s.fold[b]
+    for k in range(3):
+        share = np.bincount(s.fold[session == k], minlength=5) / 100
+        assert share.min() > 0.1
+        assert share.max() < 0.35
+
+
+def test_a_pose_that_is_measured_again_all_along_does_not_tie_the_run_into_one_group():
+    rng = np.random.default_rng(2)
+    q = rng.normal(size=(300, 6))
+    q[::5] = q[0]
+    s = split(made_run(300, rng, session=np.arange(300) // 100, q=q))
+    assert s.by == "pose"
+    assert never_torn(s)
+    assert len(np.unique(s.fold[::5])) == 1
+    assert s.folds == 5
+
+
 def test_stretches_are_whole_and_everywhere():
     run = {name: run for name, run, _ in grouped_runs()}["stretch"]
     s = split(run)
@@ -92,6 +122,33 @@ def refitted(found, parts):
         residual[parts.fold == f] = rest.residual(errors)
         out.append(errors - found.errors)
     return residual, np.array(out)
+
+
+def test_what_is_left_out_is_predicted_as_by_fits_that_never_had_it():
+    w = world("comau-nj130", 120)
+    rng = np.random.default_rng(7)
+    run = w.measured(draw_errors(w.arm, rng), declared(w), rng)
+    found, _ = w.fitted(run)
+    parts = split(run)
+    out = [k for k, name in enumerate(found.model.names) if name.startswith("alpha")]
+    still = [k for k, name in enumerate(found.model.names) if name == "d4"]
+    assert out
+    assert still
+    kept = [k for k in range(len(found.errors)) if k not in out + still]
+    fixed = found.model.subset(still).fixing(found.errors[still]).fixed
+    bare = replace(found.model.subset(kept), fixed=(*found.model.fixed, *fixed))
+    slow, _ = refitted(replace(found, problem=found.problem.with_model(bare), solution=Kept(found.errors[kept])), parts)
+    (fast,) = held_out_without(found, parts, [out], still)
+    rms = np.sqrt((slow**2).mean())
+    assert rms > 1.5 * np.sqrt((held_out(found, parts).residual ** 2).mean())  # they mattered
+    assert np.abs(fast.residual - slow).max() < 0.02 * rms
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Parameters to begin with."""
+
+    errors: np.ndarray
 
 
 @pytest.mark.parametrize("n", [60, 300])

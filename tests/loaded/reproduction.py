@@ -59,11 +59,11 @@ def rows(seed: int = 0) -> tuple[Row, ...]:
         Row("phase, b free (eq. 9)", "deg", 14.08, float(to_deg(free.phase)), made),
         Row("phase, b = 1", "deg", 14.08, float(to_deg(circle.offset.phase)), "the paper has b free only"),
         Row(
-            "largest distance of the compensated curves (fig. 14a)", "um", 180.0, circle.spread / UM,
-            "friction of the bar's cylinder sized so; without it the repeatability is left, some 10 um",
+            "largest distance of the compensated curves (fig. 14a)", "µm", 180.0, circle.spread / UM,
+            "friction of the bar's cylinder sized so; without it the repeatability is left, some 10 µm",
         ),
         Row(
-            "kinematic error against the tracker, mean (fig. 15)", "um", 40.0, circle.tracker.mean / UM,
+            "kinematic error against the tracker, mean (fig. 15)", "µm", 40.0, circle.tracker.mean / UM,
             "the simulated tracker has no set-up error of its own; its target is 6 mm off as in the paper",
         ),
         Row("readings a turn at 50 mm/s and 1000 Hz", "1", 15_899, turn, "circumference by speed; 1.2 % less"),

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from planner.cell import load_cell
-from planner.errors import InputError
+from planner.circular.loads import check_loads, load_notes
+from planner.errors import InputError, PlannerError
 from planner.loaded import evaluate
 from planner.loaded.checks import problems_of
 from planner.loaded.compliance import posterior
+from planner.workflow import Options, Stages
+from planner.workflow.circling import plan_circles
 from tests.loaded import shared, world
 
 
@@ -57,6 +60,44 @@ def test_more_load_than_the_robot_carries(good):
     way, length = good
     cell = load_cell(shared.CELL, planning=False)
     refused(shared.run_of(way, length, way.force * 10), "6250 N", "300 kg", cell=replace(cell, circles=()))
+
+
+def test_a_plan_refuses_more_load_than_the_robot_carries():
+    cell = load_cell(shared.CELL)
+    heavy = replace(cell, circles=(replace(cell.circles[0], loads=(125.0, 62_500.0)),))
+    with pytest.raises(InputError, match=r"loads_N goes up to 62500 N, but abb-irb6700 may carry 300 kg, 2746 N"):
+        plan_circles(heavy, Options(), Stages(lambda *_: None))
+    check_loads(cell)
+    check_loads(replace(heavy, robot=replace(cell.robot, payload=None)))
+
+
+def test_a_plan_says_what_its_loads_do_not_tell():
+    cell = load_cell(shared.CELL)
+    assert not load_notes(cell)
+    (one,) = load_notes(replace(cell, circles=(replace(cell.circles[0], loads=(125.0,)),)))
+    assert "125 N only; a stiffness needs two loads" in one
+    (unknown,) = load_notes(replace(cell, robot=replace(cell.robot, payload=None)))
+    assert "no payload_kg" in unknown
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "code"),
+    [
+        (("radius_mm = 125", "radius_mm = 160"), "needs a bar of 166.0 mm", 2),
+        (("loads_N = [125, 250", "loads_N = [-125, 250"), "must be greater than 0", 2),
+        (("500, 625]", "500, 62500]"), "may carry 300 kg", 2),
+        (("mm = [1350, -125, 12", "mm = [4350, -125, 12"), "the robot does not reach", 3),
+    ],
+)
+def test_a_plan_that_cannot_be_ends_in_one_sentence_and_its_code(tmp_path, change, words, code):
+    text = shared.cell_text()
+    assert change[0] in text
+    (tmp_path / "cell.toml").write_text(text.replace(*change))
+    with pytest.raises(PlannerError) as caught:
+        plan_circles(load_cell(str(tmp_path / "cell.toml")), Options(), Stages(lambda *_: None))
+    assert caught.value.exit_code == code
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_more_load_than_the_cell_states(good):

@@ -113,6 +113,15 @@ def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
     assert "brought nothing" in " ".join(headline(Told(worse)))
 
 
+def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
+    bad = replace(c, problems=("joint 9 came out odd", "the fit is worse than nothing"))
+    assert "→" in " ".join(headline(Told(c)))
+    said = headline(Told(bad))
+    assert said[0] == "No robot was calibrated: the fit failed its own checks."
+    assert not [s for s in said if "→" in s or "times less" in s or "largest error" in s]
+    assert refused(bad) == ("Not to be used, for 2 reasons:", "joint 9 came out odd.", "the fit is worse than nothing.")
+
+
 def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
     bad = replace(c, problems=("joint 9 came out <b>odd</b>",))

@@ -233,6 +233,17 @@ MAPS = {
 }
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("", "gauge.csv: is empty"), (" \n\n", "is empty"), ("# a\n\n# b\n", "there is nothing but blanks and comments")],
+)
+def test_a_trace_without_rows_is_told_as_it_is(tmp_path, text, words):
+    (tmp_path / "gauge.csv").write_text(text)
+    (tmp_path / "map.toml").write_text('schema = "edbb-map/1"\n[columns]\nq1_deg = 1\nlength_mm = 2\n')
+    with pytest.raises(InputError, match=words):
+        import_run([tmp_path / "gauge.csv"], tmp_path / "map.toml")
+
+
 @pytest.mark.parametrize("case", MAPS)
 def test_one_sentence(tmp_path, case):
     text, message = MAPS[case]

@@ -138,22 +138,22 @@ def test_refinement_keeps_every_filter_and_only_gets_better(arm_pool):
     start = exchange(rows, 30, "O2", starts=1, steps=200).chosen
     asked = []
 
-    def valid(trial):
+    def valid(trial, _=None):
         reading = dh_arm.length(NJ130, trial)
         inside = (trial >= np.radians(NJ130.lower)) & (trial <= np.radians(NJ130.upper))
         asked.append(len(trial))
         return (reading > 0.3) & (reading < 0.52) & inside.all(axis=1) & (np.abs(trial[:, 4]) > 0.3)
 
     start = start[valid(q[start])]
-    found = refine(q[start], lambda t: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
+    found = refine(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
     assert found.value < 0.99 * found.before
     assert valid(found.q).all()
     assert found.value == pytest.approx(index_value("O2", dh_arm.rows(NJ130, found.q)[..., kept]))
     assert found.moved > 5
-    again = refine(q[start], lambda t: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
+    again = refine(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
     assert again.q.tobytes() == found.q.tobytes()
     with pytest.raises(InputError, match="does not pass the filters"):
-        refine(q[start] + 1.0, lambda t: dh_arm.rows(NJ130, t)[..., kept], valid)
+        refine(q[start] + 1.0, lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid)
 
 
 def test_the_curve_lies_on_the_right_side_of_its_bound(arm_pool):

@@ -24,7 +24,7 @@ def constraints():
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """Poses for telling the plays of two axes apart."""
-    found = read_identified(file(tmp_path_factory.mktemp("play"), PLAY), NJ)
+    found = read_identified(file(tmp_path_factory.mktemp("play"), PLAY), NJ, 6)
     return separate(cell(), pool(), usual(), found, 0)
 
 
@@ -64,7 +64,7 @@ def test_a_path_that_comes_from_the_wanted_sides_stays(constraints, path):
 
 
 def test_sides_are_chosen_for_the_axes_whose_play_is_in_question(done, tmp_path):
-    found = read_identified(file(tmp_path, PLAY), NJ)
+    found = read_identified(file(tmp_path, PLAY), NJ, 6)
     assert sides_asked(found, cell()) == (1, 2)
     assert sides_asked(found, cell("continuous")) == ()
     assert done.choice.approach.shape == done.choice.q.shape
@@ -87,6 +87,6 @@ def test_wanted_sides_tell_more_than_any(done):
 
 
 def test_the_same_seed_chooses_the_same_poses(done, tmp_path):
-    again = separate(cell(), pool(), usual(), read_identified(file(tmp_path, PLAY), NJ), 0)
+    again = separate(cell(), pool(), usual(), read_identified(file(tmp_path, PLAY), NJ, 6), 0)
     assert again.separation == done.separation
     assert (again.choice.q == done.choice.q).all()

@@ -35,7 +35,7 @@ LAG = ("gauge lag", "gauge", 0.004, "s")
 
 def test_values_are_read_in_si_units(tmp_path):
     path = file(tmp_path, ("backlash", "joint 3", 0.01, "deg", ["hysteresis, joint 3"]))
-    found = read_identified(path, NJ)
+    found = read_identified(path, NJ, 6)
     assert found.found[0].size == pytest.approx(1.7453e-4, rel=1e-4)
     assert found.noise(1) == pytest.approx(0.008e-3 * (200 / 160) ** 0.5)
 
@@ -51,7 +51,7 @@ def test_values_are_read_in_si_units(tmp_path):
 def test_a_file_that_asks_nothing_is_refused(findings, robot, words, tmp_path):
     path = file(tmp_path, *findings, robot=robot)
     with pytest.raises(InputError, match=words):
-        read_identified(path, NJ)
+        read_identified(path, NJ, 6)
 
 
 def test_the_command_refuses_before_it_plans(tmp_path):
@@ -64,7 +64,7 @@ def test_the_command_refuses_before_it_plans(tmp_path):
 
 def test_exact_rivals_have_no_plan(tmp_path):
     """A clock that runs late, and joints that all run behind by as much, are one and the same."""
-    found = read_identified(file(tmp_path, (*LAG, ["servo lag, all joints"])), NJ)
+    found = read_identified(file(tmp_path, (*LAG, ["servo lag, all joints"])), NJ, 6)
     moving = "continuous"
     with pytest.raises(NoSolutionError, match=r"the same in every pose .* the controller itself") as refused:
         separate(cell(moving), pool(moving), usual(moving), found, 0)
@@ -73,7 +73,7 @@ def test_exact_rivals_have_no_plan(tmp_path):
 
 def test_exact_rivals_beside_others_are_told(tmp_path):
     rivals = ["servo lag, all joints", "servo lag, joint 2", "thermal drift, joint 1"]
-    found = read_identified(file(tmp_path, (*LAG, rivals)), NJ)
+    found = read_identified(file(tmp_path, (*LAG, rivals)), NJ, 6)
     moving = "continuous"
     done = separate(cell(moving), pool(moving), usual(moving), found, 0).separation
     assert [t.rival for t in done.told if t.named] == ["servo lag, joint 2"]
@@ -89,7 +89,7 @@ def test_exact_rivals_beside_others_are_told(tmp_path):
 def test_what_would_help_is_found_by_trying(tmp_path):
     """One bar from one place sees no difference between an encoder and a bearing of the first axis; two places do."""
     wave = ("encoder once a turn", "joint 1", 0.02, "deg")
-    found = read_identified(file(tmp_path, (*wave, ["axis wobble once a turn, joint 1"])), NJ)
+    found = read_identified(file(tmp_path, (*wave, ["axis wobble once a turn, joint 1"])), NJ, 6)
     with pytest.raises(NoSolutionError, match="a second fixture, say at") as refused:
         separate(cell(), pool(), usual(), found, 0)
     assert "payload" not in str(refused.value)

@@ -94,7 +94,7 @@ def written(calibration, path):
 def separated(calibration, folder):
     """The poses that tell the findings from their rivals."""
     path = written(calibration, folder / "identification.json")
-    return separate(cell(), pool(), usual(), read_identified(path, NJ), 0)
+    return separate(cell(), pool(), usual(), read_identified(path, NJ, 6), 0)
 
 
 def again(made, q, seed):

@@ -245,7 +245,7 @@ def test_effects_of_the_catalogue_take_part(tmp_path):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        (BACKLASH.replace("backlash", "backlsh"), ["effects[0]", 'did you mean "backlash"']),
+        (BACKLASH.replace("backlash", "backlsh"), ["[[effects]] number 1", 'did you mean "backlash"']),
         (BACKLASH.replace("joint 3", "joint 9"), ["joint 9", "joint 6"]),
         (BACKLASH.replace('on = "joint 3"\n', ""), ["'on' is missing", "joint 1"]),
         (BACKLASH.replace("urad", "um"), ["is m", "rad"]),

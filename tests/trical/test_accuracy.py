@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.accuracy import Stand, errors_of, figures, groups_of, precision, precision_of_run, registered, stand_of
+from planner.accuracy import Stand, errors_of, figures, groups_of, precision, registered, repeats_of_run, stand_of
 from planner.cell import load_cell
 from planner.cell.model import Nest
 from planner.errors import InputError
@@ -23,7 +23,7 @@ def tracked():
 
 
 def run_of(cell, q, extra=0.0):
-    seen = (cell.map_position(q) + extra - P_WG) @ R_WG
+    seen = (cell.map_position(q) + extra - stand_of(cell).p_BW - P_WG) @ R_WG  # the artifact stands square
     return Run("made", Samples(q, np.zeros(len(q), dtype=int)), Readings(position=seen))
 
 
@@ -61,7 +61,7 @@ def test_a_true_robot_has_no_error_and_a_known_shift_is_seen_whole(tracked):
     error = errors_of(tracked.robot, tracked.tool.p_FM, stand, frame, run_of(tracked, q, shift))
     assert np.allclose(error, shift, atol=1e-9)
     assert figures(error).mean == pytest.approx(np.linalg.norm(shift))
-    moved = Stand(np.eye(3), -shift)  # the nests' frame as a calibration found it
+    moved = Stand(np.eye(3), stand.p_BW - shift)  # the nests' frame as a calibration found it
     assert np.abs(errors_of(tracked.robot, tracked.tool.p_FM, moved, frame, run_of(tracked, q, shift))).max() < 1e-9
 
 
@@ -110,9 +110,20 @@ def test_precision_of_a_run_is_what_was_put_in(cell, pool, tmp_path):
     plan = tmp_path / "plan.json"
     lines = [f'{{"id": {k}, "repeats": {k - k % 3}}}' if k % 3 else f'{{"id": {k}}}' for k in pose]
     plan.write_text('{"poses": [' + ", ".join(lines) + "]}")
-    run = Run("made", Samples(q, np.zeros(120, dtype=int), pose=pose), Readings(ball=pose % 4, offset=shown))
-    found = precision_of_run(cell, run, groups_of(plan))
+    run = Run(
+        "made",
+        Samples(q, np.zeros(120, dtype=int), pose=pose),
+        Readings(ball=pose // 30, offset=shown),
+        balls=tuple("1234"),
+    )
+    found = repeats_of_run(cell, run, groups_of(plan)).summary
     assert (found.poses, found.centrings) == (40, 120)
     assert np.all(np.abs(found.axis_std / sigma - 1) < 0.3)
+    exact = replace(cell, gauge=replace(cell.gauge, noise=sigma), robot=replace(cell.robot, repeatability=1e-12))
+    quiet = repeats_of_run(exact, run, groups_of(plan))
+    assert quiet.expected == pytest.approx(sigma * np.sqrt(3 * 2 / 3))  # a mean of three takes a third of the scatter
+    assert quiet.summary.rms == pytest.approx(quiet.expected, rel=0.2)
+    assert quiet.off.shape == (120, 3)
+    assert np.abs(quiet.off.reshape(40, 3, 3).sum(axis=1)).max() < 1e-12
     with pytest.raises(InputError, match="'pose' is missing"):
-        precision_of_run(cell, Run("made", Samples(q, run.samples.place), run.readings), {})
+        repeats_of_run(cell, Run("made", Samples(q, run.samples.place), run.readings), {})

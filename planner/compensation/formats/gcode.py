@@ -45,6 +45,7 @@ class _Machine:
         self.last: list[float | None] = [None] * len(self.joints)
 
     def run(self, text: str) -> None:
+        """Note the target of every block, and refuse blocks that move in a way that is not known."""
         comment = r"\([^)\r\n]*\)|;[^\r\n]*" if self.end else rf"{re.escape(self.start)}[^\r\n]*"
         for number, place, line in Lines.of(masked(text, comment)):
             block = line.upper()

@@ -55,6 +55,7 @@ class _Machine:
         self.last: int | None = None
 
     def run(self) -> None:
+        """Note every target, declared or written at its move; refuse points that the program computes."""
         for number, place, line in Lines.of(self.text):
             if line.strip():
                 self._line(number, place, line)

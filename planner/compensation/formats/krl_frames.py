@@ -22,7 +22,7 @@ class FrameState:
 
     hint = (
         ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
-        "controller's $config.dat for numbered frames, or name tool and base yourself"
+        "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base)"
     )
 
     def __init__(self, text: str, reading: Reading) -> None:

@@ -66,6 +66,7 @@ class _Module:
         self.displaced: tuple[int, str] | None = None
 
     def run(self) -> None:
+        """Note every target, declared or written at its move; refuse points that the program computes."""
         self._frames_of(masked(self.reading.frames.data, r"![^\r\n]*", ""))
         for match in re.finditer(r"[^;]*;", self.text):
             self._statement(match.start(), match[0][:-1])
@@ -170,7 +171,7 @@ class _Module:
             names = ", ".join(sorted({f"{t} and {w}" for t, w in point.frames})) or "no move of this file"
             refused = (
                 f"tool and work object of this target are not known ({names}): declare them in the module, give a "
-                "module that does, or name tool and work object yourself"
+                "module that does (--frames), or name them yourself (--tool, --base)"
             )
         if refused is not None or T_FT is None or T_WB is None:
             self._refuse(point.line, refused or "")

@@ -25,6 +25,7 @@ class _Machine:
         self.ended = False
 
     def run(self, text: str) -> None:
+        """Execute a whole program; raises InputError at a block that is not understood, or where the end is missing."""
         for count, line in enumerate(text.splitlines(), start=1):
             block = re.sub(r"\([^)]*\)|;.*", "", line).strip()
             block = re.sub(r"^N\d+\s*", "", block)

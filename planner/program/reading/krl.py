@@ -53,6 +53,7 @@ class _Machine:
         self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "#VEL_PTP": 100.0}
 
     def run(self, statement: str) -> None:
+        """Execute one statement, if it moves, waits, pulses or sets a speed; raises InputError for other moves."""
         if match := re.fullmatch(r"PTP\s*\{(.*)\}\s*(C_PTP)?", statement, re.IGNORECASE):
             speed = self.values["#VEL_PTP"] * self.values["$OV_PRO"] / 100.0
             self.trace.move(_angles(match[1]), self.values["$APO.CPTP"] if match[2] else None, speed)

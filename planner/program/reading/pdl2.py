@@ -60,6 +60,7 @@ class _Machine:
         self.arm_percent = 100.0
 
     def run(self, statement: str) -> None:
+        """Execute one statement: moves, speeds in percent, waits [ms] and pulses."""
         if statement.startswith("MOVE"):
             self._move(statement)
         elif match := re.fullmatch(r"\$ARM_SPD_OVR := (\S+)", statement):

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.identification import Finding, Limit
 from planner.report.calibration.data import Told
+from planner.report.calibration.named import by_name
 from planner.report.calibration.sentences import mm
 from planner.report.calibration.story import Step, steps
 from planner.report.calibration.units import unit_of
@@ -44,15 +45,15 @@ def findings(told: Told) -> tuple[Found, ...]:
 
 
 def in_short(told: Told) -> Row:
-    """Say what was found and what would have been, for the first sheet."""
-    traced = told.calibration.traced
+    """Say what was fitted by name, what was found and what would have been, for the first sheet."""
+    traced, named = told.calibration.traced, by_name(told.calibration)
     if traced is None:
-        return ()
+        return named
     first = sorted(traced.findings, key=lambda f: -f.held_out_gain)[:MOST_NAMED]
     found = [_capital(f.note) + _or(f.rivals) + "." for f in traced.findings if f in first] or [NOTHING]
     if len(first) < len(traced.findings):
         found.append(f"And {len(traced.findings) - len(first)} more that bring less.")
-    return (*found, *silence(traced.limits))
+    return (*named, *found, *silence(traced.limits))
 
 
 def silence(limits: Iterable[Limit]) -> Row:

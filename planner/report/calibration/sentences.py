@@ -23,9 +23,15 @@ def mm(value: float) -> str:
 
 
 def headline(told: Told) -> tuple[str, ...]:
-    """Say what the calibration brought: the sentence that a customer reads."""
+    """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
     c = told.calibration
     first, before, after = c.stages[0].held_out, told.before.held_out, told.after.held_out
+    if c.problems:
+        return (
+            "No robot was calibrated: the fit failed its own checks.",
+            f"It leaves a mean error of {mm(after.mean)} on {GROUPS[c.split_by][0]} that it never saw; that says "
+            "nothing of the robot, only of the fit.",
+        )
     out = [f"Mean error {mm(before.mean)} → {mm(after.mean)} on {GROUPS[c.split_by][0]} that the fit never saw."]
     factor = before.mean / max(after.mean, 1e-300)
     if factor >= 1.2:
@@ -103,5 +109,7 @@ def strongest_pairs(names: tuple[str, ...], correlation: Array) -> tuple[str, ..
 
 
 def refused(c: Calibration) -> tuple[str, ...]:
-    """Return the reasons not to use the result, each a full sentence."""
-    return tuple(f"Not to be used, because {p}." for p in c.problems)
+    """Return the reasons not to use the result: one sentence, or one that announces them and one for each."""
+    if len(c.problems) < 2:
+        return tuple(f"Not to be used, because {p}." for p in c.problems)
+    return (f"Not to be used, for {len(c.problems)} reasons:", *(f"{p}." for p in c.problems))

@@ -12,6 +12,7 @@ from planner.units import UM, Array, to_deg
 ANGLE = "angle on the circle (degrees)"
 TURN = (0.0, 360.0)
 ROW = 24  # [px] of one name in a list
+FINEST = 1e-6  # of the prior size: what is known better is drawn there
 
 
 def pictures(found: Loaded) -> tuple[Picture, ...]:
@@ -108,9 +109,12 @@ def known(found: Loaded) -> Picture:
     c = found.compliances
     joints = [(n.replace("compliance", "c"), s / p) for n, s, p in zip(c.names, c.std, c.prior, strict=True)]
     mixed = [(k.text, k.std) for k in c.combinations]
+    values = np.array([v for _, v in (*joints, *mixed)])
+    low = 10.0 ** np.floor(np.log10(min(max(values.min(), FINEST), 0.5)))
+    span = (float(low), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
     panels = (
-        _parts("each by itself", joints, BLUE),
-        _parts("combinations", mixed, GREEN),
+        _parts("each by itself, with what was known before", joints, BLUE, span),
+        _parts("combinations, by the circles alone", mixed, GREEN, span),
     )
     caption = (
         "Standard deviation as a part of the prior size: left of the dotted line a compliance is learnt, right of it "
@@ -119,11 +123,10 @@ def known(found: Loaded) -> Picture:
     return Picture("known", "What the circles know of the compliances", caption, panels)
 
 
-def _parts(title: str, rows: list[tuple[str, float]], colour: str) -> Panel:
-    share = np.array([max(v, 1e-6) for _, v in rows])
+def _parts(title: str, rows: list[tuple[str, float]], colour: str, span: tuple[float, float]) -> Panel:
+    share = np.array([max(v, FINEST) for _, v in rows])
     place = np.arange(len(rows), dtype=float)
     hover = tuple(f"{n}: {sized(v)} of the prior size" for n, v in rows)
-    low, high = 10.0 ** np.floor(np.log10(min(share.min(), 0.5))), 10.0 ** np.ceil(np.log10(max(2.0, share.max())))
     return Panel(
         title,
         "standard deviation / prior size",
@@ -131,7 +134,7 @@ def _parts(title: str, rows: list[tuple[str, float]], colour: str) -> Panel:
         (Series("", share, place, colour, "points", hover=hover),),
         limits=(Limit(1.0, "prior size", upright=True),),
         log_x=True,
-        x_range=(float(low), float(high)),
+        x_range=span,
         y_names=tuple(n for n, _ in rows),
         height=ROW * len(rows) + 30,
     )

@@ -8,6 +8,8 @@ from plotly.offline import get_plotlyjs
 from planner.files import write_bytes, write_text
 from planner.loaded import Loaded
 from planner.loaded.joint import Joint
+from planner.loaded.sentences import share
+from planner.loaded.types import UNTOLD
 from planner.report.loaded.pictures import pictures
 from planner.report.picture import Picture
 from planner.report.printed import picture_png
@@ -48,10 +50,10 @@ def _page(found: Loaded, joint: Joint | None, drawn: tuple[Picture, ...], prints
     """Fill the page."""
     c = found.compliances
     rows = [
-        (name, sized(v / URAD), sized(s / URAD), sized(p / URAD), f"{100 * s / p:.3g} %")
-        for name, v, s, p in zip(c.names, c.value, c.std, c.prior, strict=True)
+        (name, "–" if told == UNTOLD else sized(v / URAD), sized(s / URAD, 2), sized(p / URAD), share(s / p), told)
+        for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.told, strict=True)
     ]
-    mixed = [(k.text, f"{100 * k.std:.3g} %" if k.std < 10 else f"{k.std:.0f} times") for k in c.combinations]
+    mixed = [(k.text, share(k.std), k.told) for k in c.combinations]
     return template("loaded/report.html.j2").render(
         found=found,
         compliances=rows,

@@ -1,5 +1,6 @@
 """Where loaded circles tell the joints' compliances apart: places, their choice, and what each number of them knows."""
 
+from planner.study.softness.beside import choose_beside
 from planner.study.softness.both import Both, predicted_both
 from planner.study.softness.choice import Known, Places, choose_places
 from planner.study.softness.circles import Candidate, candidates, driven
@@ -11,6 +12,7 @@ __all__ = [
     "Known",
     "Places",
     "candidates",
+    "choose_beside",
     "choose_places",
     "driven",
     "places_study",

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from planner.cell import Cell, Circle
+from planner.cell.circles import Plane
 from planner.circular.inverse import conditioning, held
 from planner.errors import InputError, NoSolutionError
 from planner.gauge import bar_state, tilt
@@ -24,7 +25,7 @@ SPINS = 4  # turns of the tool about its own axis
 SEARCH, FOLLOW = 40, 8  # rounds for a start, and from one angle to the next
 LEAP = 0.6  # [rad] no joint moves more from one angle to the next
 ROOM = 0.03  # [rad] from limits and cones; of a singularity
-PLANES = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
+PLANES: dict[Plane, tuple[int, int]] = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Candidate:
         q: controller angles round the circle, (B, N) [rad].
     """
 
-    plane: str
+    plane: Plane
     side: int
     centre: Array
     p_BX: Array
@@ -113,7 +114,7 @@ def _centres(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Array]:
     return out
 
 
-def _followed(cell: Cell, circle: Circle, grid: list[tuple[str, int, Array]], seed: int) -> list[Candidate]:
+def _followed(cell: Cell, circle: Circle, grid: list[tuple[Plane, int, Array]], seed: int) -> list[Candidate]:
     """Circles that can be followed, each in its roomiest way."""
     normals = np.array([side * np.cross(*np.eye(3)[list(PLANES[plane])]) for plane, side, _ in grid])
     centre = np.array([c for _, _, c in grid])
@@ -139,7 +140,7 @@ def _followed(cell: Cell, circle: Circle, grid: list[tuple[str, int, Array]], se
     return out
 
 
-def _points(plane: str, radius: float, theta: Array) -> Array:
+def _points(plane: Plane, radius: float, theta: Array) -> Array:
     first, second = np.eye(3)[list(PLANES[plane])]
     return np.asarray(radius * (np.cos(theta)[:, None] * first + np.sin(theta)[:, None] * second))
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from planner.report.picture import BLACK, GREY, JOINTS, RED, Limit, Panel, Picture, Series
+from planner.report.picture import BLACK, GREY, JOINTS, RED, SKY, Limit, Panel, Picture, Series
 from planner.report.words import sized
+from planner.study.softness.both import Both
 from planner.study.softness.choice import Places
 from planner.units import to_mm
 
@@ -81,3 +82,34 @@ def _range(found: Places, axis: int) -> tuple[float, float]:
     values = np.array([_place(found, i)[axis] for i in range(len(found.pool))])
     pad = 0.08 * float(np.ptp(values)) + 50.0
     return float(values.min()) - pad, float(values.max()) + pad
+
+
+def known_by_both(known: Both) -> Picture:
+    """Standard deviation of every common parameter by the poses, by the circles, and by one fit of both."""
+    place = np.arange(len(known.names), dtype=float)
+    kinds = (
+        ("without load", known.unloaded, GREY),
+        ("loaded circles", known.loaded, SKY),
+        ("one fit", known.both, RED),
+    )
+    series = tuple(
+        Series(
+            text, part, place, colour, "points", size=6.0 if text != "one fit" else 8.0,
+            hover=tuple(f"{n}: {sized(float(v))} of its prior size" for n, v in zip(known.names, part, strict=True)),
+        )
+        for text, part, colour in kinds
+    )  # fmt: skip
+    low = 10.0 ** np.floor(np.log10(known.both.min()))
+    panel = Panel(
+        "",
+        "standard deviation / prior size",
+        "",
+        series,
+        limits=(Limit(1.0, "prior size", upright=True),),
+        log_x=True,
+        x_range=(float(low), 2.0),
+        y_names=known.names,
+        height=22 * len(known.names) + 30,
+    )
+    caption = "Predicted: by the poses without load, by the loaded circles, and by one fit of both runs."
+    return Picture("known", "What each run knows, and both together", caption, (panel,))

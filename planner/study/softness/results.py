@@ -5,6 +5,7 @@ import json
 import numpy as np
 import polars as pl
 
+from planner.loaded.sentences import share
 from planner.study.softness.both import Both
 from planner.study.softness.choice import Known, Places
 from planner.units import to_deg, to_mm
@@ -49,12 +50,12 @@ def places_csv(found: Places) -> str:
 def sentences(found: Places) -> tuple[str, ...]:
     """Say what the cell's own circle leaves open, and what more places would tell."""
     short = [n.replace("compliance", "c") for n in found.names]
-    own = ", ".join(f"{n} {100 * s:.2g} %" for n, s in zip(short, found.own.std, strict=True))
+    own = ", ".join(f"{n} {share(float(s))}" for n, s in zip(short, found.own.std, strict=True))
     out = [f"The cell's own circle would leave, of the prior sizes: {own}."]
     for chosen, known in zip(found.sets, found.known, strict=True):
         worst = short[int(np.argmax(known.std))]
         what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
-        out.append(f"{what} would leave {worst} with {100 * known.worst:.2g} %, all others with less.")
+        out.append(f"{what} would leave {worst} with {share(known.worst)}, all others with less.")
     enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < GOOD]
     if enough:
         out.append(f"{enough[0]} places know every joint to {100 * GOOD:.0f} % of its prior size or better.")

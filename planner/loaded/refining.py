@@ -1,0 +1,97 @@
+"""The last steps of a fit under load: what a parameter changes of the torques counts, and turns are weighed as such.
+
+Held torques make a fit quick and its rows those of every other one. But a fixture that stands a millimetre higher turns
+a bar of 130 mm by half a degree and all of its moments with it, so that how well the compliances are known depends on
+how well the fixtures are: here the rows are whole. And the readings of a turn share their noise: each sense of a circle
+is one block, with the noise of its averages and, common to all loads, the error that a pose has without load.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, solve_triangular
+
+from planner.identification.problem import Problem
+from planner.loaded.balance import with_torque
+from planner.run import Run
+from planner.units import Array, frozen
+
+STEPS = 12
+STILL = 1e-3  # standard deviations: a step that changes nothing
+NUDGE = 0.1  # of the prior size, for the derivative of the torques
+
+
+@dataclass(frozen=True)
+class Refined:
+    """Errors (P,), their covariance (P, P), and the residuals reading − prediction (n,) [m]."""
+
+    errors: Array
+    covariance: Array
+    residual: Array
+
+
+def refined(problem: Problem, run: Run, errors: Array, turns: Sequence[Array]) -> Refined:
+    """Go on from ``errors`` (P,) until nothing changes, the torques being those in balance (Gauss and Newton).
+
+    Args:
+        problem: with the noise and prior sizes as they were found, its compliances by held torques.
+        run: of the problem, the rows of ``turns`` last.
+        errors: where to begin.
+        turns: covariance of the averages over A angles for the K loads of each block, (K, A, A) [m²], in the order of
+            the run.
+    """
+    prior, declared = problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
+    first = len(run) - sum(len(c) * c.shape[1] for c in turns)
+    size, inverse = 1.0, np.diag(prior**-2.0)
+    for _ in range(STEPS):
+        rows, residual = _whole(problem, run, errors)
+        columns = np.column_stack([rows, residual])
+        white = np.concatenate(list(_whitened(columns, size * declared, first, turns)))
+        inverse = white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0)
+        covariance = _inverse(inverse, prior)
+        step = covariance @ (white[:, :-1].T @ white[:, -1] - errors / prior**2)
+        errors = errors + step
+        left = white[:first, -1] - white[:first, :-1] @ step
+        spare = first - float(np.einsum("ni,ij,nj->", white[:first, :-1], covariance, white[:first, :-1]))
+        before, size = size, size * float((left**2).sum()) / max(1.0, spare)
+        still = np.abs(step / np.sqrt(np.diag(covariance))).max() < STILL
+        if still and abs(size / before - 1.0) < STILL:
+            break
+    residual = _residual(problem, run, errors, errors)
+    return Refined(frozen(errors), frozen(_inverse(inverse, prior)), frozen(residual))
+
+
+def _whitened(columns: Array, variance: Array, first: int, turns: Sequence[Array]) -> Iterator[Array]:
+    """Columns (n, C) in standard deviations: rows without load each by itself, then the blocks of turns."""
+    yield columns[:first] / np.sqrt(variance[:first, None])
+    for noise in turns:
+        K, A = noise.shape[:2]
+        part = slice(first, first + K * A)
+        common = np.diag(variance[part].reshape(K, A).mean(axis=0))
+        block = np.kron(np.ones((K, K)), common) + block_diag(*noise)
+        yield solve_triangular(np.linalg.cholesky(block), columns[part], lower=True)
+        first += K * A
+
+
+def _whole(problem: Problem, run: Run, errors: Array) -> tuple[Array, Array]:
+    """Rows (n, P) with what each parameter changes of the torques, and residuals (n,) [m]."""
+    here = with_torque(run.samples, problem.model, errors)
+    about = problem.model.linear(here, problem.targets, errors)
+    residual, rows = about.residual[:, 0], np.array(about.rows[:, 0])
+    for k, size in enumerate(NUDGE * problem.prior):
+        moved = errors.copy()
+        moved[k] += size
+        rows[:, k] -= (_residual(problem, run, errors, moved) - residual) / size
+    return rows, residual
+
+
+def _residual(problem: Problem, run: Run, errors: Array, torques_by: Array) -> Array:
+    """Residuals (n,) [m] at ``errors`` with the torques that ``torques_by`` gives."""
+    samples = with_torque(run.samples, problem.model, torques_by)
+    return np.asarray(problem.model.residual(samples, problem.targets, errors)[:, 0])
+
+
+def _inverse(information: Array, prior: Array) -> Array:
+    scale = np.outer(prior, prior)
+    return np.asarray(np.linalg.inv(information * scale) * scale)

@@ -1,0 +1,144 @@
+"""Further fixtures for a cell, at the places that show most: what ``edbb plan --fixtures`` plans with."""
+
+from dataclasses import dataclass, replace
+from string import ascii_uppercase
+
+import numpy as np
+
+from planner.bodies import BodyFile, Vector
+from planner.cell import Cell, cell_of
+from planner.cell.file import FixtureFile
+from planner.errors import InputError, NoSolutionError
+from planner.foresight import unknown_of
+from planner.rig import rig_of
+from planner.study.fixture_map import CANDIDATES, Say, grid
+from planner.study.places import moved, reach, stands
+from planner.units import Array, to_mm
+
+ACROSS, UP = 7, 4  # places across the robot's reach, and from the floor up
+POSES = 200  # readings by which places are compared
+ENOUGH = 200  # candidates, below which a place is left out
+NEAR = 0.1  # [m] between two fixtures
+
+
+def with_fixtures(cell: Cell, count: int, seed: int, say: Say) -> Cell:
+    """Return the cell with ``count`` fixtures: its first one stays, each other stands where it shows most beside them.
+
+    What holds the first fixture up is built under the others as well.
+
+    A place is judged by the error that the robot's tool would keep anywhere in its workspace once gears and compliance
+    were traced as well, after as many readings, spread evenly over the fixtures and their candidates.
+
+    Args:
+        cell: the cell, with one fixture.
+        count: how many fixtures are wanted.
+        seed: of the candidates.
+        say: told the stage, and how much of it is done, of how much.
+
+    Raises:
+        InputError: the cell has several fixtures already, or its gauge needs none.
+        NoSolutionError: there is no other place that the bar reaches.
+    """
+    if not cell.gauge.is_bar or len(cell.file.fixtures) != 1:
+        found = f"{len(cell.file.fixtures)} of them" if cell.gauge.is_bar else f"gauge.kind = '{cell.gauge.kind}'"
+        raise InputError(
+            f"{cell.path}: --fixtures finds places beside a bar's only fixture, and this cell has {found}: "
+            "give the others in [[fixtures]], or leave them all out but one"
+        )
+    seen = _told_by(cell, seed, say)
+    places = [0]
+    while len(places) < count:
+        tried = [k for k, t in enumerate(seen) if all(_far(t.p_BX, seen[j].p_BX) for j in places)]
+        if not tried:
+            raise NoSolutionError(
+                f"the bar reaches enough poses from {len(places)} places only, {count} fixtures are wanted: "
+                "widen the cones or the clearance, or take a longer bar"
+            )
+        places.append(min(tried, key=lambda k: _error([seen[j] for j in (*places, k)])))
+    return _built(cell, [seen[k].p_BX for k in places[1:]])
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a reading at one place tells, on average: information (P, P) per prior sizes.
+
+    ``own`` (P,) tells which parameters are the place's own; ``weight`` (P, P) is the mean square error of the tool
+    per squared errors in prior sizes.
+    """
+
+    p_BX: Array
+    information: Array
+    own: np.ndarray
+    weight: Array
+
+
+def _told_by(cell: Cell, seed: int, say: Say) -> list[_Told]:
+    """The places of the grid from which enough poses are reached, that of the present fixture first."""
+    q = reach(cell, cell.fixtures[0].p_BX, CANDIDATES, seed).q
+    unknown = unknown_of(moved(cell, cell.fixtures[0].p_BX), q, np.zeros(len(q), dtype=int))
+    own = np.array([name.startswith("fixture_") for name in unknown.model.names])
+    _, places = grid(cell, ACROSS, UP)
+    out = []
+    for k, place in enumerate(places):
+        say("fixtures", k, len(places))
+        q = reach(cell, place.p_BX, CANDIDATES, seed).q
+        if len(q) >= ENOUGH or k == 0:
+            here = replace(unknown, model=replace(unknown.model, rig=rig_of(moved(cell, place.p_BX))))
+            white = here.white(q)
+            out.append(_Told(place.p_BX, white.T @ white / len(q), own, unknown.scaled))
+    return out
+
+
+def _error(places: list[_Told]) -> float:
+    """Mean square error of the tool to be expected once ``POSES`` readings were shared by fixtures at ``places``."""
+    own, weight = places[0].own, places[0].weight
+    total = np.eye(int((~own).sum()))
+    for place in places:
+        told = place.information * (POSES / len(places))
+        placed = told[np.ix_(own, own)] + np.eye(int(own.sum()))
+        across = told[np.ix_(~own, own)]
+        total += told[np.ix_(~own, ~own)] - across @ np.linalg.solve(placed, across.T)
+    return float((weight[np.ix_(~own, ~own)] * np.linalg.inv(total)).sum())
+
+
+def _far(one: Array, other: Array) -> bool:
+    return float(np.linalg.norm(one - other)) > NEAR
+
+
+def _built(cell: Cell, places: list[Array]) -> Cell:
+    """The cell with a fixture at each place, and what holds it."""
+    first, file = cell.file.fixtures[0], cell.file
+    names = [n for n in ascii_uppercase if n != first.name]
+    cups, held = list(file.fixtures), list(file.obstacles)
+    for name, place in zip(names, places, strict=False):
+        x, y, z = (float(v) for v in np.round(to_mm(place)))
+        cups.append(FixtureFile(name=name, position_mm=(x, y, z), axis=first.axis, prior_mm=first.prior_mm))
+        step = np.array([x, y, z]) - np.array(first.position_mm)
+        held += [_beside(file.obstacles[k], step, name) for k in stands(cell)]
+    gauge = file.gauge.model_copy(update={"mount_deg": None})  # it holds the bar at the first fixture only
+    cups[0] = first.model_copy(update={"mount_deg": first.mount_deg or file.gauge.mount_deg})
+    grown = file.model_copy(update={"fixtures": tuple(cups), "obstacles": tuple(held), "gauge": gauge})
+    return cell_of(grown, cell.path, cell.name)
+
+
+def _beside(body: BodyFile, step: Array, name: str) -> BodyFile:
+    """The same body under another fixture, ``step`` (3,) [mm] away: its foot stays down, its top follows."""
+    change: dict[str, object] = {"name": f"{body.name or body.kind} of fixture {name}"}
+    level = np.array([step[0], step[1], 0.0])
+    if body.kind == "capsule" and body.from_mm is not None and body.to_mm is not None:
+        foot, top = sorted((body.from_mm, body.to_mm), key=lambda p: p[2])
+        raised = np.array(top) + step
+        raised[2] = max(raised[2], foot[2])
+        change |= {"from_mm": _vector(np.array(foot) + level), "to_mm": _vector(raised)}
+    elif body.kind == "box" and body.at_mm is not None and body.size_mm is not None and body.rpy_deg[:2] == (0.0, 0.0):
+        tall = max(body.size_mm[2] + step[2], 1.0)
+        up = np.array([0.0, 0.0, (tall - body.size_mm[2]) / 2])
+        change |= {"at_mm": _vector(np.array(body.at_mm) + level + up), "size_mm": (*body.size_mm[:2], tall)}
+    else:
+        change |= {"at_mm": _vector(np.array(body.at_mm or (0.0, 0.0, 0.0)) + step)}
+    return body.model_copy(update=change)
+
+
+def _vector(p: Array) -> Vector:
+    x, y, z = (round(float(v), 6) for v in p)
+    return x, y, z

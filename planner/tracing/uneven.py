@@ -1,0 +1,112 @@
+"""All gears that run unevenly at once, where no single one of them shows.
+
+Where every joint of an arm errs over its own angle, each error is small beside the sum of the others: no wave of one
+joint is surer than chance, and what is named first is what happens to resemble the sum. All curves together explain it.
+The run decides by its likelihood, and each curve must then hold for itself against the model without it.
+"""
+
+from collections.abc import Sequence
+
+from planner.catalogue import Entry
+from planner.tracing.again import plain
+from planner.tracing.curve import KIND, TONES, evidence, likeliest
+from planner.tracing.hunt import Hunt
+from planner.tracing.judging import WORTH, gain, own_gains
+from planner.tracing.masses import KIND as YIELDING
+from planner.tracing.rivals import without
+from planner.tracing.screen import Shade
+from planner.tracing.state import Held, State, refit
+from planner.tracing.steps import settled
+
+LEFT = 3.0  # logarithm of the likelihood that curves would add to where the search ended, below which there is no cause
+FAINT = 0.5  # the same for one joint, below which its curve is left to the steps that follow
+BETTER = 4.0  # fall of minus twice the log evidence for each curve that comes in
+
+
+def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> State | None:
+    """Return a state with the curves of all joints; ``None`` where the run is no likelier so than at ``end``.
+
+    They join what the search has found or, where that is likelier, all joints that yield and nothing else.
+    """
+    joints = sorted({int(e.on.split()[-1]) - 1 for e in entries if e.kind == TONES[0]})
+    if sum(max(0.0, worth) for _, worth in _curves(hunt.shade(end), end, joints)) < LEFT:
+        return None
+    hunt.say("trying all gears at once")
+    begin = [end, *_yielding(hunt, entries, start)]
+    trials = [t for b in begin if (t := _curved(hunt, b, joints)) is not None]
+    if not trials:
+        return None
+    worth = hunt.memory(end)
+    best = _settled(hunt, min(trials, key=lambda t: t.evidence(worth)))
+    if best.evidence(worth) > end.evidence(worth) - BETTER * max(1, _count(best) - _count(end)):
+        return None
+    best = _each_for_itself(hunt, best)
+    if _count(best) <= _count(end):
+        return None
+    fall, error = gain(end, best, hunt.bench)
+    return best if fall > max(error, WORTH) else None
+
+
+def _count(state: State) -> int:
+    return sum(h.entry.kind == KIND for h in state.effects)
+
+
+def _curves(shade: Shade, state: State, joints: Sequence[int]) -> list[tuple[Held, float]]:
+    """The likeliest curve of each joint, and the logarithm of the likelihood that it adds."""
+    entries = [likeliest(shade, state.base, j) for j in joints]
+    return [(Held(e, None), evidence(shade, e)) for e in entries]
+
+
+def _yielding(hunt: Hunt, entries: Sequence[Entry], start: State) -> list[State]:
+    soft = tuple(Held(e, None) for e in entries if e.kind == YIELDING)
+    if not soft:
+        return []
+    together = settled(lambda: refit(hunt.bench, soft[-1].entry.name, start.base, soft, start))
+    return [] if together is None else [together]
+
+
+def _curved(hunt: Hunt, state: State, joints: Sequence[int]) -> State | None:
+    """Return a state with a curve for each joint that shows one, in the place of the joint's waves."""
+    has = {h.entry.on for h in state.effects if h.entry.kind == KIND}
+    bare = [j for j in joints if f"joint {j + 1}" not in has]
+    waves = [
+        h for h in state.effects if plain(h.entry.kind) in TONES and h.entry.on in {f"joint {j + 1}" for j in bare}
+    ]
+    shade = hunt.shade(state)
+    for h in waves:
+        shade = without(shade, state, h)
+    curves = [h for h, worth in _curves(shade, state, bare) if worth > FAINT]
+    shown = {h.entry.on for h in curves}
+    kept = [h for h in state.effects if h not in waves or h.entry.on not in shown]
+    if not curves:
+        return None
+    effects = (*kept, *curves)
+    return settled(lambda: refit(hunt.bench, effects[-1].entry.name, state.base, effects, state))
+
+
+def _settled(hunt: Hunt, state: State) -> State:
+    """How quick each curve is, seen again beside the others; kept where the run is likelier so."""
+    shade = hunt.shade(state)
+    effects = tuple(_again(shade, state, h) for h in state.effects)
+    again = settled(lambda: refit(hunt.bench, effects[-1].entry.name, state.base, effects, state))
+    worth = hunt.memory(state)
+    return state if again is None or again.evidence(worth) > state.evidence(worth) else again
+
+
+def _again(shade: Shade, state: State, held: Held) -> Held:
+    if held.entry.kind != KIND:
+        return held
+    return Held(likeliest(without(shade, state, held), state.base, int(held.entry.on.split()[-1]) - 1), None)
+
+
+def _each_for_itself(hunt: Hunt, state: State) -> State:
+    """Take out curves without which held-out samples lose nothing that matters, the least first."""
+    while len(state.effects) > 1:
+        own = zip(state.effects, own_gains(state, hunt.bench), strict=True)
+        worth = [(g.share - max(g.error, WORTH), h.entry.name) for h, g in own if h.entry.kind == KIND]
+        least, name = min(worth, default=(1.0, ""))
+        if least > 0:
+            break
+        rest = tuple(h for h in state.effects if h.entry.name != name)
+        state = refit(hunt.bench, rest[-1].entry.name, state.base, rest, state)
+    return state

@@ -1,0 +1,132 @@
+"""``check_accuracy()``: from a tracker's or a head's run to figures of accuracy or precision, and their folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.accuracy import Mastering, Repeats, Validation, groups_of, mastering, repeats_of_run, validated
+from planner.accuracy.results import accuracy_text, errors_csv, precision_content, validation_content
+from planner.cell import Cell, load_cell
+from planner.errors import InputError
+from planner.files import write_bytes, write_text
+from planner.plan import PlanFile, read_plan
+from planner.run import Run, load_runs
+from planner.run.beside import beside
+from planner.workflow.planning import Stages
+from planner.workflow.suspecting import check_unit
+from planner.workflow.writing import drafted, move_all
+
+USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
+
+
+@dataclass(frozen=True)
+class Centrings:
+    """Repeated centrings, the checks of the master ball where the run has any, and what a person should know."""
+
+    run: Run
+    repeats: Repeats
+    master: Mastering | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What was judged, and the cell that it stands in."""
+
+    cell: Cell
+    found: Validation | Centrings
+
+    @property
+    def content(self) -> dict[str, object]:
+        """What ``accuracy.json`` says."""
+        robot, found = self.cell.robot.name, self.found
+        if isinstance(found, Validation):
+            return validation_content(robot, found)
+        return precision_content(robot, found.run.name, found.repeats, found.master, found.notes)
+
+
+def check_accuracy(
+    path: Path, cell: str, stages: Stages, plan: Path | None = None, model: Path | None = None
+) -> Accuracy:
+    """Judge a robot by a tracker's run, or a head of indicators by the centrings that it repeated.
+
+    With a plan only its validation poses are judged; which centrings belong together stands in the plan.
+
+    Raises:
+        InputError: a file is wrong, or run, cell, plan and model do not belong together.
+    """
+    where = load_cell(cell, planning=False)
+    with stages.stage("reading"):
+        run, said = load_runs([path], where.robot.n_joints), beside(path)
+        _check_kind(where, run)
+        known = None if plan is None else read_plan(plan)
+        if plan is not None and known is not None:
+            _check_plan(run, plan, known, where.robot.name)
+    with stages.stage("judging"):
+        if where.gauge.kind == "tracker":
+            check_unit(run, where)
+            part, others = (run, None) if known is None else _by_role(run, known)
+            return Accuracy(where, validated(where, part, said, model, others))
+        if plan is None:
+            raise InputError(f"{run.name}: which centrings belong together stands in the plan: give it with --plan")
+        notes = ("a calibrated model changes nothing of repeated centrings: it was not used",) if model else ()
+        return Accuracy(
+            where, Centrings(run, repeats_of_run(where, run, groups_of(plan)), mastering(where, said), notes)
+        )
+
+
+def write_accuracy(done: Accuracy, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
+    from planner.report.accuracy import (
+        precision_report,
+        validation_report,
+    )  # plotting: other commands start quicker without
+
+    title = done.cell.robot.title
+    with drafted(folder) as draft, stages.stage("report"):
+        write_text(draft / "accuracy.json", accuracy_text(done.content))
+        if isinstance(done.found, Validation):
+            write_text(draft / "errors.csv", errors_csv(done.found))
+            page, picture = validation_report(title, done.found)
+        else:
+            found = done.found
+            page, picture = precision_report(title, found.run.name, found.repeats, found.master, found.notes)
+        write_text(draft / "report.html", page)
+        write_bytes(draft / "accuracy.png", picture)
+        return move_all(draft, folder)
+
+
+def _check_kind(cell: Cell, run: Run) -> None:
+    kind, readings = cell.gauge.kind, run.readings
+    if kind not in USES:
+        raise InputError(
+            f"{cell.path}: its gauge is '{kind}'; accuracy is judged by a tracker, precision by a head of indicators "
+            "(tracker, trical)"
+        )
+    there = (
+        "length_mm" if readings.length is not None else USES["tracker" if readings.position is not None else "trical"]
+    )
+    if there != USES[kind]:
+        raise InputError(
+            f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{USES[kind]}'"
+        )
+    if run.robot is not None and run.robot != cell.robot.name:
+        raise InputError(
+            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
+        )
+
+
+def _check_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> None:
+    if plan.robot not in ("", robot):
+        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell's robot is {robot}")
+    if run.plan_id is not None and run.plan_id != plan.plan_id:
+        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+
+
+def _by_role(run: Run, plan: PlanFile) -> tuple[Run, Run | None]:
+    """The poses that the plan validates with and those it calibrates with; all, where the run does not say which is."""
+    if run.samples.pose is None:
+        return run, None
+    mine, others = (np.isin(run.samples.pose, plan.ids(role)) for role in ("validate", "calibrate"))
+    return run.take(mine) if mine.any() else run, run.take(others) if mine.any() and others.any() else None

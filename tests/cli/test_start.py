@@ -1,0 +1,57 @@
+"""The command starts with what the called verb needs, and its help says what a person can type."""
+
+import inspect
+import re
+import subprocess
+import sys
+from importlib import import_module
+
+import pytest
+
+from planner.cli.verbs import VERBS
+from tests.workflow.conftest import edbb
+
+HEAVY = {"ompl", "fcl", "polars", "matplotlib", "plotly", "scipy.stats", "scipy.optimize"}
+LOADED = """
+import sys
+from planner.cli.app import app
+app({words}, standalone_mode=False)
+print("loaded:", *sorted({heavy} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("words", [["--help"], ["robots"], ["robots", "--json"], ["dialects"]], ids=" ".join)
+def test_commands_that_only_list_load_no_library_of_planning_or_fitting(words):
+    code = LOADED.format(words=words, heavy=HEAVY)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1].split() == ["loaded:"]
+
+
+def test_every_verb_is_there_and_is_called():
+    for name, (module, function, line) in VERBS.items():
+        command = getattr(import_module(f"planner.cli.{module}"), function)
+        own = inspect.getdoc(command).split()
+        assert {w.strip(".,:").lower() for w in line.split()} & {w.strip(".,:").lower() for w in own}, name
+    listed = edbb("--help").stdout
+    assert [n for n in re.findall(r"^│ ([\w-]+) {2,}\w", listed, re.MULTILINE) if n in VERBS] == list(VERBS)
+
+
+@pytest.mark.parametrize("verb", [[], ["plan"], ["identify"]], ids=str)
+def test_switches_take_no_value_in_the_help(verb):
+    text = edbb(*verb, "--help").stdout
+    assert "--help" in text
+    assert "bool" not in text.lower()
+
+
+def test_a_word_that_is_no_verb_names_the_nearest():
+    done = edbb("pla")
+    assert done.returncode == 2
+    assert "Did you mean 'plan'" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["", " "])
+def test_an_empty_name_is_no_folder(name, tmp_path):
+    done = edbb("study", "ur10/edbb", "-o", name, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "edbb: -o '': names no folder; '-o .' would be the one that you are in\n"
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,43 @@
+"""The error that a calibrated robot's tool would keep: against drawn robots, measured and aligned one by one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from planner.cell import load_cell
+from planner.foresight import ToolError
+from tests.generator.arm import Arm
+
+DRAWN = 300
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("kuka-kr6-r700/edbb")
+
+
+def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
+    """Robots with drawn errors, their tools' true positions laid on the nominal ones as well as can be (Kabsch)."""
+    names, size = ("a1", "alpha2", "d4", "theta3", "map_x"), np.array([3e-5, 1e-4, 5e-5, 8e-5, 4e-5])
+    workspace = ToolError.of(replace(cell, base=replace(cell.base, floor=None)))
+    arm, rng = Arm.from_toml("kuka-kr6-r700"), np.random.default_rng(5)
+    q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (2000, 6))
+    square = 0.0
+    for drawn in rng.standard_normal((DRAWN, len(names))) * size:
+        R, p = arm.flange(q, dict(zip(names[:-1], drawn[:-1], strict=True)))
+        x = p + R @ (cell.tool.p_FM + [drawn[-1], 0, 0])
+        R, p = arm.flange(q)
+        square += (_aligned(x, p + R @ cell.tool.p_FM) ** 2).sum(axis=1).mean() / DRAWN
+    assert workspace.rms(names, np.diag(size**2)) == pytest.approx(np.sqrt(square), rel=0.1)
+
+
+def test_how_the_base_stands_does_not_count(cell):
+    workspace = ToolError.of(cell)
+    assert workspace.rms(("theta1", "d1"), np.diag([1e-3, 1e-3]) ** 2) < 1e-9
+
+
+def _aligned(x, y):
+    turn, _ = Rotation.align_vectors(y - y.mean(axis=0), x - x.mean(axis=0))
+    return turn.apply(x - x.mean(axis=0)) - (y - y.mean(axis=0))

@@ -1,0 +1,29 @@
+"""Outliers are named by the file and the line in which a person finds them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from planner.cell import load_cell
+from planner.identification.checks import warnings_of
+from planner.rig import rig_of
+from planner.run import Readings, Run, Samples
+
+CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
+
+
+def test_outliers_are_named_by_file_and_line(tmp_path):
+    (tmp_path / "cell.toml").write_text(CELL)
+    cell = load_cell(str(tmp_path / "cell.toml"), planning=False)
+    n = 40
+    samples = Samples(np.zeros((n, 6)), np.zeros(n, dtype=int), file=np.arange(n) // 20, line=2 + np.arange(n) % 20)
+    run = Run("a+b", samples, Readings(position=np.zeros((n, 3))), files=("a.csv", "b.parquet"))
+    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
+    (said,) = [w for w in warnings_of(run, cell, found, None) if "outliers" in w]
+    assert said == (
+        "7 samples are outliers (a.csv, line 5; a.csv, line 21; b.parquet, row 2; b.parquet, row 7; b.parquet, row 12; "
+        "and 2 more); they were kept in the fit"
+    )
+    bare = replace(run, samples=replace(samples, file=None, line=None))
+    assert "(number 4; number 20; " in "".join(warnings_of(bare, cell, found, None))

@@ -1,0 +1,130 @@
+"""One fit of runs with and without load: as true as it says over seeds, a zero for each bar, drives thinned out."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from planner.cell import load_cell
+from planner.errors import InputError
+from planner.loaded.joint import APART, at_rest, joint_fit
+from planner.model import Model
+from planner.rig import rig_of
+from planner.run import Readings, Run, Samples
+from planner.run.joining import joined
+from tests.loaded import shared, world
+
+SEEDS, ANGLES, REPEATS = 20, 24, 5
+E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.3010, 0.8995, 0.9007])
+NAMES = [f"compliance{i + 1}" for i in range(6)]
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """The shipped cell with a second fixture for the other bar."""
+    path = tmp_path_factory.mktemp("cell") / "cell.toml"
+    text = shared.cell_text().replace("length_mm = [129, 136]", "length_mm = [125, 620]")
+    path.write_text(text + '\n[[fixtures]]\nname = "E"\nposition_mm = [1300, 900, 900]\n')
+    return load_cell(str(path), planning=False)
+
+
+@cache
+def clean():
+    """The arm with its errors: poses and lengths without load; angles, loads, lengths on the circle."""
+    truth, arm, rng = world.World(errors=shared.ERRORS), shared.arm(), np.random.default_rng(5)
+    out = rng.normal(size=(110, 3))
+    out[:, 2] = np.abs(out[:, 2])
+    targets = E + out / np.linalg.norm(out, axis=1, keepdims=True) * rng.uniform(0.3, 0.6, (110, 1))
+    q = world.reach(arm, targets, rng)
+    x = world.true_point(arm, truth, q, np.zeros(len(q)), E_TRUE)
+    free = np.linalg.norm(x - E_TRUE, axis=1) + 3e-4
+    theta = (np.arange(ANGLES) + 0.5) * 2 * np.pi / ANGLES
+    around = np.tile(world.angles(arm, world.circle_points(theta)), (2 * len(world.LOADS), 1))
+    force = np.tile(np.repeat(world.LOADS, ANGLES), 2)
+    ball = world.FIXTURE + truth.offset + world.shift(arm, truth, shared.course())
+    length = np.linalg.norm(world.true_point(arm, truth, around, force, ball) - ball, axis=1) + truth.zero
+    return q, free, around, force, length, theta
+
+
+def runs(rng):
+    """Both runs with noise: white, and on the circle a smooth curve for every turn as well."""
+    q, free, around, force, length, theta = clean()
+    n = np.arange(8)[:, None] * theta
+    wave = rng.normal(0, 3e-6, (2 * len(world.LOADS), 2, 8)) / np.sqrt(REPEATS)
+    smooth = (np.einsum("th,hb->tb", wave[:, 0], np.cos(n)) + np.einsum("th,hb->tb", wave[:, 1], np.sin(n))).ravel()
+    length = length + smooth + rng.normal(0, 2e-6 / np.sqrt(REPEATS), len(length))
+    under = Samples(q=around, place=np.zeros(len(around), int), force=force)
+    rest = Samples(q=q, place=np.zeros(len(q), int))
+    noisy = Readings(length=free + rng.normal(0, 1e-5, len(q)))
+    return (
+        Run("free", rest, noisy, ("E",), robot="abb-irb6700"),
+        Run("loaded", under, Readings(length=length), ("A",), robot="abb-irb6700"),
+    )
+
+
+def noise():
+    """Covariance of the averages of each sense, (K, A, A), as ``runs`` draws them."""
+    n = np.arange(8)[:, None] * clean()[-1]
+    one = ((3e-6) ** 2 * (np.cos(n).T @ np.cos(n) + np.sin(n).T @ np.sin(n)) + (2e-6) ** 2 * np.eye(ANGLES)) / REPEATS
+    return (np.repeat(one[None], len(world.LOADS), axis=0),) * 2
+
+
+@pytest.fixture(scope="module")
+def fits(cell):
+    return [joint_fit(cell, *runs(np.random.default_rng([seed, 7])), noise()) for seed in range(SEEDS)]
+
+
+def test_compliances_are_as_true_as_they_say(fits):
+    """Joint chi-square of all six over the seeds; with the torques of the nominal pose it is far off."""
+    total = []
+    for joint in fits:
+        which = [joint.names.index(n) for n in NAMES]
+        off = joint.errors[which] - world.SOFT
+        total.append(float(off @ np.linalg.solve(joint.covariance[np.ix_(which, which)], off)))
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * SEEDS) / SEEDS
+    assert low < np.mean(total) < 1.1 * high  # the noise without load is learnt from 110 readings
+
+
+def test_each_bar_has_its_own_zero(fits):
+    found = {e.name: e for e in fits[0].estimates}
+    assert found["zero"].value == pytest.approx(3e-4, abs=4 * found["zero"].std)
+    off = (found["zero_loaded"].value - world.World().zero) / found["zero_loaded"].std
+    assert abs(off) < 4  # one circle leaves it to the prior: height and zero are one
+    assert abs(found["fixture_E_x"].value - E_TRUE[0]) < 4 * found["fixture_E_x"].std
+
+
+def test_the_model_has_two_zeros_only_where_there_are_two_bars(cell):
+    both = rig_of(cell)
+    assert both.loaded == ("A",)
+    names = [n for n in Model.of(both, cell.plan.free).names if n.startswith("zero")]
+    assert names == ["zero", "zero_loaded"]
+    one = replace(both, p_BX=both.p_BX[:1], place_names=("A",), place_prior=both.place_prior[:1])
+    assert [n for n in Model.of(one, cell.plan.free).names if n.startswith("zero")] == ["zero"]
+    rows = Model.of(both, cell.plan.free).rows(Samples(q=clean()[0][:2], place=np.array([0, 1])))[:, 0]
+    columns = [Model.of(both, cell.plan.free).names.index(n) for n in ("zero", "zero_loaded")]
+    np.testing.assert_array_equal(rows[:, columns], [[0, 1], [1, 0]])
+
+
+def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
+    free, loaded = runs(np.random.default_rng(0))
+    assert len(at_rest(free)) == len(free)
+    n = 400
+    t = np.arange(n * len(free)) * APART / n
+    samples = replace(free.samples, q=np.repeat(free.samples.q, n, axis=0), t=t, place=np.zeros(len(t), int))
+    readings = Readings(length=np.repeat(free.readings.length, n))
+    many = replace(free, samples=samples, readings=readings, continuous=True)
+    thin = at_rest(many)
+    assert len(thin) == len(free)
+    assert not thin.continuous
+    np.testing.assert_array_equal(thin.samples.q, free.samples.q)
+    found, other = (joint_fit(cell, run, loaded, noise()) for run in (many, free))
+    np.testing.assert_allclose(found.errors, other.errors, atol=1e-12)
+
+
+def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
+    free, loaded = runs(np.random.default_rng(0))
+    raw = replace(loaded, continuous=True, samples=replace(loaded.samples, t=np.arange(len(loaded)) * 0.01))
+    with pytest.raises(InputError, match=r"averaged.csv.*--with"):
+        joined([free, raw])

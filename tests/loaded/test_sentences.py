@@ -1,0 +1,52 @@
+"""What is said of compliances: no value where nothing was learnt, percentages that can be read, no plain µ missing."""
+
+import numpy as np
+import pytest
+
+from planner.cli.written import written_line
+from planner.loaded.compliance import posterior
+from planner.loaded.sentences import compliance_sentences, known_as, share
+from planner.loaded.types import HARDLY, UNTOLD, WELL
+
+NAMES = tuple(f"compliance{i + 1}" for i in range(4))
+
+
+@pytest.fixture
+def found():
+    """Readings that alone would know the four to 1 %, 50 %, 146 % and nothing of their prior size."""
+    prior, alone = np.full(4, 2e-6), np.array([0.01, 0.5, 1.46, 1e7])
+    information = np.diag((alone * prior) ** -2.0)
+    return posterior(NAMES, prior, information, information @ np.full(4, 1e-6), 1e-6, 1.0)
+
+
+def test_each_is_told_by_what_the_readings_add(found):
+    assert found.told == (WELL, HARDLY, UNTOLD, UNTOLD)
+    assert [c.told for c in found.combinations] == [WELL, HARDLY, UNTOLD, UNTOLD]
+
+
+def test_nothing_learnt_has_no_value(found):
+    assert known_as(found, 0) == "1.000 ± 0.020 µrad/Nm"
+    assert "hardly known: before ± 2" in known_as(found, 1)
+    assert known_as(found, 2) == "nothing learnt: before ± 2, with this run ± 1.65 µrad/Nm"
+
+
+def test_sentences_name_what_is_open_and_what_would_help(found):
+    first, hardly, more, last = compliance_sentences(found, 1)
+    assert first.startswith("The circle knows 1 of 4 combinations")
+    assert "the ± 2 µrad/Nm that was expected before, or better: 1 c1 to 1 % of it." in first
+    assert hardly == "Hardly better known than before: 1 c2 to 50 % of it."
+    assert "1 c3 (1.5 times as uncertain as before); 1 c4 (many thousand times as uncertain as before)" in more
+    assert last.startswith("So nothing is learnt of compliance3 and compliance4; circles at other places")
+    assert "circles together know" in compliance_sentences(found, 3)[0]
+
+
+@pytest.mark.parametrize(("part", "text"), [(0.0015, "0.15 %"), (0.0951, "10 %"), (1.46, "146 %"), (25.0, "25 times")])
+def test_parts_are_written_without_exponents(part, text):
+    assert share(part) == text
+
+
+def test_parts_of_a_program_are_listed_in_one_go(tmp_path):
+    names = ["a.mod", "X.src", *(f"X_{k:03d}.src" for k in range(1, 30)), "X.dat"]
+    line = written_line(tmp_path, names)
+    assert ": a.mod, X.src, X_001.src … 029.src, X.dat, plan.json, cell.toml, trajectory.csv, report.html" in line
+    assert "X_001.src, X_002.src, X.dat" in written_line(tmp_path, ["X_001.src", "X_002.src", "X.dat"])

@@ -1,0 +1,123 @@
+"""What is wrong in a file is told in the words of the person who wrote it, never in a library's."""
+
+import pytest
+from pydantic import Field
+
+from planner.cell.file import CellFile
+from planner.errors import InputError
+from planner.run.map_file import MapFile
+from planner.schema import Strict, validate
+
+CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}
+MAP = {"schema": "edbb-map/1", "columns": {"t_s": 1}}
+BOX = {"kind": "box", "at_mm": [0, 0, 0], "size_mm": [1, 1, 1]}
+LIBRARY = ("instance of", "tuple", "dictionary", "nput should", "validation", "type=", "function-", ".0", ".1")
+
+
+class Part(Strict):
+    """A part of the small file below."""
+
+    rivals: tuple[str, ...]
+    weight: float = 1.0
+
+
+class Small(Strict):
+    """A small file."""
+
+    schema_: str = Field(default="edbb-small/1", alias="schema")
+    parts: tuple[Part, ...] = Field(min_length=1)
+    grid: tuple[tuple[int, ...], ...] = ()
+    on: bool = False
+
+
+CASES = {
+    "a table's missing key": (
+        CellFile,
+        CELL | {"balls": [{"position_mm": [0, 0, 0]}]},
+        "[[balls]] number 1: the key 'name' is missing",
+    ),
+    "the second table": (
+        CellFile,
+        CELL | {"obstacles": [BOX, BOX | {"kind": "bx"}]},
+        "[[obstacles]] number 2: 'kind' = 'bx': must be 'capsule', 'sphere', 'box' or 'mesh'",
+    ),
+    "a number in a table": (
+        CellFile,
+        CELL | {"balls": [{"name": "1", "position_mm": [0, 0, "x"]}]},
+        "[[balls]] number 1: 'position_mm' number 3 = 'x': a number is needed",
+    ),
+    "a number too few": (
+        CellFile,
+        CELL | {"balls": [{"name": "1", "position_mm": [0, 0]}]},
+        "[[balls]] number 1: 'position_mm' number 3 is missing",
+    ),
+    "a table in a table": (CellFile, CELL | {"gauge": 3}, "'gauge' = 3: a table is needed"),
+    "a whole table": (
+        MapFile,
+        MAP | {"traces": [{"skip_rows": 1}]},
+        "[[traces]] number 1: either [columns] or a pattern is needed, and not both",
+    ),
+    "no table": (MapFile, MAP | {"traces": [3]}, "'traces' number 1 = 3: a table is needed"),
+    "alternatives, all wrong": (
+        MapFile,
+        MAP | {"columns": {"t_s": [3]}},
+        "'columns.t_s' = [3]: a whole number or a text in quotation marks or a table is needed",
+    ),
+    "alternatives, one meant": (
+        MapFile,
+        MAP | {"columns": {"t_s": {"column": 3, "factor": 0}}},
+        "'columns.t_s': a factor of 0 leaves nothing of the column",
+    ),
+    "a key of an alternative": (
+        MapFile,
+        MAP | {"columns": {"t_s": {"column": 1, "facto": 3}}},
+        "unknown key 'columns.t_s.facto'; did you mean \"factor\"? (allowed here: column, factor, offset)",
+    ),
+    "a file of another kind": (
+        CellFile,
+        {"schema": "edbb-map/1", "columns": {}},
+        "'schema' = 'edbb-map/1': must be 'edbb-cell/1'",
+    ),
+    "no schema": (CellFile, {"columns": {}}, "the key 'schema' is missing ('edbb-cell/1' is expected)"),
+    "no list": (Small, {"parts": [{"rivals": 5}]}, "[[parts]] number 1: 'rivals' = 5: a list is needed"),
+    "an empty list": (Small, {"parts": []}, "'parts' = []: at least 1 entry is needed"),
+    "no switch": (
+        Small,
+        {"parts": [{"rivals": []}], "on": "perhaps"},
+        "'on' = 'perhaps': a switch (true or false) is needed",
+    ),
+    "a list in a list": (
+        Small,
+        {"parts": [{"rivals": []}], "grid": [[1], [2, "x"]]},
+        "'grid' number 2, number 2 = 'x': a whole number is needed",
+    ),
+    "not finite": (
+        Small,
+        {"parts": [{"rivals": [], "weight": float("nan")}]},
+        "[[parts]] number 1: 'weight' = nan: a finite number is needed",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_one_sentence_in_plain_words(case):
+    model, data, message = CASES[case]
+    with pytest.raises(InputError) as caught:
+        validate(data, model, "c.toml")
+    assert str(caught.value) == f"c.toml: {message}"
+    assert not [w for w in LIBRARY if w in message]
+
+
+def test_in_json_an_object_is_an_object():
+    for data, message in (
+        ([1, 2], "i.json: [1, 2]: an object { … } is needed"),
+        ({"parts": [3]}, "i.json: 'parts' number 1 = 3: an object { … } is needed"),
+        ({"parts": [{"rivals": {}}]}, "i.json: 'parts' number 1: 'rivals' = an object: a list is needed"),
+    ):
+        with pytest.raises(InputError) as caught:
+            validate(data, Small, "i.json")
+        assert str(caught.value) == message
+
+
+def test_what_is_right_is_read():
+    assert validate({"parts": [{"rivals": ["a"]}]}, Small, "c.toml").parts[0].rivals == ("a",)
