@@ -40,7 +40,7 @@ def declared(cell: Cell, rig: Rig, samples: Samples, more: tuple[str, ...] = ())
     Raises:
         InputError: ``[plan]`` has a kind that the catalogue does not have, or that these samples do not show.
     """
-    kinds = (*cell.plan.effects, *more)
+    kinds = tuple(dict.fromkeys((*cell.plan.effects, *more)))
     if not kinds:
         return []
     entries = [e for e in catalogue(rig, samples) if e.inner is None]

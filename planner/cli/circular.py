@@ -13,6 +13,7 @@ from planner.cli.screen import Screen, errors
 from planner.cli.written import written_line
 from planner.units import UM, to_deg, to_mm
 from planner.workflow import Options
+from planner.workflow.asked import check_for_circles
 from planner.workflow.circle_evaluating import evaluate_circular_runs, write_circular_test
 from planner.workflow.circle_writing import write_circular_plan
 from planner.workflow.circling import plan_circles
@@ -20,6 +21,7 @@ from planner.workflow.circling import plan_circles
 
 def plan_circular_test(cell: Cell, output: Path, options: Options, as_json: bool) -> None:
     """Plan the ``[[circles]]`` of a cell and write all that belongs to it."""
+    check_for_circles(cell, options)
     with Screen() as stages:
         result = plan_circles(cell, options, stages)
         write_circular_plan(result, output, stages)

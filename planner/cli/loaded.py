@@ -83,15 +83,16 @@ def _summary(found: Loaded, joint: Joint | None, folder: Path) -> None:
     lines += [f"  {name:<12}{known_as(c, k)}" for k, name in enumerate(c.names)]
     if joint is not None:
         lines.append(
-            f"  in one fit with runs without load ({len(joint.names)} parameters; {joint.rms[0] / UM:.1f} µm left without "
-            f"load, {joint.rms[1] / UM:.1f} µm with load):"
+            f"  in one fit with runs without load: {len(joint.names)} parameters, {joint.rms[0] / UM:.1f} µm left "
+            f"without load, {joint.rms[1] / UM:.1f} µm under load"
         )
         lines += [
             f"  {e.name:<12}{e.value * 1e6:.3f} ± {e.std * 1e6:.3f} µrad/Nm"
             for e in joint.estimates
             if e.name in c.names and e.std is not None
         ]
+    both = "" if joint is None else "joint.csv, "
     lines += [f"  found       {s}" for s in found.sentences]
     lines += [f"  note        {w}" for w in found.warnings]
-    lines.append(f"  written to  {folder}: loaded.json, curves.csv, averaged.csv, report.html, pictures")
+    lines.append(f"  written to  {folder}: loaded.json, curves.csv, averaged.csv, {both}report.html, pictures")
     errors.print("\n".join(lines), markup=False)

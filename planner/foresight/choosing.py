@@ -21,6 +21,7 @@ from planner.units import Array, to_mm
 
 LEFT = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
 FEWEST, MOST = 100, 400  # poses, where no number is given
+PASSES = 2  # through the chosen, in which each may give way to another
 FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
 Progress = Callable[[int, int], None]
 
@@ -109,14 +110,18 @@ def _flat(squares: list[float]) -> bool:
 def exchanged(posterior: Posterior, chosen: np.ndarray) -> np.ndarray:
     """Give each of the chosen up for the candidate that leaves the smallest error, those that count least first."""
     out = chosen.copy()
-    for k in np.argsort(posterior.loss(out), kind="stable"):
-        posterior.add(int(out[k]), -1)
-        gains = posterior.gains
-        gains[np.delete(out, k)] = -1.0
-        best = int(np.argmax(gains))
-        if gains[best] > gains[out[k]] * (1 + 1e-9):
-            out[k] = best
-        posterior.add(int(out[k]))
+    for _ in range(PASSES):
+        before = out.copy()
+        for k in np.argsort(posterior.loss(out), kind="stable"):
+            posterior.add(int(out[k]), -1)
+            gains = posterior.gains
+            gains[np.delete(out, k)] = -1.0
+            best = int(np.argmax(gains))
+            if gains[best] > gains[out[k]] * (1 + 1e-9):
+                out[k] = best
+            posterior.add(int(out[k]))
+        if np.array_equal(out, before):
+            break
     return out
 
 

@@ -16,8 +16,9 @@ def with_declared(
     They are the user's model: they stay whatever held-out samples say, as the plan chose its poses for them.
     """
     stages, notes = list(stages), list[str]()
-    for k, kind in enumerate(effects):
-        model = free.upto(effects[: k + 1])
+    kinds = list(dict.fromkeys(effects))
+    for k, kind in enumerate(kinds):
+        model = free.upto(kinds[: k + 1])
         if len(model.parameters) == len(stages[-1].fit.errors):
             notes.append(f"{kind} is declared in plan.effects, but this run shows nothing of it: it was left out")
             continue

@@ -7,6 +7,7 @@ import numpy as np
 from planner.cell import Cell
 from planner.identification.bench import Bench
 from planner.identification.checks import problems_of, warnings_of
+from planner.identification.considered import considered
 from planner.identification.estimates import estimates
 from planner.identification.fit import Fit
 from planner.identification.freeing import Freed
@@ -41,6 +42,7 @@ def finished(
     known = set(free.whole.names)
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     covariance, time = parameter_covariance(found, run.continuous)
+    covariance = covariance + considered(found, free.held)
     table = estimates(whole, found, free.dropped, covariance)
     return Calibration(
         run=run,

@@ -9,7 +9,7 @@ from planner.cell import Cell
 from planner.freed import declared, held, preference, unloaded
 from planner.identification.noise import Whitener
 from planner.identification.seeing import LOOK, only, seen_by
-from planner.model import Model
+from planner.model import Model, Parameter
 from planner.model.parameters import clock_offset, compliance_parameters
 from planner.observability import Dropped
 from planner.repeatable import evenly
@@ -26,11 +26,13 @@ class Freed:
         whole: all that may be off.
         model: what the run can see of it.
         dropped: what it cannot, with the reasons.
+        held: what was measured better than the run could, so that it is not fitted; among ``dropped``.
     """
 
     whole: Model
     model: Model
     dropped: tuple[Dropped, ...]
+    held: tuple[Parameter, ...] = ()
 
     def upto(self, effects: Sequence[str]) -> Model:
         """Return the model of what is seen with gauge, geometry and these kinds of effect."""
@@ -56,7 +58,8 @@ def freed(cell: Cell, rig: Rig, run: Run, more: tuple[str, ...] = ()) -> Freed:
     model, seen = seen_by(open_, run.samples, preference(open_) if stated else None)
     still = unloaded((*cell.plan.effects, *more), whole)
     idle = [p for p in compliance_parameters(rig) if p.name in {d.name for d in still}]
-    return Freed(whole.plus(idle), model, (*seen.dropped, *out, *still))
+    known = tuple(p for p in whole.parameters if p.name in names)
+    return Freed(whole.plus(idle), model, (*seen.dropped, *out, *still), known)
 
 
 def _held(cell: Cell, model: Model, run: Run) -> tuple[Dropped, ...]:

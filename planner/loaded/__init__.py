@@ -4,7 +4,8 @@ from planner.loaded.averaging import averaged_curves
 from planner.loaded.centring import centring_offset, paper_offset
 from planner.loaded.compliance import compliances
 from planner.loaded.evaluate import Options, evaluate
-from planner.loaded.types import Circle, Combination, Comparison, Compliances, Curves, Evaluated, Loaded, Offset
+from planner.loaded.told import Combination, Compliances
+from planner.loaded.types import Circle, Comparison, Curves, Evaluated, Loaded, Offset
 
 __all__ = [
     "Circle",

@@ -1,11 +1,11 @@
 """From a log to curves: whole turns without their overshoot, put on one grid of angles, repeats averaged."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from planner.errors import InputError
+from planner.loaded.binning import Turn, binned
 from planner.loaded.circle import NEAR, find_circle, points, polar
 from planner.loaded.harmonics import smoothed, turn_noise
 from planner.loaded.levels import load_levels
@@ -18,16 +18,6 @@ FINEST, COARSEST = 360, 36  # angles of the grid
 FILL = 4  # samples that fall on each of them at least
 SLACK, LOST = 1.5 * DEG, 3  # that a turn may lack: an angle, or so many samples
 WINDOW = 1.0 * DEG  # over which the sense of travel is seen
-
-
-@dataclass(frozen=True)
-class Turn:
-    """One whole turn: its samples in the order of time, and their angle (m,) [rad]."""
-
-    direction: int
-    level: int
-    rows: np.ndarray
-    theta: Array
 
 
 def averaged_curves(rig: Rig, run: Run, overshoot: float) -> tuple[Curves, ...]:
@@ -112,7 +102,7 @@ def _on_grid(run: Run, circle: Circle, loads: Array, turns: list[Turn]) -> Curve
     for d, direction in enumerate(directions):
         for k in range(K):
             own = [t for t in turns if t.direction == direction and t.level == k]
-            each = np.array([_binned(run, t, values[t.rows], bins, N) for t in own])
+            each = np.array([binned(run, t, values[t.rows], bins, N) for t in own])
             each[:, :, :N] -= 2 * np.pi * np.round((each[:, :1, :N] - each[:1, :1, :N]) / (2 * np.pi))
             mean = each.mean(axis=0)
             q[d, k], length[d, k], force[d, k] = mean[:, :N], mean[:, N], mean[:, N + 1]
@@ -141,27 +131,3 @@ def _directions(run: Run, circle: Circle, loads: Array, turns: list[Turn]) -> tu
             + ", ".join(lacking)
         )
     return whole
-
-
-def _binned(run: Run, turn: Turn, values: Array, bins: int, joints: int) -> Array:
-    """Mean of the columns of ``values`` (m, C) at the middle of every bin, (bins, C), straight lines between means.
-
-    A joint (the first ``joints`` columns) that turns once with the circle is averaged relative to the angle.
-    """
-    width = 2 * np.pi / bins
-    around = np.unwrap(turn.theta)
-    winding = np.round((values[-1] - values[0]) / (around[-1] - around[0]))
-    winding[joints:] = 0.0
-    values = values - winding * around[:, None]
-    angle = turn.theta % (2 * np.pi)
-    where = np.minimum((angle / width).astype(int), bins - 1)
-    count = np.bincount(where, minlength=bins)
-    if np.any(count == 0):
-        gap = float(np.degrees((int(np.flatnonzero(count == 0)[0]) + 0.5) * width))
-        raise InputError(f"{run.name}: a turn has no sample about {gap:.0f} degrees; the log has a hole there")
-    at = np.bincount(where, angle, bins) / count
-    mean = np.stack([np.bincount(where, v, bins) / count for v in values.T], axis=1)
-    span = (np.roll(at, -1) - np.roll(at, 1)) % (2 * np.pi)
-    slope = (np.roll(mean, -1, axis=0) - np.roll(mean, 1, axis=0)) / span[:, None]
-    middle = (np.arange(bins) + 0.5) * width
-    return np.asarray(mean + slope * (middle - at)[:, None] + winding * middle[:, None])

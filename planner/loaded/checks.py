@@ -8,7 +8,8 @@ from planner.cell import Cell
 from planner.errors import InputError
 from planner.gauge import bar_state
 from planner.loaded.circle import points
-from planner.loaded.types import Compliances, Curves, Evaluated
+from planner.loaded.told import Compliances
+from planner.loaded.types import Curves, Evaluated
 from planner.rig import Rig, largest_load
 from planner.units import MM, UM
 

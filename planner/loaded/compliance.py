@@ -13,7 +13,8 @@ import numpy as np
 
 from planner.loaded.balance import balanced, raised, samples_of, settled
 from planner.loaded.harmonics import Waves
-from planner.loaded.types import Combination, Compliances, Curves
+from planner.loaded.told import Combination, Compliances
+from planner.loaded.types import Curves
 from planner.model import Model
 from planner.model.parameters import compliance_parameters
 from planner.rig import Rig, Targets

@@ -13,8 +13,9 @@ from planner.loaded.centring import centring_offset, paper_offset, sine
 from planner.loaded.checks import check_cell, check_loads, check_reach, check_sign, problems_of, warnings_of
 from planner.loaded.compliance import bar_deflection, compliances
 from planner.loaded.sentences import sentences_of
+from planner.loaded.told import Compliances
 from planner.loaded.tracker import compared
-from planner.loaded.types import Compliances, Curves, Evaluated, Loaded
+from planner.loaded.types import Curves, Evaluated, Loaded
 from planner.repeatable import single_threaded
 from planner.rig import Rig
 from planner.run import Run
@@ -26,9 +27,15 @@ TWICE = 2  # rounds: the second with the fixture where the first found it
 
 @dataclass(frozen=True)
 class Options:
-    """What the user may choose: how much of either end of a pass is overshoot [rad]; ``None``: as the cell says."""
+    """What the caller may choose.
+
+    Attributes:
+        overshoot: how much of either end of a pass is overshoot [rad]; ``None``: as the cell says.
+        paper: whether eq. 9 is fitted in the paper's form as well, with b free; only its reproduction needs that.
+    """
 
     overshoot: float | None = None
+    paper: bool = False
 
 
 @single_threaded
@@ -42,8 +49,8 @@ def evaluate(run: Run, cell: Cell, tracker: Run | None = None, options: Options 
     """
     check_cell(cell)
     rig = rig_for(cell, run)
-    chosen = (options or Options()).overshoot
-    curves = averaged_curves(rig, run, overshoot_of(cell) if chosen is None else chosen)
+    options = options or Options()
+    curves = averaged_curves(rig, run, overshoot_of(cell) if options.overshoot is None else options.overshoot)
     check_loads(cell, curves, run.name)
     for c in curves:
         check_reach(cell, rig, c, run.name)
@@ -53,7 +60,8 @@ def evaluate(run: Run, cell: Cell, tracker: Run | None = None, options: Options 
         told = compliances(rig, curves)
         found = told.compliances
         circles = tuple(
-            _evaluated(raised(rig, c, float(h)), c, found) for c, h in zip(curves, told.heights, strict=True)
+            _evaluated(raised(rig, c, float(h)), c, found, options.paper)
+            for c, h in zip(curves, told.heights, strict=True)
         )
         rig = _replaced(rig, circles)
     if tracker is not None:
@@ -69,7 +77,7 @@ def overshoot_of(cell: Cell) -> float:
     return min((c.overshoot for c in cell.circles), default=PAPER)
 
 
-def _evaluated(rig: Rig, curves: Curves, found: Compliances) -> Evaluated:
+def _evaluated(rig: Rig, curves: Curves, found: Compliances, paper: bool) -> Evaluated:
     yielded = bar_deflection(rig, curves, found.value)
     compensated = curves.length - yielded
     apart = np.ptp(compensated, axis=1)
@@ -86,7 +94,7 @@ def _evaluated(rig: Rig, curves: Curves, found: Compliances) -> Evaluated:
         bent=_bent(curves),
         averaged=frozen(averaged),
         offset=offset,
-        paper_offset=paper_offset(curves.theta, both),
+        paper_offset=paper_offset(curves.theta, both) if paper else None,
         centre_offset=frozen(_centre_offset(curves, offset.amplitude, offset.phase)),
         kinematic=frozen(averaged - sine(offset, curves.theta)),
     )

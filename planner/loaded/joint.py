@@ -20,16 +20,14 @@ from planner.identification.seeing import seen_by
 from planner.identification.spread import correlation_time
 from planner.loaded.balance import by_held_torque, with_torque
 from planner.loaded.refining import refined
-from planner.loaded.types import Curves, Loaded
+from planner.loaded.runs import at_rest
 from planner.model import Model
 from planner.model.parameters import compliance_parameters
-from planner.run import Readings, Run, Samples
+from planner.run import Run
 from planner.run.joining import joined
 from planner.units import Array, frozen
 
-APART, SPARSE = 3.0, 300  # [s], samples: from one sample of a continuous run to the next that enters
 ROUNDS = 2  # of the torques in balance before the last steps
-ANGLES = 24  # of each turn that enter: neighbours share their error, and curves vary a few times a turn
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class Joint:
     """One fit of both kinds of run.
 
     Attributes:
-        run: all samples.
+        run: all samples, as poses at rest.
         estimates: every parameter, seen or not.
         names, errors, covariance: of the fitted parameters, (P,), (P, P).
         rms: of the residuals without load, and with load [m].
@@ -51,46 +49,10 @@ class Joint:
     rms: tuple[float, float]
 
 
-def averaged_run(found: Loaded) -> Run:
-    """Return averaged curves as a run of poses at rest, a sample for each of ``ANGLES`` angles, loads and senses."""
-    rows = []
-    for k, c in enumerate(x.curves for x in found.circles):
-        which = _few(c)
-        q, length, force = (v[:, :, which] for v in (c.q, c.length, c.force))
-        n = length.size
-        rows.append((q.reshape(n, -1), length.ravel(), force.ravel(), np.full(n, k)))
-    q, length, force, place = (np.concatenate([r[k] for r in rows]) for k in range(4))
-    samples = Samples(q=frozen(q), place=place, force=frozen(force), session=np.zeros(len(q), dtype=int))
-    places = tuple(c.curves.circle.name for c in found.circles)
-    return Run(f"{found.name}, averaged", samples, Readings(length=frozen(length)), places, robot=found.robot)
-
-
-def averages_noise(found: Loaded) -> tuple[Array, ...]:
-    """Return the covariance of the rows of :func:`averaged_run`: for each circle and sense (K, A, A) [m²].
-
-    It is what the repeats say of turns, harmonic by harmonic, larger by as much as the loads' curves differ more.
-    """
-    out = []
-    for c in (x.curves for x in found.circles):
-        B, which = len(c.theta), _few(c)
-        flat = np.full(B // 2 + 1, found.compliances.noise**2 * float(np.mean(c.repeats)))
-        spectrum = c.noise if np.all(np.isfinite(c.noise)) else flat
-        apart = np.fft.irfft(spectrum, B) * max(1.0, found.compliances.misfit) ** 2
-        turn = apart[(which[:, None] - which) % B]
-        out += [turn / c.repeats[d, :, None, None] for d in range(len(c.directions))]
-    return tuple(out)
-
-
-def _few(c: Curves) -> np.ndarray:
-    """Angles of averaged curves that enter, (A,) int."""
-    groups = np.array_split(np.arange(len(c.theta)), min(ANGLES, len(c.theta)))
-    return np.array([g[len(g) // 2] for g in groups])
-
-
 def joint_fit(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) -> Joint:
     """Fit geometry, gauge and compliances to an unloaded run and the averaged curves of a loaded one together.
 
-    ``turns`` is the noise of the averages, see :func:`averages_noise`.
+    ``turns`` is the noise of the averages, see :func:`planner.loaded.runs.averages_noise`.
 
     Raises:
         InputError: the runs do not belong to the cell, share a fixture, or the first is no bar's.
@@ -115,7 +77,7 @@ def joint_fit(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) ->
     alike = correlation_time(last.residual[~under]) if unloaded.continuous else 1.0
     covariance = frozen(max(1.0, alike) * last.covariance)
     return Joint(
-        whole_run,
+        replace(whole_run, samples=replace(whole_run.samples, torque=None, reversals=None, length=None)),
         estimates(whole, found, dropped, covariance),
         model.names,
         last.errors,
@@ -130,23 +92,6 @@ def _balanced(run: Run, model: Model, errors: Array) -> Run:
 
 def _rms(residual: Array) -> float:
     return float(np.sqrt(np.mean(residual**2)))
-
-
-def at_rest(run: Run) -> Run:
-    """Return a run without its clock; of a continuous one so few samples that each has an error of its own.
-
-    Neighbours along a drive share the deviation of the arm from where it reads: all of them would outweigh the turns,
-    which are averages. One in ``APART`` seconds is left, or where there is no clock one of ``SPARSE``.
-    """
-    samples = run.samples
-    if not run.continuous:
-        return replace(run, samples=replace(samples, t=None))
-    step = SPARSE
-    if samples.t is not None and len(run) > 1:
-        step = max(1, round(APART / float(np.median(np.abs(np.diff(samples.t))))))
-    which = np.arange(0, len(run), step)
-    thin = replace(samples.take(which), t=None, speed=None)
-    return replace(run, samples=thin, readings=run.readings.take(which), continuous=False)
 
 
 def _check(unloaded: Run, loaded: Run) -> None:

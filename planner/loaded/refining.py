@@ -14,7 +14,9 @@ from scipy.linalg import block_diag, solve_triangular
 
 from planner.identification.problem import Problem
 from planner.loaded.balance import with_torque
-from planner.run import Run
+from planner.model import Model
+from planner.rig import Targets
+from planner.run import Run, Samples
 from planner.units import Array, frozen
 
 STEPS = 12
@@ -41,11 +43,11 @@ def refined(problem: Problem, run: Run, errors: Array, turns: Sequence[Array]) -
         turns: covariance of the averages over A angles for the K loads of each block, (K, A, A) [m²], in the order of
             the run.
     """
-    prior, declared = problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
+    model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
     size, inverse = 1.0, np.diag(prior**-2.0)
     for _ in range(STEPS):
-        rows, residual = _whole(problem, run, errors)
+        rows, residual = whole_rows(model, run.samples, problem.targets, errors, prior)
         columns = np.column_stack([rows, residual])
         white = np.concatenate(list(_whitened(columns, size * declared, first, turns)))
         inverse = white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0)
@@ -58,38 +60,50 @@ def refined(problem: Problem, run: Run, errors: Array, turns: Sequence[Array]) -
         still = np.abs(step / np.sqrt(np.diag(covariance))).max() < STILL
         if still and abs(size / before - 1.0) < STILL:
             break
-    residual = _residual(problem, run, errors, errors)
-    return Refined(frozen(errors), frozen(_inverse(inverse, prior)), frozen(residual))
+    left = model.residual(with_torque(run.samples, model, errors), problem.targets, errors)[:, 0]
+    return Refined(frozen(errors), frozen(_inverse(inverse, prior)), frozen(left))
 
 
 def _whitened(columns: Array, variance: Array, first: int, turns: Sequence[Array]) -> Iterator[Array]:
     """Columns (n, C) in standard deviations: rows without load each by itself, then the blocks of turns."""
     yield columns[:first] / np.sqrt(variance[:first, None])
     for noise in turns:
-        K, A = noise.shape[:2]
-        part = slice(first, first + K * A)
-        common = np.diag(variance[part].reshape(K, A).mean(axis=0))
-        block = np.kron(np.ones((K, K)), common) + block_diag(*noise)
-        yield solve_triangular(np.linalg.cholesky(block), columns[part], lower=True)
-        first += K * A
+        part = slice(first, first + len(noise) * noise.shape[1])
+        yield whitened_turns(columns[part], noise, variance[part])
+        first = part.stop
 
 
-def _whole(problem: Problem, run: Run, errors: Array) -> tuple[Array, Array]:
-    """Rows (n, P) with what each parameter changes of the torques, and residuals (n,) [m]."""
-    here = with_torque(run.samples, problem.model, errors)
-    about = problem.model.linear(here, problem.targets, errors)
-    residual, rows = about.residual[:, 0], np.array(about.rows[:, 0])
-    for k, size in enumerate(NUDGE * problem.prior):
+def whitened_turns(columns: Array, noise: Array, pose: Array) -> Array:
+    """Return columns (K·A, C) of the K loads of a circle in one sense, in independent standard deviations.
+
+    Args:
+        columns: of the rows, load by load.
+        noise: covariance of the averages over the A angles, for each load (K, A, A) [m²].
+        pose: variance of the error that a pose has with any load, (K·A,) [m²]; it is common to the loads.
+    """
+    K, A = noise.shape[:2]
+    common = np.diag(pose.reshape(K, A).mean(axis=0))
+    block = np.kron(np.ones((K, K)), common) + block_diag(*noise)
+    return np.asarray(solve_triangular(np.linalg.cholesky(block), columns, lower=True))
+
+
+def whole_rows(model: Model, samples: Samples, targets: Targets, errors: Array, prior: Array) -> tuple[Array, Array]:
+    """Return rows (n, P) with what each parameter changes of the torques, and residuals (n,) [m], about ``errors``.
+
+    The model's compliances are by held torques; ``prior`` (P,) are the sizes by which the torques are tried.
+    """
+
+    def residual(torques_by: Array) -> Array:
+        there = with_torque(samples, model, torques_by)
+        return np.asarray(model.residual(there, targets, errors)[:, 0])
+
+    about = model.linear(with_torque(samples, model, errors), targets, errors)
+    left, rows = about.residual[:, 0], np.array(about.rows[:, 0])
+    for k, size in enumerate(NUDGE * prior):
         moved = errors.copy()
         moved[k] += size
-        rows[:, k] -= (_residual(problem, run, errors, moved) - residual) / size
-    return rows, residual
-
-
-def _residual(problem: Problem, run: Run, errors: Array, torques_by: Array) -> Array:
-    """Residuals (n,) [m] at ``errors`` with the torques that ``torques_by`` gives."""
-    samples = with_torque(run.samples, problem.model, torques_by)
-    return np.asarray(problem.model.residual(samples, problem.targets, errors)[:, 0])
+        rows[:, k] -= (residual(moved) - left) / size
+    return rows, left
 
 
 def _inverse(information: Array, prior: Array) -> Array:

@@ -1,12 +1,12 @@
-"""What ``edbb loaded`` writes: ``loaded.json`` (schema edbb-loaded/1) and ``curves.csv``."""
+"""What ``edbb loaded`` writes: ``loaded.json`` (schema edbb-loaded/1)."""
 
 import json
 
 import numpy as np
-import polars as pl
 
 from planner.loaded.joint import Joint
-from planner.loaded.types import KNOWN, Comparison, Compliances, Evaluated, Loaded, Offset
+from planner.loaded.told import KNOWN, Compliances
+from planner.loaded.types import Comparison, Evaluated, Loaded, Offset
 from planner.units import MM, UM, Array, to_deg, to_mm
 
 URAD = 1e-6  # [rad]
@@ -42,11 +42,6 @@ def loaded_content(found: Loaded, joint: Joint | None = None) -> dict[str, objec
 def loaded_text(found: Loaded, joint: Joint | None = None) -> str:
     """Return ``loaded.json``."""
     return json.dumps(loaded_content(found, joint), indent=1, ensure_ascii=False) + "\n"
-
-
-def curves_csv(found: Loaded) -> str:
-    """Return every averaged curve, one row an angle, load and sense; deflections are from the base load (eq. 8)."""
-    return pl.concat([_table(c) for c in found.circles]).write_csv()
 
 
 def _compliances(found: Compliances) -> list[dict[str, object]]:
@@ -106,7 +101,7 @@ def _circle(c: Evaluated) -> dict[str, object]:
         "spread_of_straight_lines_um": round(c.bent / UM, 2),
         "centre_offset_mm": np.round(to_mm(c.centre_offset), 4).tolist(),
         "offset": _offset(c.offset),
-        "offset_as_in_the_paper": _offset(c.paper_offset),
+        **({} if c.paper_offset is None else {"offset_as_in_the_paper": _offset(c.paper_offset)}),
         "kinematic_error_um": {"rms": _rms(c.kinematic), "largest": round(float(np.abs(c.kinematic).max()) / UM, 2)},
         "tracker": None if c.tracker is None else _tracker(c.tracker),
     }
@@ -123,30 +118,6 @@ def _offset(o: Offset) -> dict[str, float]:
 
 def _tracker(t: Comparison) -> dict[str, float]:
     return {"mean_um": round(t.mean / UM, 2), "largest_um": round(t.largest / UM, 2)}
-
-
-def _table(c: Evaluated) -> pl.DataFrame:
-    curves = c.curves
-    D, K, B = curves.length.shape
-    first = curves.length[:, :1]
-
-    def column(values: Array, decimals: int) -> Array:
-        return np.round(np.broadcast_to(values, (D, K, B)).ravel(), decimals)
-
-    predicted = np.concatenate([np.zeros((D, 1, B)), c.predicted], axis=1)
-    data = {
-        "fixture": np.repeat(curves.circle.name, D * K * B),
-        "direction": np.repeat(np.array(curves.directions), K * B),
-        "load_N": column(curves.loads[None, :, None], 2),
-        "angle_deg": column(to_deg(curves.theta), 4),
-        "length_mm": column(to_mm(curves.length), 6),
-        "deflection_um": column((curves.length - first) / UM, 3),
-        "predicted_um": column(predicted / UM, 3),
-        "compensated_mm": column(to_mm(c.compensated), 6),
-        "averaged_um": column(c.averaged[:, None] / UM, 3),
-        "kinematic_um": column(c.kinematic[:, None] / UM, 3),
-    }
-    return pl.DataFrame(data)
 
 
 def _rms(values: Array) -> float:

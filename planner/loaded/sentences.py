@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.loaded.types import KNOWN, OPEN, UNTOLD, WELL, Combination, Compliances, Evaluated
+from planner.loaded.told import KNOWN, OPEN, UNTOLD, WELL, Combination, Compliances
+from planner.loaded.types import Evaluated
 from planner.units import MM, UM, to_deg
 
 URAD = 1e-6  # [rad]

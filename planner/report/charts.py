@@ -5,13 +5,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from planner.foresight import ASSUMED, Foresight
 from planner.observability import RULES
 from planner.plan import Plan
 from planner.report.data import Learnt
 from planner.report.picture import BLUE, GREEN, GREY, RED, Limit, Panel, Picture, Series
 from planner.report.words import FILTERS, count, sized
+from planner.units import to_mm
 
 ROW = 26  # [px] of one name in a list
+FEW = 30  # poses, before which errors are off the picture
 SHORT = 40  # letters of a label that stand beside an axis
 
 
@@ -48,6 +51,34 @@ def index_curve(plan: Plan) -> Picture:
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line, poses moved off the grid can. "
         f"The flatter the curve, the less a further pose brings.{shared}",
+        (panel,),
+    )
+
+
+def foresight(ahead: Foresight) -> Picture:
+    """Error of the tool that is expected after each number of poses."""
+    n = np.arange(1.0, len(ahead.after) + 1)
+    hover = tuple(f"{int(k)} poses: {to_mm(e):.3f} mm" for k, e in zip(n, ahead.after, strict=True))
+    series = [
+        Series("expected once the run is traced", n, to_mm(ahead.after), BLUE, hover=hover),
+        Series(
+            f"this plan: {len(n)} poses",
+            n[-1:],
+            np.array([float(to_mm(ahead.left))]),
+            RED,
+            "points",
+            hover=(f"{to_mm(ahead.left):.3f} mm",),
+        ),
+    ]
+    untraced = float(to_mm(ahead.unknown.untraced))
+    limits = (Limit(untraced, "only the geometry fitted, at best"), Limit(float(to_mm(ahead.bound)), "proven bound"))
+    top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW) - 1])))
+    panel = Panel("", "number of poses", "error of the tool (mm rms)", tuple(series), limits, y_range=(0.0, top))
+    return Picture(
+        "foresight",
+        "What the robot's error would be",
+        f"Anywhere in the workspace, if {ASSUMED}. The upper line is what such effects leave where nobody looks for "
+        "them; no set of as many candidates comes below the lower one.",
         (panel,),
     )
 

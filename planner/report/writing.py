@@ -6,7 +6,7 @@ from plotly.offline import get_plotlyjs
 
 from planner.files import write_bytes, write_text
 from planner.plan import Plan
-from planner.report.charts import funnel, index_curve, parameters
+from planner.report.charts import foresight, funnel, index_curve, parameters
 from planner.report.data import driven, learnt, rounds
 from planner.report.motion import bar, contact, joints, speeds, tour
 from planner.report.page import Section, build_page, path_facts, tour_facts
@@ -32,6 +32,7 @@ def write_report(plan: Plan, folder: Path) -> list[Path]:
     """
     rows = learnt(plan)
     overview = (index_curve(plan), funnel(plan), parameters(rows))
+    overview += (foresight(plan.foresight),) if plan.foresight else ()
     sections = tuple(_section(plan, k) for k in range(len(plan.drives)))
     pictures = (*overview, *(p for s in sections for p in s.pictures))
     stage = build_stage(plan)

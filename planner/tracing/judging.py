@@ -15,6 +15,7 @@ from planner.tracing.state import Held, State
 SURE = float(np.log(2e-3))  # chance, corrected for everything that was tried, below which an effect may be added
 WORTH = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
 MANY = 8  # parameters above which an effect is a curve: some of its waves are always faint
+DECIDED = 0.5  # share of a direction's prior variance that the readings leave, below which they decide it
 SEEN = 3.0  # standard deviations that an effect's size must be above zero
 
 
@@ -30,7 +31,7 @@ def reason(before: State, after: State, bench: Bench, tried: int) -> str | None:
     if size > held.entry.largest:
         return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
     memory = inflation(after, held)
-    if len(after.positions(held)) <= MANY and strength(after, held) / memory < SEEN**2:
+    if len(after.positions(held)) <= MANY and strength(after, held)[0] / memory < SEEN**2:
         return "its size is not determined once everything is refitted"
     if wald_log_p(after, held, tried, memory) > SURE:
         return "it is no larger than chance would have it among so many"
@@ -71,22 +72,27 @@ def own_gains(state: State, bench: Bench) -> list[Own]:
     return [Own(Metrics.of(b).rms - least, *fall_in_errors(b, after, split)) for b in bare]
 
 
-def strength(state: State, held: Held) -> float:
-    """Wald statistic of an effect over its number of parameters: how far its size is from zero.
+def strength(state: State, held: Held) -> tuple[float, int]:
+    """Wald statistic of an effect over the number of its directions that the readings decide, and that number.
 
-    Wrong weights count as known: they show through the compliances only, and go with them.
+    How far its size is from zero. Waves of a curve that are too quick for the poses to show are expected near zero and
+    found there: they are no test of it. Wrong weights count as known: they show through the compliances only, and go
+    with them.
     """
     model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
     kept = np.array([j for j, p in enumerate(model.parameters) if p.group != GROUP])
     which = np.searchsorted(kept, state.positions(held))
     root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
-    value = (state.fit.errors / prior)[kept][which]
-    return float(value @ np.linalg.solve(root @ root.T, value)) / len(which)
+    variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
+    along = axes.T @ (state.fit.errors / prior)[kept][which]
+    told = variance < DECIDED if (variance < DECIDED).any() else np.ones(len(which), dtype=bool)
+    return float((along[told] ** 2 / variance[told]).mean()), int(told.sum())
 
 
 def wald_log_p(state: State, held: Held, tried: int, memory: float | None = None) -> float:
     """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried."""
     memory = inflation(state, held) if memory is None else memory
     spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
-    one = f_distribution.logsf(strength(state, held) / memory, len(state.positions(held)), spare)
+    size, directions = strength(state, held)
+    one = f_distribution.logsf(size / memory, directions, spare)
     return min(0.0, float(one) + float(np.log(tried)))

@@ -21,6 +21,7 @@ from planner.tracing.state import Held, State, refit
 from planner.tracing.steps import best, settled
 from planner.tracing.swaps import BETTER, swapped
 from planner.tracing.uneven import uneven
+from planner.tracing.unnamed import KIND as NAMELESS
 from planner.tracing.unnamed import unnamed
 
 TRIES = 6  # of the most surprising entries that are refitted before the search gives up
@@ -128,16 +129,33 @@ def _uneven(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State
         return path
     kept = _pruned(hunt, best)
     hunt.refused.share.clear()
-    return _forward(hunt, [*(path if path[-1].names <= kept.names else path[:1]), kept])
+    other = _forward(hunt, [*(path if path[-1].names <= kept.names else path[:1]), kept])
+    worth = hunt.memory(path[-1])
+    return other if other[-1].evidence(worth) < path[-1].evidence(worth) else path
 
 
 def _pruned(hunt: Hunt, state: State) -> State:
-    """Take out effects that the later ones made needless, the faintest first."""
+    """Take out effects that the later ones made needless, the faintest first.
+
+    A correction without a name is flexible enough to make a name look needless: the name goes only where the run is no
+    less likely without it.
+    """
+    kept = set[str]()
     while len(state.effects) > 1:
-        chances = [wald_log_p(state, h, hunt.tried) for h in state.effects]
-        faint = int(np.argmax(chances))
-        if chances[faint] < SURE:
+        doubted = [h for h in state.effects if h.entry.name not in kept]
+        chances = [wald_log_p(state, h, hunt.tried) for h in doubted]
+        if max(chances, default=SURE) <= SURE:
             break
-        effects = tuple(h for k, h in enumerate(state.effects) if k != faint)
-        state = refit(hunt.bench, effects[-1].entry.name, state.base, effects, state)
+        faint = doubted[int(np.argmax(chances))]
+        effects = tuple(h for h in state.effects if h is not faint)
+        poorer = refit(hunt.bench, effects[-1].entry.name, state.base, effects, state)
+        worth = hunt.memory(state)
+        if _beside_nameless(state, faint) and poorer.evidence(worth) > state.evidence(worth) + BETTER:
+            kept.add(faint.entry.name)
+        else:
+            state = poorer
     return state
+
+
+def _beside_nameless(state: State, held: Held) -> bool:
+    return held.entry.kind != NAMELESS and any(h.entry.kind == NAMELESS for h in state.effects)

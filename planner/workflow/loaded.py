@@ -8,8 +8,10 @@ from planner.cell import load_cell
 from planner.errors import InputError
 from planner.files import write_text
 from planner.loaded import Loaded, Options, evaluate
-from planner.loaded.joint import Joint, averaged_run, averages_noise, joint_fit
-from planner.loaded.results import curves_csv, loaded_text
+from planner.loaded.joint import Joint, joint_fit
+from planner.loaded.results import loaded_text
+from planner.loaded.runs import averaged_run, averages_noise
+from planner.loaded.table import curves_csv
 from planner.plan.header import Loose
 from planner.run import Run, load_runs, run_text
 from planner.schema import read_json, validate
@@ -75,7 +77,8 @@ def _check_plan(run: Run, path: Path, robot: str) -> None:
 def write_loaded(done: Evaluation, folder: Path, stages: Stages) -> list[Path]:
     """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
 
-    ``averaged.csv`` is a run by itself, which other fits can take beside runs without load.
+    ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both in
+    one, as the joint fit saw them, where there was one.
     """
     from planner.report.loaded import write_loaded_report  # plotting: other commands start quicker without
 
@@ -83,5 +86,7 @@ def write_loaded(done: Evaluation, folder: Path, stages: Stages) -> list[Path]:
         write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
         write_text(draft / "curves.csv", curves_csv(done.found))
         write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
+        if done.joint is not None:
+            write_text(draft / "joint.csv", run_text(done.joint.run))
         write_loaded_report(done.found, draft, done.joint)
         return move_all(draft, folder)

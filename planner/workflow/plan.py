@@ -2,6 +2,7 @@
 
 from planner.cell import Cell
 from planner.plan import Plan
+from planner.workflow.asked import check_for_points
 from planner.workflow.planning import Options, Stages
 from planner.workflow.planning import plan as plan_with_bar
 from planner.workflow.point_planning import plan_points
@@ -14,6 +15,8 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
+    if not cell.gauge.is_bar:
+        check_for_points(cell, options)
     if options.fixtures > 1:
         from planner.study.adding import with_fixtures  # matplotlib: other plans start quicker without
 

@@ -27,7 +27,7 @@ def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
     square = 0.0
     for drawn in rng.standard_normal((DRAWN, len(names))) * size:
         R, p = arm.flange(q, dict(zip(names[:-1], drawn[:-1], strict=True)))
-        x = p + R @ (cell.tool.p_FM + [drawn[-1], 0, 0])
+        x = p + R @ (cell.tool.p_FM + np.array([drawn[-1], 0, 0]))
         R, p = arm.flange(q)
         square += (_aligned(x, p + R @ cell.tool.p_FM) ** 2).sum(axis=1).mean() / DRAWN
     assert workspace.rms(names, np.diag(size**2)) == pytest.approx(np.sqrt(square), rel=0.1)

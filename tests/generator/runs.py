@@ -65,7 +65,16 @@ def balls(arm, n_poses=80, seed=0, truth=None, logs=None, bench=None) -> Made:
     which = np.arange(n_poses) * len(centres) // n_poses
     q = at_targets(arm, centres[which], bench.tool, rng, lambda q: _upright(arm, q, bench), tries=40)
     ok = ~np.isnan(q[:, 0])
-    q, which = q[ok], which[ok]
+    return _in_balls(arm, bench, q[ok], which[ok], centres, seed, truth, logs, rng)
+
+
+def centred(arm, bench, q, which, truth, seed=0, logs=None) -> Made:
+    """The measured point centred in the balls ``which`` (n,) from near the poses q (n, N), in the order given."""
+    rng = np.random.default_rng([seed, 7])
+    return _in_balls(arm, bench, q, which, _plate(bench, rng), seed, truth, logs, rng)
+
+
+def _in_balls(arm, bench, q, which, centres, seed, truth, logs, rng):
     truth = truth or draw_truth(arm, seed)
     scene = course(arm, bench, "balls", q, truth, rng, _needed(truth, logs))
     station = Station("balls", np.zeros(3), np.eye(3), balls=centres[which])

@@ -15,6 +15,8 @@ from planner.cell import load_cell
 from planner.choice import what_is_seen
 from planner.errors import InputError
 from planner.identification import identify
+from planner.identification.solve import solve
+from planner.model import Model
 from planner.observability import covariance
 from planner.report.calibration.data import Told
 from planner.report.calibration.loop import in_short
@@ -66,13 +68,20 @@ def identified(traced=False):
     return identify(run, as_identified(), tracer=trace if traced else None)
 
 
-def made(seed, soft, poses=40):
-    """A run of the generator's arm with errors drawn in all that the paper's model has, and the truth by name."""
+def made(seed, soft, poses=40, tool=0.0):
+    """A run of the generator's arm with errors drawn in all that the paper's model has, and the truth by name.
+
+    ``tool``: standard deviation of its point along each axis [m].
+    """
     rng = np.random.default_rng([4, seed])
     true = {n: float(rng.normal(0.0, 4e-4)) for n in FREE}
+    point = {
+        f"map_{axis}": float(v)
+        for axis, v in zip("xyz", tool * np.random.default_rng(seed).normal(size=3), strict=True)
+    }
     give = {j: float(c) for j, c in zip(SOFT, rng.normal(0.0, soft, len(SOFT)), strict=True)}
     effects = tuple(Effect("joint-compliance", j, c) for j, c in give.items() if soft)
-    truth = Truth(seed, MappingProxyType(true), effects, Noise(2.5e-6, 1e-5), (1.0,) * 6)
+    truth = Truth(seed, MappingProxyType(true | point), effects, Noise(2.5e-6, 1e-5), (1.0,) * 6)
     bench = replace(
         BENCHES[NAME], map_mm=(70, 0, 150), tool_kg=6.0, com_mm=(20, 0, 65), plate_mm=(536.32, 21.901, 58.349)
     )
@@ -111,17 +120,22 @@ def test_predicted_and_found_standard_deviations_agree():
     model, _, q = planned()
     predicted = covariance(model.jacobian(q), model.noise(q)[:, None] * np.ones(3), model.prior)
     found = identified()
-    std = dict(zip(found.fit.model.names, np.sqrt(np.diag(found.covariance)), strict=True))
+    plain = np.linalg.norm(found.fit.solution.root(found.fit.problem.prior), axis=1)  # what the tool adds left aside
+    std = dict(zip(found.fit.model.names, plain, strict=True))
     ratio = np.array([std[n] / s for n, s in zip(model.names, predicted.std, strict=True)])
     assert 0.6 < np.median(ratio) < 1.4
     assert np.all(np.abs(ratio / np.median(ratio) - 1) < 0.35), dict(zip(model.names, ratio, strict=True))
 
 
-def test_all_parameters_come_back_as_their_joint_chi_square_allows():
-    """Signed compliances of the size of Table 8 and errors in all 25 of the arm's own, over several arms."""
+@pytest.mark.parametrize("tool", [0.0, 1.9e-6])
+def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
+    """Signed compliances of the size of Table 8 and errors in all 25 of the arm's own, over several arms.
+
+    A tool point that is off by what its CMM allows goes into the last offset and angle: their uncertainties know it.
+    """
     total, count = 0.0, 0
     for seed in range(SEEDS):
-        run, true = made(seed, soft=1e-4)
+        run, true = made(seed, soft=1e-4, tool=tool)
         found = identify(run, cell())
         names = found.fit.model.names
         assert len(names) == 31
@@ -167,3 +181,25 @@ def test_the_report_tells_the_declared_effect_with_its_values():
     for e in found.estimates:
         if e.group == "joint compliance" and e.identifiable:
             assert f"{e.name} {sized(1e6 * e.value)} ± {sized(1e6 * e.std, 2)} µrad/Nm" in sentence
+
+
+def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs_from_them():
+    """Against a fit that has the tool point as a parameter, with the CMM's uncertainty for its prior size."""
+    found = identified()
+    problem, names = found.fit.problem, found.fit.model.names
+    tool = [p for p in Model.of(problem.model.rig, frozenset({"tool"})).parameters if p.name.startswith("map_")]
+    open_ = solve(problem.with_model(problem.model.plus(tool)), np.append(found.fit.errors, np.zeros(3)))
+    wanted = np.linalg.norm(open_.root(np.append(problem.prior, [p.prior for p in tool])), axis=1)[: len(names)]
+    std, alone = np.sqrt(np.diag(found.covariance)), np.linalg.norm(found.fit.solution.root(problem.prior), axis=1)
+    assert np.all(np.abs(std / wanted - 1) < 0.1)  # the run tells a little of the point itself
+    assert {n for n, r in zip(names, std / alone, strict=True) if r > 1.1} >= {"theta6", "d6"}
+    assert std[names.index("theta6")] > cell().tool.prior / cell().tool.p_FM[0]
+
+
+def test_effects_come_in_the_order_in_which_they_are_declared_each_once():
+    run, _ = made(1, soft=1e-4)
+    several = ("soft base", "joint compliance", "soft base")
+    found = identify(run, replace(cell(), plan=replace(cell().plan, effects=several)))
+    assert [s.name for s in found.stages[2:]] == ["geometry", "soft base", "joint compliance"]
+    assert found.stages[-1].effects == ("soft base", "joint compliance")
+    assert len(set(found.fit.model.names)) == len(found.fit.model.names) == found.stages[-1].parameters

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.loaded import Loaded, evaluate
+from planner.loaded import Loaded, Options, evaluate
 from planner.report.loaded import pictures
 from planner.report.printed import picture_png
 from planner.run import Readings, Run, Samples
@@ -42,7 +42,7 @@ def evaluated(seed: int = 0) -> Loaded:
     way = world.course(arm, rate=RATE)
     truth = _centred(arm, way)
     length, _ = world.readings(arm, truth, way, rng)
-    return evaluate(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng))
+    return evaluate(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng), Options(paper=True))
 
 
 def rows(seed: int = 0) -> tuple[Row, ...]:
@@ -50,6 +50,7 @@ def rows(seed: int = 0) -> tuple[Row, ...]:
     (circle,) = evaluated(seed).circles
     free = circle.paper_offset
     assert circle.tracker is not None
+    assert free is not None
     turn = 2 * np.pi * circle.curves.circle.radius / 0.05 * 1000
     made = "the ball was set off so that b = 1 gives the paper's number"
     return (

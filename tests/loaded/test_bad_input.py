@@ -28,6 +28,7 @@ def refused(run, *words, cell=None, error=InputError):
         evaluate(run, cell or shared.cell())
     text = str(caught.value)
     assert all(w in text for w in words), text
+    assert caught.value.exit_code == 2
     assert "\n" not in text
 
 

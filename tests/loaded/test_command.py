@@ -8,7 +8,8 @@ import pytest
 from scipy.stats import chi2
 
 from planner.identification import Settings
-from planner.loaded.joint import averaged_run, joint_fit
+from planner.loaded.joint import joint_fit
+from planner.loaded.runs import averaged_run
 from planner.loaded.tracker import compared
 from planner.report.loaded import pictures
 from planner.run import Readings, Run, Samples, load_runs, save_run
@@ -129,6 +130,11 @@ def test_files(done, tmp_path):
     content = json.loads((tmp_path / "out" / "loaded.json").read_text())
     assert content["schema"] == "edbb-loaded/1"
     assert [c["name"] for c in content["compliances"]] == [f"compliance{i + 1}" for i in range(6)]
+    joint = load_runs([tmp_path / "out" / "joint.csv"], 6)
+    assert not joint.continuous
+    assert set(joint.places) == {"E", "A"}
+    assert joint.samples.torque is None
+    assert {"rms_without_load_um", "rms_with_load_um"} <= set(content["joint"])
     table = pl.read_csv(tmp_path / "out" / "curves.csv")
     (circle,) = done.found.circles
     assert len(table) == circle.curves.length.size

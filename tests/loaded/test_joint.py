@@ -9,11 +9,14 @@ from scipy.stats import chi2
 
 from planner.cell import load_cell
 from planner.errors import InputError
-from planner.loaded.joint import APART, at_rest, joint_fit
+from planner.loaded.joint import joint_fit
+from planner.loaded.runs import APART, at_rest
 from planner.model import Model
 from planner.rig import rig_of
 from planner.run import Readings, Run, Samples
 from planner.run.joining import joined
+from planner.study.softness import driven, predicted_both
+from planner.study.softness.choice import planned_curves
 from tests.loaded import shared, world
 
 SEEDS, ANGLES, REPEATS = 20, 24, 5
@@ -128,3 +131,34 @@ def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
     raw = replace(loaded, continuous=True, samples=replace(loaded.samples, t=np.arange(len(loaded)) * 0.01))
     with pytest.raises(InputError, match=r"averaged.csv.*--with"):
         joined([free, raw])
+
+
+def test_the_plan_predicts_what_the_fit_finds(cell):
+    """Standard deviations of a fit whose noise is as declared, beside those predicted for its poses and circle."""
+    shipped, rng = load_cell(shared.CELL), np.random.default_rng(11)
+    place, q = driven(shipped), clean()[0]
+    curves = planned_curves(shipped, rig_of(shipped), place)
+    _, K, A = curves.length.shape
+    turn = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A] / REPEATS
+    around, force = curves.q.reshape(-1, 6), curves.force.ravel()
+    truth, ball = world.World(errors=shared.ERRORS), np.array(world.FIXTURE)
+    length = np.linalg.norm(world.true_point(shared.arm(), truth, around, force, ball) - ball, axis=1)
+    model = Model.of(rig_of(cell), frozenset())
+    pose = rng.normal(size=(2, 1, A)) * model.noise(around)[:A]  # the error of a pose, the same under all loads
+    smooth = np.linalg.cholesky(turn) @ rng.normal(size=(2, K, A, 1))
+    length = length + (pose + smooth[..., 0]).ravel()
+    free = clean()[1] + model.noise(q, 1) * rng.normal(size=len(q))
+    found = joint_fit(
+        cell,
+        Run("free", Samples(q=q, place=np.zeros(len(q), int)), Readings(length=free), ("E",), robot="abb-irb6700"),
+        Run(
+            "loaded", Samples(q=around, place=np.zeros(len(around), int), force=force), Readings(length=length), ("A",)
+        ),
+        (np.repeat(turn[None], K, axis=0),) * 2,
+    )
+    other = replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),), circles=())
+    known = predicted_both(other, q, np.zeros(len(q), int), shipped, [place])
+    std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
+    ratio = [std[n] / (b * p) for n, b, p in zip(known.names, known.both, known.prior, strict=True) if n in NAMES[:5]]
+    assert len(ratio) == 5
+    assert 0.6 < min(ratio) <= max(ratio) < 1.6, ratio

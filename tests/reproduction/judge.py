@@ -1,7 +1,7 @@
 """Position errors of a calibrated robot at poses that no instrument measured."""
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,10 @@ from planner.identification.gauge_frames import gauge_frames
 from planner.robot import load_robot
 from tests.generator import catalogue
 from tests.generator.course import course
-from tests.generator.poses import toured
 from tests.generator.scene import total
-from tests.reproduction.instruments import _free, arm, bench
+from tests.reproduction.instruments import CHOSEN, REGISTERED, VALIDATED, arm, bench
+from tests.reproduction.planned import of_tracker, stops
 from tests.reproduction.truth import COMPLIANCES, TRACKER_M, errors, truth
-
-VALIDATED, REGISTERED = 500, 40  # poses of the figures, and others that place the robot in the tracker's frame
 
 
 @dataclass(frozen=True)
@@ -31,37 +29,48 @@ class Errors:
         return tuple(1e3 * f(self.of) for f in (np.mean, np.max, np.std))
 
 
-def validation(more=()):
-    """Joint angles (n, N) and where the true arm's point stands there, (n, 3) [m]; the last ones register."""
-    a, b, rng = arm(), bench(), np.random.default_rng(99)
-    q = toured(a, _free(a, b, VALIDATED + REGISTERED, rng))
-    order = np.random.default_rng(98).permutation(len(q))
+def validation(tool, more=()):
+    """Joint angles (n, N) and where the true arm's point ``tool`` (3,) [m] stands there, (n, 3) [m].
+
+    They are the planner's own: random, free of collisions, the reflector in sight. The last ones register.
+    """
+    (stop,) = stops(of_tracker(CHOSEN, VALIDATED + REGISTERED), "validate")
+    a, b = arm(), replace(bench(stop), map_mm=tuple(float(v) for v in np.round(1e3 * tool, 6)))
     what = truth(TRACKER_M, more)
-    scene = course(a, b, "tracker", q, what, rng, frozenset())
+    scene = course(a, b, "tracker", stop.q, what, np.random.default_rng(99), frozenset())
     x = scene.points(total(what.of_arm(a), catalogue.motions(scene, what.effects)))
-    return q[order], x[order]
+    order = np.random.default_rng(98).permutation(len(stop.q))
+    return stop.q[order], x[order]
 
 
-def validated(calibration, q, x):
+def validated(calibration, measured, more=()):
     """Errors of the calibrated robot, as a user would load it, in a frame that other poses placed."""
+    q, x = validation(measured.tool, more)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in calibrated_files(calibration):
             (Path(folder) / name).write_text(text)
         robot = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml")))
     p, R = robot.flange(q)
-    tool = gauge_frames(calibration).points[0][1]
-    return Errors(in_frame(p + R @ tool, x))
+    return Errors(in_frame(p + R @ gauge_frames(calibration).points[0][1], x))
+
+
+def nominal(measured, more=()):
+    """Errors of the arm by its data sheet."""
+    q, x = validation(measured.tool, more)
+    R, p = arm().flange(q)
+    return Errors(in_frame(p + R @ measured.tool, x))
 
 
 def as_planted(calibration):
     """Joint χ² of the parameters that the fit and Table 8 have in common, and how many they are.
 
-    Where the parallel axes 2 and 3 leave their offsets to one number, that is d2 here and d3 there; the last row's d6
-    and θ6 are the tool point's here, and the base's six numbers are those of another frame.
+    Where the parallel axes 2 and 3 leave their offsets to one number, that is d2 here and d3 there unless the fit kept
+    the paper's; a last row's d6 and θ6 may be the tool point's, and the base's six numbers are those of another frame.
     """
     truth = dict(errors()) | {f"compliance{j}": float(np.radians(c)) for j, c in COMPLIANCES.items()}
-    truth["d2"] = truth.pop("d3")
     names = calibration.fit.model.names
+    if "d3" not in names:
+        truth["d2"] = truth.pop("d3")
     which = [k for k, name in enumerate(names) if name in truth]
     off = calibration.fit.errors[which] - np.array([truth[names[k]] for k in which])
     return float(off @ np.linalg.solve(calibration.covariance[np.ix_(which, which)], off)), len(which)

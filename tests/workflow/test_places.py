@@ -82,7 +82,7 @@ def test_a_run_with_a_point_that_the_tool_has_not_is_refused(session, tmp_path):
     done = edbb("identify", run, "--cell", folder / "cell.toml", "-o", tmp_path / "out")
     assert done.returncode == 2
     assert "point 'lov'" in done.stderr
-    assert "did you mean 'low'" in done.stderr
+    assert 'did you mean "low"?' in done.stderr
 
 
 @pytest.mark.parametrize(

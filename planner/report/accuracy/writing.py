@@ -28,7 +28,7 @@ def validation_report(title: str, found: Validation) -> tuple[str, bytes]:
             f"Calibrated: mean {_mm(after.mean)} mm, at most {_mm(after.largest)} mm, standard deviation "
             f"{_mm(after.std)} mm."
         )
-    said.append(f"The tracker's frame was found from {len(found.nests)} nests, which it misses {misses}.")
+    said.append(f"The tracker's frame was found from {len(found.nests)} nests; it misses {misses}.")
     said.append(found.floor.text() + ".")
     head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))
     rows = [_figures("by the data sheet", before)] + ([] if after is None else [_figures("calibrated", after)])
@@ -90,7 +90,7 @@ def _centrings(found: Repeats) -> list[Row]:
     for k in np.argsort(found.pose, kind="stable"):
         pose = int(found.pose[k])
         seen[pose] = seen.get(pose, 0) + 1
-        off = [f"{v / UM:+.1f}" for v in found.off[k]]
+        off = [f"{round(v / UM, 1) + 0.0:+.1f}" for v in found.off[k]]
         rows.append((str(pose), found.ball[k], str(seen[pose]), *off, _um(float(np.linalg.norm(found.off[k])))))
     return rows
 

@@ -70,18 +70,23 @@ def compensated(c: Evaluated, stem: str = "", where: str = "") -> Picture:
     lines = [
         Series("average", angle, c.averaged.mean(axis=0) / UM, BLUE),
         Series("offset of the centre", angle, sine(c.offset, curves.theta) / UM, RED, dashed=True),
-        Series("with b free", angle, sine(c.paper_offset, curves.theta) / UM, GREY, dashed=True),
     ]
+    free = ""
+    if c.paper_offset is not None:
+        lines.append(Series("with b free", angle, sine(c.paper_offset, curves.theta) / UM, GREY, dashed=True))
+        free = (
+            f" (b free as in the paper: {sized(c.paper_offset.amplitude * 1e3)} mm, "
+            f"b = {sized(c.paper_offset.frequency)})"
+        )
     panels = (
         _panel("as without load", "reading − mean (µm)", _lines(curves.theta, shown - shown.mean(), texts)),
-        _panel("distance from their average", "(µm)", _lines(curves.theta, shown - shown.mean(axis=0), texts)),
+        _panel("distance from their average", "distance (µm)", _lines(curves.theta, shown - shown.mean(axis=0), texts)),
         _panel("average", "reading − mean (µm)", lines),
     )
     caption = (
         f"The loads' curves lie up to {sized(c.spread / UM)} µm apart (as read: "
         f"{sized(float(np.ptp(curves.length, axis=1).max()) / UM)} µm). The circle's centre is off its ball, which "
-        f"shows once a turn with {sized(c.offset.amplitude * 1e3)} mm (b free as in the paper: "
-        f"{sized(c.paper_offset.amplitude * 1e3)} mm, b = {sized(c.paper_offset.frequency)})."
+        f"shows once a turn with {sized(c.offset.amplitude * 1e3)} mm{free}."
     )
     return Picture(f"compensated{stem}", f"Without the load{where}", caption, panels)
 

@@ -9,13 +9,14 @@ from planner.files import write_bytes, write_text
 from planner.loaded import Loaded
 from planner.loaded.joint import Joint
 from planner.loaded.sentences import share
-from planner.loaded.types import UNTOLD
+from planner.loaded.told import UNTOLD
 from planner.report.loaded.pictures import pictures
 from planner.report.picture import Picture
 from planner.report.printed import picture_png
 from planner.report.template import embedded, template
 from planner.report.web import figure_json
 from planner.report.words import sized
+from planner.units import UM
 
 URAD = 1e-6
 
@@ -59,6 +60,7 @@ def _page(found: Loaded, joint: Joint | None, drawn: tuple[Picture, ...], prints
         compliances=rows,
         combinations=mixed,
         together=[] if joint is None else _together(joint),
+        left=() if joint is None else tuple(sized(v / UM) for v in joint.rms),
         pictures=drawn,
         prints={name: b64encode(data).decode("ascii") for name, data in prints.items()},
         figures=[(p.name, embedded(figure_json(p))) for p in drawn],

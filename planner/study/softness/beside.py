@@ -6,8 +6,9 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.repeatable import first_best, single_threaded
-from planner.study.softness.both import Part, check_robots, loaded_part, one_tool, unloaded_part
+from planner.study.softness.both import check_robots, one_tool
 from planner.study.softness.circles import Candidate
+from planner.study.softness.rows import Part, loaded_part, unloaded_part
 from planner.units import Array
 
 BETTER = 1e-9  # of the logarithm of a determinant: less is rounding

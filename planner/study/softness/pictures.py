@@ -111,5 +111,8 @@ def known_by_both(known: Both) -> Picture:
         y_names=known.names,
         height=22 * len(known.names) + 30,
     )
-    caption = "Predicted: by the poses without load, by the loaded circles, and by one fit of both runs."
+    caption = (
+        "Predicted: by the poses without load, by the loaded circles, and by one fit of both runs. Parameters that "
+        "stay near their prior size in all three cannot be told apart; others carry their error."
+    )
     return Picture("known", "What each run knows, and both together", caption, (panel,))

@@ -1,0 +1,36 @@
+"""Options that a plan of some kind has no use for: they are refused, not passed over."""
+
+from planner.cell import Cell
+from planner.errors import InputError
+from planner.workflow.planning import Options
+
+
+def check_for_circles(cell: Cell, options: Options) -> None:
+    """Check that nothing is asked of a circular test that only a choice of poses can give.
+
+    Raises:
+        InputError: with the options to leave out.
+    """
+    asked = (
+        ("--poses", options.poses is not None),
+        ("--index", options.index is not None),
+        ("--separate", options.separate is not None),
+        ("--fixtures", options.fixtures > 1),
+        ("--aim", options.aim is not None),
+    )
+    given = ", ".join(name for name, is_ in asked if is_)
+    if given:
+        raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
+
+
+def check_for_points(cell: Cell, options: Options) -> None:
+    """Check that nothing is asked of a plan for balls or a tracker that only the poses of a bar can give.
+
+    Raises:
+        InputError: with the option to leave out.
+    """
+    if options.separate is not None:
+        raise InputError(
+            f"{cell.path}: --separate chooses the poses of a bar, the gauge here is '{cell.gauge.kind}'; leave it out, "
+            "or measure with a bar what the identification left open"
+        )

@@ -1,0 +1,25 @@
+"""Options that a plan cannot follow are refused before any work, never passed over."""
+
+import pytest
+
+from tests.workflow.conftest import edbb
+
+
+@pytest.mark.parametrize(
+    ("cell", "words", "message"),
+    [
+        (
+            "kuka-kr6-r700/trical",
+            ["--separate", "i.json"],
+            "--separate chooses the poses of a bar, the gauge here is 'tr",
+        ),
+        ("kuka-kr6-r700/tracker", ["--separate", "i.json"], "the gauge here is 'tracker'; leave it out"),
+        ("comau-nj130/circular", ["--separate", "i.json"], "no poses to be chosen; leave out --separate"),
+        ("comau-nj130/circular", ["--poses", "30", "--index", "O1"], "leave out --poses, --index"),
+    ],
+)
+def test_what_cannot_be_asked_of_a_cell(cell, words, message, tmp_path):
+    done = edbb("plan", cell, "-o", tmp_path / "out", *words)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert not (tmp_path / "out").exists()
