@@ -46,8 +46,10 @@ def refined(problem: Problem, run: Run, errors: Array, turns: Sequence[Array]) -
     model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
     size, inverse = 1.0, np.diag(prior**-2.0)
+    turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves
     for _ in range(STEPS):
-        rows, residual = whole_rows(model, run.samples, problem.targets, errors, prior)
+        about = model.linear(with_torque(run.samples, model, errors), problem.targets, errors)
+        rows, residual = about.rows[:, 0] + turned, about.residual[:, 0]
         columns = np.column_stack([rows, residual])
         white = np.concatenate(list(_whitened(columns, size * declared, first, turns)))
         inverse = white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0)
@@ -87,23 +89,22 @@ def whitened_turns(columns: Array, noise: Array, pose: Array) -> Array:
     return np.asarray(solve_triangular(np.linalg.cholesky(block), columns, lower=True))
 
 
-def whole_rows(model: Model, samples: Samples, targets: Targets, errors: Array, prior: Array) -> tuple[Array, Array]:
-    """Return rows (n, P) with what each parameter changes of the torques, and residuals (n,) [m], about ``errors``.
+def torque_rows(model: Model, samples: Samples, errors: Array, prior: Array) -> Array:
+    """Return what each parameter changes of the readings by way of the torques, (n, P), about ``errors``.
 
     The model's compliances are by held torques; ``prior`` (P,) are the sizes by which the torques are tried.
     """
+    nothing = Targets(length=np.zeros(len(samples)))
 
-    def residual(torques_by: Array) -> Array:
-        there = with_torque(samples, model, torques_by)
-        return np.asarray(model.residual(there, targets, errors)[:, 0])
+    def read(torques_by: Array) -> Array:
+        return np.asarray(-model.residual(with_torque(samples, model, torques_by), nothing, errors)[:, 0])
 
-    about = model.linear(with_torque(samples, model, errors), targets, errors)
-    left, rows = about.residual[:, 0], np.array(about.rows[:, 0])
+    out, here = np.empty((len(samples), len(prior))), read(errors)
     for k, size in enumerate(NUDGE * prior):
         moved = errors.copy()
         moved[k] += size
-        rows[:, k] -= (residual(moved) - left) / size
-    return rows, left
+        out[:, k] = (read(moved) - here) / size
+    return out
 
 
 def _inverse(information: Array, prior: Array) -> Array:

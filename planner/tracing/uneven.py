@@ -29,7 +29,8 @@ def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> St
     They join what the search has found or, where that is likelier, all joints that yield and nothing else.
     """
     joints = sorted({int(e.on.split()[-1]) - 1 for e in entries if e.kind == TONES[0]})
-    if sum(max(0.0, worth) for _, worth in _curves(hunt.shade(end), end, joints)) < LEFT:
+    bare = _without_curve(end, joints)
+    if sum(max(0.0, worth) for _, worth in _curves(hunt.shade(end), end, bare)) < LEFT:
         return None
     hunt.say("trying all gears at once")
     begin = [end, *_yielding(hunt, entries, start)]
@@ -51,6 +52,11 @@ def _count(state: State) -> int:
     return sum(h.entry.kind == KIND for h in state.effects)
 
 
+def _without_curve(state: State, joints: Sequence[int]) -> list[int]:
+    has = {h.entry.on for h in state.effects if h.entry.kind == KIND}
+    return [j for j in joints if f"joint {j + 1}" not in has]
+
+
 def _curves(shade: Shade, state: State, joints: Sequence[int]) -> list[tuple[Held, float]]:
     """The likeliest curve of each joint, and the logarithm of the likelihood that it adds."""
     entries = [likeliest(shade, state.base, j) for j in joints]
@@ -67,8 +73,7 @@ def _yielding(hunt: Hunt, entries: Sequence[Entry], start: State) -> list[State]
 
 def _curved(hunt: Hunt, state: State, joints: Sequence[int]) -> State | None:
     """Return a state with a curve for each joint that shows one, in the place of the joint's waves."""
-    has = {h.entry.on for h in state.effects if h.entry.kind == KIND}
-    bare = [j for j in joints if f"joint {j + 1}" not in has]
+    bare = _without_curve(state, joints)
     waves = [
         h for h in state.effects if plain(h.entry.kind) in TONES and h.entry.on in {f"joint {j + 1}" for j in bare}
     ]

@@ -7,10 +7,10 @@ import numpy as np
 
 from planner.cell import Cell
 from planner.loaded.balance import by_held_torque, in_balance
-from planner.loaded.refining import whitened_turns, whole_rows
+from planner.loaded.refining import torque_rows, whitened_turns
 from planner.model import Model
 from planner.model.parameters import compliance_parameters
-from planner.rig import Targets, rig_of
+from planner.rig import rig_of
 from planner.run import Samples
 from planner.study.softness.choice import TYPICAL, planned_curves
 from planner.study.softness.circles import Candidate
@@ -78,8 +78,8 @@ def _circle_rows(cell: Cell, model: Model, k: int, place: Candidate) -> Array:
     soft = np.array([p.group == "joint compliance" for p in model.parameters])
     held = replace(model, parameters=by_held_torque(model.parameters))
     errors = np.where(soft, TYPICAL * model.prior, 0.0)
-    nothing = Targets(length=np.zeros(len(samples)))
-    rows, _ = whole_rows(held, in_balance(model, samples, errors)[1], nothing, errors, model.prior)
+    there = in_balance(model, samples, errors)[1]
+    rows = held.rows(there, errors)[:, 0] + torque_rows(held, there, errors, model.prior)
     pose = model.noise(samples.q, samples.place) ** 2
     parts = zip(range(D), np.split(rows, D), np.split(pose, D), strict=True)
     return np.concatenate([whitened_turns(r, apart / curves.repeats[d, :, None, None], v) for d, r, v in parts])
