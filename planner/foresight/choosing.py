@@ -21,6 +21,7 @@ from planner.units import Array, to_mm
 
 LEFT = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
 FEWEST, MOST = 100, 400  # poses, where no number is given
+BEGUN = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
 PASSES = 2  # through the chosen, in which each may give way to another
 FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
 Progress = Callable[[int, int], None]
@@ -69,11 +70,20 @@ def foresee(cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | N
         raise InputError(f"{poses} poses are wanted, and only {len(pool)} candidates are left")
     unknown = unknown_of(cell, pool.q, pool.fixture)
     white, weight = unknown.white(pool.q, pool.fixture), unknown.scaled
-    known = Posterior.before(white, weight)
     target = 0.0 if poses else LEFT * unknown.untraced
-    chosen = exchanged(known, greedy(known, min(poses or MOST, len(pool)), target, progress))
+    begun = Posterior.before(white * _begun(unknown), weight)
+    chosen = greedy(begun, min(poses or MOST, len(pool)), target, progress)
+    chosen = exchanged(Posterior.before(white, weight).with_readings(chosen), chosen)
     after = errors_after(white[chosen], weight)
     return Foresight(unknown, chosen, after, least_error(white, weight, chosen), float(after[-1]))
+
+
+def _begun(unknown: Unknown) -> Array:
+    """Factors (P,) of the rows, by which the greedy choice takes the gauge's places for nearly known.
+
+    The first readings about a fixture only tell where it stands; one step ahead it would never look worth beginning.
+    """
+    return np.array([BEGUN if p.group == "gauge" else 1.0 for p in unknown.model.parameters])
 
 
 def greedy(posterior: Posterior, most: int, target: float, progress: Progress | None = None) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What is known of all errors once some candidates are measured, kept up to date reading by reading."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,13 @@ class Posterior:
     def loss(self, which: np.ndarray) -> Array:
         """How much the mean square error would grow without each of the readings ``which``, (k,) [m²]."""
         return np.asarray((self.shown[which] ** 2).sum(axis=1) / (1.0 - self.spread[which]))
+
+    def with_readings(self, which: np.ndarray) -> "Posterior":
+        """Return what is known once the candidates ``which`` (k,) are measured as well."""
+        out = replace(self)
+        for k in which:
+            out.add(int(k))
+        return out
 
     def add(self, k: int, sign: int = 1) -> None:
         """Take candidate ``k`` among the readings, or out of them where ``sign`` is −1 (Sherman–Morrison)."""

@@ -10,14 +10,16 @@ from planner.cell import Cell, cell_of
 from planner.cell.file import FixtureFile
 from planner.errors import InputError, NoSolutionError
 from planner.foresight import unknown_of
+from planner.path import Constraints, parts
 from planner.rig import rig_of
-from planner.study.fixture_map import CANDIDATES, Say, grid
+from planner.study.fixture_map import Say, grid
 from planner.study.places import moved, reach, stands
 from planner.units import Array, to_mm
 
 ACROSS, UP = 7, 4  # places across the robot's reach, and from the floor up
 POSES = 200  # readings by which places are compared
-ENOUGH = 200  # candidates, below which a place is left out
+CANDIDATES = 400  # poses at each place
+ENOUGH = 100  # of them that must be joined by paths, below which a place is left out
 NEAR = 0.1  # [m] between two fixtures
 
 
@@ -81,12 +83,20 @@ def _told_by(cell: Cell, seed: int, say: Say) -> list[_Told]:
     out = []
     for k, place in enumerate(places):
         say("fixtures", k, len(places))
-        q = reach(cell, place.p_BX, CANDIDATES, seed).q
+        q = _joined(cell, place.p_BX, seed)
         if len(q) >= ENOUGH or k == 0:
             here = replace(unknown, model=replace(unknown.model, rig=rig_of(moved(cell, place.p_BX))))
             white = here.white(q)
             out.append(_Told(place.p_BX, white.T @ white / len(q), own, unknown.scaled))
     return out
+
+
+def _joined(cell: Cell, place: Array, seed: int) -> Array:
+    """Poses (n, N) [rad] about a fixture at ``place``, of which each is reached from each other with the bar on."""
+    q = reach(cell, place, CANDIDATES, seed).q
+    there = moved(cell, place)
+    free = replace(there, cable=replace(there.cable, tool_about_bar=None))
+    return q[parts(Constraints(free), q, seed) == 0] if len(q) else q
 
 
 def _error(places: list[_Told]) -> float:

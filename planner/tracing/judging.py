@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from planner.catalogue.curves import CURVE
 from planner.identification import Bench, Metrics
 from planner.identification.heldout import held_out, held_out_without
 from planner.identification.stages import fall_in_errors, fitted_part, gain_in_errors
@@ -73,10 +74,10 @@ def own_gains(state: State, bench: Bench) -> list[Own]:
 
 
 def strength(state: State, held: Held) -> tuple[float, int]:
-    """Wald statistic of an effect over the number of its directions that the readings decide, and that number.
+    """Wald statistic of an effect over the number of its parameters, and that number: how far its size is from zero.
 
-    How far its size is from zero. Waves of a curve that are too quick for the poses to show are expected near zero and
-    found there: they are no test of it. Wrong weights count as known: they show through the compliances only, and go
+    Of a gear's curve only what the readings decide is counted: waves that are too quick for the poses to show are
+    expected near zero and found there. Wrong weights count as known: they show through the compliances only, and go
     with them.
     """
     model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
@@ -85,7 +86,9 @@ def strength(state: State, held: Held) -> tuple[float, int]:
     root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
     variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
     along = axes.T @ (state.fit.errors / prior)[kept][which]
-    told = variance < DECIDED if (variance < DECIDED).any() else np.ones(len(which), dtype=bool)
+    told = variance < DECIDED
+    if held.entry.kind != CURVE or not told.any():
+        told = np.ones(len(which), dtype=bool)
     return float((along[told] ** 2 / variance[told]).mean()), int(told.sum())
 
 

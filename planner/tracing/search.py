@@ -96,11 +96,22 @@ def _forward(hunt: Hunt, path: list[State]) -> list[State]:
             break
         added = after.effects[-1].entry
         after = _pruned(hunt, after)
-        if any(after.kind == s.kind for s in path):
-            hunt.barred.add(added.name)  # it drives out what brought it in: others first
+        if any(after.kind == s.kind for s in path) or _worse(hunt, state, after):
+            hunt.barred.add(added.name)  # it drives out what brought it in, or what is worth more: others first
         else:
             path.append(after)
     return path
+
+
+def _worse(hunt: Hunt, before: State, after: State) -> bool:
+    """Tell whether a step leaves the run less likely, for what it drove out.
+
+    What has no name takes no compliance's place: every arm yields, and a smooth curve is easily bent to the same shape.
+    """
+    gone = [h for h in before.effects if h.entry.name not in after.names]
+    nameless = any(h.entry.kind == NAMELESS for h in after.effects)
+    worth = hunt.memory(before)
+    return after.evidence(worth) > before.evidence(worth) or (nameless and any(h.entry.kind == KIND for h in gone))
 
 
 def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State]) -> list[State]:
@@ -128,6 +139,8 @@ def _uneven(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State
     if best is None:
         return path
     kept = _pruned(hunt, best)
+    if any(wald_log_p(kept, h, hunt.tried) > SURE for h in kept.effects):
+        return path
     hunt.refused.share.clear()
     other = _forward(hunt, [*(path if path[-1].names <= kept.names else path[:1]), kept])
     worth = hunt.memory(path[-1])
@@ -135,27 +148,12 @@ def _uneven(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State
 
 
 def _pruned(hunt: Hunt, state: State) -> State:
-    """Take out effects that the later ones made needless, the faintest first.
-
-    A correction without a name is flexible enough to make a name look needless: the name goes only where the run is no
-    less likely without it.
-    """
-    kept = set[str]()
+    """Take out effects that the later ones made needless, the faintest first."""
     while len(state.effects) > 1:
-        doubted = [h for h in state.effects if h.entry.name not in kept]
-        chances = [wald_log_p(state, h, hunt.tried) for h in doubted]
-        if max(chances, default=SURE) <= SURE:
+        chances = [wald_log_p(state, h, hunt.tried) for h in state.effects]
+        faint = int(np.argmax(chances))
+        if chances[faint] < SURE:
             break
-        faint = doubted[int(np.argmax(chances))]
-        effects = tuple(h for h in state.effects if h is not faint)
-        poorer = refit(hunt.bench, effects[-1].entry.name, state.base, effects, state)
-        worth = hunt.memory(state)
-        if _beside_nameless(state, faint) and poorer.evidence(worth) > state.evidence(worth) + BETTER:
-            kept.add(faint.entry.name)
-        else:
-            state = poorer
+        effects = tuple(h for k, h in enumerate(state.effects) if k != faint)
+        state = refit(hunt.bench, effects[-1].entry.name, state.base, effects, state)
     return state
-
-
-def _beside_nameless(state: State, held: Held) -> bool:
-    return held.entry.kind != NAMELESS and any(h.entry.kind == NAMELESS for h in state.effects)

@@ -5,12 +5,14 @@ from functools import partial
 from planner.tracing.curve import KIND as CURVE
 from planner.tracing.hunt import Hunt
 from planner.tracing.judging import SURE, wald_log_p
+from planner.tracing.masses import KIND as YIELDING
 from planner.tracing.ranking import ranked
 from planner.tracing.rivals import without
 from planner.tracing.state import State
 from planner.tracing.steps import joined, settled
 
 BETTER = 4.0  # fall of minus twice the log evidence for which an effect is swapped
+SURELY = 20.0  # the same for the compliance of a joint: every arm has it, so that it is the likelier cause beforehand
 
 
 def swapped(hunt: Hunt, state: State, ahead: float = -BETTER) -> State | None:
@@ -33,7 +35,8 @@ def swapped(hunt: Hunt, state: State, ahead: float = -BETTER) -> State | None:
         if trial is None:
             continue
         worth = hunt.memory(state)
-        likelier = trial.evidence(worth) < state.evidence(worth) - BETTER
+        least = SURELY if held.entry.kind == YIELDING else BETTER
+        likelier = trial.evidence(worth) < state.evidence(worth) - least
         if likelier and wald_log_p(trial, trial.effects[-1], hunt.tried) < SURE:
             state = found = trial
     return found

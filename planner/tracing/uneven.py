@@ -7,11 +7,13 @@ The run decides by its likelihood, and each curve must then hold for itself agai
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from planner.catalogue import Entry
 from planner.tracing.again import plain
 from planner.tracing.curve import KIND, TONES, evidence, likeliest
 from planner.tracing.hunt import Hunt
-from planner.tracing.judging import WORTH, gain, own_gains
+from planner.tracing.judging import SURE, WORTH, gain, own_gains
 from planner.tracing.masses import KIND as YIELDING
 from planner.tracing.rivals import without
 from planner.tracing.screen import Shade
@@ -20,7 +22,6 @@ from planner.tracing.steps import settled
 
 LEFT = 3.0  # logarithm of the likelihood that curves would add to where the search ended, below which there is no cause
 FAINT = 0.5  # the same for one joint, below which its curve is left to the steps that follow
-BETTER = 4.0  # fall of minus twice the log evidence for each curve that comes in
 
 
 def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> State | None:
@@ -39,8 +40,8 @@ def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> St
         return None
     worth = hunt.memory(end)
     best = _settled(hunt, min(trials, key=lambda t: t.evidence(worth)))
-    if best.evidence(worth) > end.evidence(worth) - BETTER * max(1, _count(best) - _count(end)):
-        return None
+    if best.evidence(worth) > end.evidence(worth) - 2 * (np.log(hunt.tried) - SURE):
+        return None  # together they must be as sure as a single effect
     best = _each_for_itself(hunt, best)
     if _count(best) <= _count(end):
         return None

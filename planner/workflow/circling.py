@@ -23,8 +23,13 @@ SAME = 1e-6  # [rad] a state in which the arm already stands
 
 
 @single_threaded
-def plan_circles(cell: Cell, options: Options, stages: Stages) -> CircularPlan:
+def plan_circles(
+    cell: Cell, options: Options, stages: Stages, starts: Mapping[str, Array] | None = None
+) -> CircularPlan:
     """Plan the circular test of a cell.
+
+    Of the roomy ways round a circle the one is driven that begins nearest to its entry in ``starts`` (name of the
+    circle: controller angles (N,) [rad]), else nearest to where the arm comes from.
 
     Raises:
         InputError: no circle, a circle that the bar does not reach, or another key that is wrong.
@@ -40,7 +45,7 @@ def plan_circles(cell: Cell, options: Options, stages: Stages) -> CircularPlan:
     for fixture in sorted({c.fixture for c in cell.circles}):
         circles = [c for c in cell.circles if c.fixture == fixture]
         with stages.stage("circles"):
-            cell, arcs = _arcs(cell, circles, options.seed)
+            cell, arcs = _arcs(cell, circles, options.seed, starts or {})
         with stages.stage("path"):
             drives.append(_drive(cell, fixture, arcs, sum(len(d.passes) for d in drives), options.seed))
     with stages.stage("programs"):
@@ -55,11 +60,13 @@ def plan_circles(cell: Cell, options: Options, stages: Stages) -> CircularPlan:
         return replace(named, programs=programs, notes=(*_notes(named), *_program_notes(texts)))
 
 
-def _arcs(cell: Cell, circles: Sequence[Circle], seed: int) -> tuple[Cell, tuple[Arc, ...]]:
+def _arcs(
+    cell: Cell, circles: Sequence[Circle], seed: int, starts: Mapping[str, Array]
+) -> tuple[Cell, tuple[Arc, ...]]:
     """Plan all circles of one fixture; the first one's beginning is the mount pose, unless the cell has one."""
     arcs: list[Arc] = []
     for circle in circles:
-        arc = plan_arc(cell, circle, seed, arcs[-1].q[0] if arcs else None)
+        arc = plan_arc(cell, circle, seed, starts.get(circle.name, arcs[-1].q[0] if arcs else None))
         if cell.fixtures[circle.fixture].mount is None:
             mount = arc.q[0] if circle.directions[0] == "ccw" else arc.q[-1]
             fixtures = [replace(f, mount=mount) if k == circle.fixture else f for k, f in enumerate(cell.fixtures)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cell import Cell, load_cell
+from planner.cell import Cell, Circle, load_cell
 from planner.circular import Arc, CircularPlan, plan_arc
 from planner.errors import InputError, NoSolutionError
 from planner.path import Constraints
@@ -14,7 +14,7 @@ from planner.plan import Plan
 from planner.study.softness import Both, Candidate, candidates, choose_beside, predicted_both
 from planner.study.softness.both import check_robots, one_tool
 from planner.study.softness.circles import ANGLES
-from planner.units import frozen
+from planner.units import Array, frozen
 from planner.workflow.circling import plan_circles
 from planner.workflow.loaded_places import FITTED, Unloaded, unloaded_plan, with_circles
 from planner.workflow.plan import plan
@@ -103,8 +103,10 @@ def _drivable(
     for _ in range(ROUNDS):
         with stages.stage("choice"):
             which = choose_beside(free.cell, free.q, free.fixture, cell, pool, places)
+        there = with_circles(cell, [pool[int(i)] for i in which])
+        starts = {c.name: _start(c, pool[int(i)]) for c, i in zip(there.circles, which, strict=True)}
         try:
-            return plan_circles(with_circles(cell, [pool[int(i)] for i in which]), options, stages)
+            return plan_circles(there, options, stages, starts)
         except NoSolutionError as err:
             lost = {int(i) for i in which if not _goes(cell, pool[int(i)], options.seed)}
             if not lost or len(pool) - len(lost) < places:
@@ -114,6 +116,11 @@ def _drivable(
         f"{cell.path}: in {ROUNDS} choices of {places} places there was each time one that cannot be driven; ask for "
         "fewer --places, or lower motion.clearance_mm"
     )
+
+
+def _start(circle: Circle, place: Candidate) -> Array:
+    """Where the way round that was looked at begins, before its overshoot, (N,) [rad]."""
+    return np.asarray(place.q[round(-circle.overshoot / (2 * np.pi) * ANGLES) % ANGLES])
 
 
 def _goes(cell: Cell, place: Candidate, seed: int) -> bool:

@@ -116,15 +116,14 @@ def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
     own = own_circle(cell)
     fixture, circle = content["fixtures"][own.fixture], content["circles"][0]
     fixture.pop("mount_deg", None)
-    for key in ("start_deg", "tool_axis"):
-        circle.pop(key, None)
+    circle.pop("start_deg", None)
     names = [f"P{k + 1}" for k in range(len(places))]
     content["fixtures"] = [
         {**fixture, "name": n, "position_mm": _mm(p.p_BX), "axis": np.round(p.axis_B, 6).tolist()}
         for n, p in zip(names, places, strict=True)
     ]
     content["circles"] = [
-        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre)}
+        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre), "tool_axis": _against(p)}
         for n, p in zip(names, places, strict=True)
     ]
     fixtures = [
@@ -132,11 +131,16 @@ def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
         for n, p in zip(names, places, strict=True)
     ]
     circles = [
-        replace(own, name=n, fixture=k, plane=p.plane, p_BC=from_mm(_mm(p.centre)), start=0.0, axis_B=None)
+        replace(own, name=n, fixture=k, plane=p.plane, p_BC=from_mm(_mm(p.centre)), start=0.0, axis_B=-p.axis_B)
         for k, (n, p) in enumerate(zip(names, places, strict=True))
     ]
     file = validate(content, CellFile, str(cell.path))
     return replace(cell, file=file, fixtures=tuple(fixtures), circles=tuple(circles))
+
+
+def _against(place: Candidate) -> list[float]:
+    """Direction of the tool that was looked at: against the circle's normal."""
+    return [float(v) for v in np.round(-place.axis_B, 6) + 0.0]
 
 
 def _mm(point: np.ndarray) -> list[float]:

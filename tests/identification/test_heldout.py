@@ -169,16 +169,16 @@ def test_folds_by_linearisation_are_those_of_full_fits(n):
 
 
 def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
-    """Four stations of a tracker, held out whole: each one's own frame comes from its own samples."""
+    """Five stations of a tracker, held out whole: each one's own frame comes from its own samples."""
     arm = arm_of("ur10")
-    run, cell = loaded(tracker(arm, 240, seed=3, logs=()))
-    place = np.arange(len(run)) * 4 // len(run)
-    run = replace(run, samples=replace(run.samples, place=place), places=("p", "q", "r", "s"))
+    run, cell = loaded(tracker(arm, 300, seed=3, logs=()))
+    place = np.arange(len(run)) * 5 // len(run)
+    run = replace(run, samples=replace(run.samples, place=place), places=("p", "q", "r", "s", "t"))
     c = identify(run, cell)
     assert c.split_by == "placement"
     parts = split(run)
     held = held_out(c.fit, parts)
-    assert {n.split("_")[1] for n in held.refitted} == {"p", "q", "r", "s"}
+    assert {n.split("_")[1] for n in held.refitted} == {"p", "q", "r", "s", "t"}
     assert all(n.startswith("base_") for n in held.refitted)
     slow = np.empty_like(held.residual)
     names = c.fit.model.names

@@ -110,6 +110,15 @@ def test_one_fit_is_predicted_for_the_circles_as_driven(done):
     assert np.median(known.both[soft]) < 0.5 * np.median(known.unloaded[soft])
 
 
+def test_the_way_that_was_looked_at_is_driven(done, folder):
+    """Another turn of the tool about its axis would be another lever for the last joints."""
+    cell, free = load_cell(str(folder / "loaded.toml")), done.free
+    pool = clear_places(cell, candidates(cell, steps=(3, 2)))
+    chosen = choose_beside(free.cell, free.q, free.fixture, cell, pool, 1)
+    looked_at = predicted_both(free.cell, free.q, free.fixture, cell, [pool[int(i)] for i in chosen])
+    np.testing.assert_allclose(done.known.both, looked_at.both, rtol=0.05)
+
+
 def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
     write_both(done, tmp_path / "out", quiet())
     out = tmp_path / "out"
