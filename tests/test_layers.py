@@ -11,8 +11,8 @@ ORDER = [
     "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
     "placing", "rig", "effects", "model", "catalogue", "observability", "freed",
     # planning
-    "workspace", "collision", "candidates", "foresight", "selection", "choice", "separating", "tour", "path", "trajectory",
-    "program", "plan", "circular",
+    "workspace", "collision", "candidates", "foresight", "selection", "choice", "separating", "tour", "path",
+    "trajectory", "program", "plan", "circular",
     # calibration
     "identification", "residuals", "tracing", "compensation", "loaded", "calibrated",
     # both

@@ -71,7 +71,8 @@ def foresight(ahead: Foresight) -> Picture:
         ),
     ]
     untraced = float(to_mm(ahead.unknown.untraced))
-    limits = (Limit(untraced, "only the geometry fitted, at best"), Limit(float(to_mm(ahead.bound)), "proven bound", below=True))
+    bound = Limit(float(to_mm(ahead.bound)), "proven bound", below=True)
+    limits = (Limit(untraced, "only the geometry fitted, at best"), bound)
     top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW) - 1])))
     panel = Panel("", "number of poses", "error of the tool (mm rms)", tuple(series), limits, y_range=(0.0, top))
     return Picture(

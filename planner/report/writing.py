@@ -31,8 +31,8 @@ def write_report(plan: Plan, folder: Path) -> list[Path]:
         InputError: the folder does not exist, or may not be written.
     """
     rows = learnt(plan)
-    overview = (index_curve(plan), funnel(plan), parameters(rows))
-    overview += (foresight(plan.foresight),) if plan.foresight else ()
+    ahead = (foresight(plan.foresight),) if plan.foresight else ()
+    overview = (index_curve(plan), funnel(plan), parameters(rows), *ahead)
     sections = tuple(_section(plan, k) for k in range(len(plan.drives)))
     pictures = (*overview, *(p for s in sections for p in s.pictures))
     stage = build_stage(plan)

@@ -93,8 +93,13 @@ def strength(state: State, held: Held) -> tuple[float, int]:
 
 
 def wald_log_p(state: State, held: Held, tried: int, memory: float | None = None) -> float:
-    """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried."""
+    """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried.
+
+    Beside other gears that run unevenly a gear's curve is one of as many as there are joints.
+    """
     memory = inflation(state, held) if memory is None else memory
+    if held.entry.kind == CURVE and sum(h.entry.kind == CURVE for h in state.effects) > 1:
+        tried = min(tried, state.base.rig.robot.n_joints)
     spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
     size, directions = strength(state, held)
     one = f_distribution.logsf(size / memory, directions, spare)

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.catalogue import Entry
+from planner.catalogue.curves import gear_curve
 from planner.tracing.again import plain
-from planner.tracing.curve import KIND, TONES, evidence, likeliest
+from planner.tracing.curve import KIND, QUICKEST, TONES, evidence, likeliest
 from planner.tracing.hunt import Hunt
 from planner.tracing.judging import SURE, WORTH, gain, own_gains
 from planner.tracing.masses import KIND as YIELDING
@@ -21,7 +22,6 @@ from planner.tracing.state import Held, State, refit
 from planner.tracing.steps import settled
 
 LEFT = 3.0  # logarithm of the likelihood that curves would add to where the search ended, below which there is no cause
-FAINT = 0.5  # the same for one joint, below which its curve is left to the steps that follow
 
 
 def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> State | None:
@@ -73,21 +73,20 @@ def _yielding(hunt: Hunt, entries: Sequence[Entry], start: State) -> list[State]
 
 
 def _curved(hunt: Hunt, state: State, joints: Sequence[int]) -> State | None:
-    """Return a state with a curve for each joint that shows one, in the place of the joint's waves."""
+    """Return a state with a curve for every joint that has none, in the place of its waves, all of one quickness."""
     bare = _without_curve(state, joints)
-    waves = [
-        h for h in state.effects if plain(h.entry.kind) in TONES and h.entry.on in {f"joint {j + 1}" for j in bare}
-    ]
-    shade = hunt.shade(state)
-    for h in waves:
-        shade = without(shade, state, h)
-    curves = [h for h, worth in _curves(shade, state, bare) if worth > FAINT]
-    shown = {h.entry.on for h in curves}
-    kept = [h for h in state.effects if h not in waves or h.entry.on not in shown]
-    if not curves:
+    if not bare:
         return None
-    effects = (*kept, *curves)
-    return settled(lambda: refit(hunt.bench, effects[-1].entry.name, state.base, effects, state))
+    on = {f"joint {j + 1}" for j in bare}
+    kept = [h for h in state.effects if plain(h.entry.kind) not in TONES or h.entry.on not in on]
+    q, worth, best = state.fit.problem.samples.q, hunt.memory(state), None
+    for quickest in QUICKEST:
+        effects = (*kept, *(Held(gear_curve(state.base, q, j, quickest), None) for j in bare))
+        trial = settled(lambda e=effects: refit(hunt.bench, e[-1].entry.name, state.base, e, state))  # type: ignore[misc]
+        if trial is not None and best is not None and trial.evidence(worth) > best.evidence(worth):
+            break  # the quicker, the less likely
+        best = trial or best
+    return best
 
 
 def _settled(hunt: Hunt, state: State) -> State:
