@@ -59,13 +59,11 @@ class Foresight:
 
 @single_threaded
 def foresee(cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | None = None) -> Foresight:
-    """Choose ``poses`` candidates, or as many as bring the error down to a third of what stays untraced.
+    """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
 
     Raises:
-        InputError: the gauge is no bar, or the pool has fewer candidates.
+        InputError: the pool has fewer candidates.
     """
-    if not cell.gauge.is_bar:
-        raise InputError(f"{cell.path}: aim = 'tracing' is for a bar, and gauge.kind is '{cell.gauge.kind}'")
     if poses is not None and poses > len(pool):
         raise InputError(f"{poses} poses are wanted, and only {len(pool)} candidates are left")
     unknown = unknown_of(cell, pool.q, pool.fixture)

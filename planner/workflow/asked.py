@@ -29,6 +29,10 @@ def check_for_points(cell: Cell, options: Options) -> None:
     Raises:
         InputError: with the option to leave out.
     """
+    if (options.aim or cell.plan.aim) == "tracing":
+        raise InputError(
+            f"{cell.path}: the aim 'tracing' is for a bar, the gauge here is '{cell.gauge.kind}'; leave it out"
+        )
     if options.separate is not None:
         raise InputError(
             f"{cell.path}: --separate chooses the poses of a bar, the gauge here is '{cell.gauge.kind}'; leave it out, "

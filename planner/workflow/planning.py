@@ -116,6 +116,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
         told = separation_driven(cell, parted, drives) if parted else None
         notes = apart + swapped + notes + separation_notes(cell, told, choice, drives)
+        notes += (f"the poses are chosen by the error that is foreseen; {index} does not judge them",) if ahead else ()
         ahead = replace(ahead, left=ahead.with_poses(choice.q, choice.fixture)) if ahead else None
         bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told, ahead)
         named = replace(bare, plan_id=identity(bare))

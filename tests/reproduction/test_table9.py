@@ -10,7 +10,7 @@ from tests.reproduction.planned import of_bar
 from tests.reproduction.table9 import SIZE, Row
 from tests.reproduction.truth import hidden
 
-SESSION = (1, 1, 150, "tracing")
+SESSION = (1, 1, 200, "tracing")
 
 
 @cache

@@ -16,6 +16,14 @@ from tests.workflow.conftest import edbb
         ("kuka-kr6-r700/tracker", ["--separate", "i.json"], "the gauge here is 'tracker'; leave it out"),
         ("comau-nj130/circular", ["--separate", "i.json"], "no poses to be chosen; leave out --separate"),
         ("comau-nj130/circular", ["--poses", "30", "--index", "O1"], "leave out --poses, --index"),
+        ("comau-nj130/circular", ["--fixtures", "2", "--aim", "tracing"], "leave out --fixtures, --aim"),
+        ("kuka-kr6-r700/trical", ["--aim", "tracing"], "the aim 'tracing' is for a bar"),
+        (
+            "kuka-kr6-r700/tracker",
+            ["--fixtures", "2"],
+            "a bar's only fixture, and this cell has gauge.kind = 'tracker'",
+        ),
+        ("comau-nj130/edbb", ["--aim", "tracing", "--separate", "i.json"], "leave one out"),
     ],
 )
 def test_what_cannot_be_asked_of_a_cell(cell, words, message, tmp_path):
