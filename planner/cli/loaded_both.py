@@ -19,7 +19,7 @@ def both_command(
     unloaded: Annotated[
         str, typer.Argument(metavar="UNLOADED", help="cell of the bar without load, or the plan.json of its plan")
     ],
-    loaded: Annotated[str, typer.Argument(metavar="LOADED", help="cell of the loaded bar, with [[circles]]")],
+    loaded: Annotated[str, typer.Argument(metavar="LOADED", help="cell of the loaded bar, with its circles")],
     output: Output,
     places: Annotated[int, typer.Option(min=1, max=12, help="circles of the loaded bar")] = 3,
     poses: Annotated[int | None, typer.Option(min=1, help="number of poses without load")] = None,

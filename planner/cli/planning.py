@@ -39,7 +39,7 @@ def plan_command(
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    options = Options(poses, index, seed, tuple(dialect or ()), tsp, separate, fixtures or 1, aim)
+    options = Options(poses, index, seed, tuple(dialect or ()), tsp, separate, fixtures, aim)
     check_folder(output)
     chosen = load_cell(cell)
     if chosen.circles:

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.candidates import PoseSet
 from planner.cell import Cell
-from planner.errors import InputError
+from planner.errors import NoSolutionError
 from planner.foresight.bound import least_error
 from planner.foresight.posterior import Posterior
 from planner.foresight.unknown import ASSUMED, Unknown, unknown_of
@@ -62,10 +62,13 @@ def foresee(cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | N
     """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
 
     Raises:
-        InputError: the pool has fewer candidates.
+        NoSolutionError: the pool has fewer candidates.
     """
     if poses is not None and poses > len(pool):
-        raise InputError(f"{poses} poses are wanted, and only {len(pool)} candidates are left")
+        raise NoSolutionError(
+            f"{poses} poses are wanted, and only {len(pool)} candidates are left: widen the cones, the cable's "
+            "budget or the clearance, or raise plan.candidates"
+        )
     unknown = unknown_of(cell, pool.q, pool.fixture)
     white, weight = unknown.white(pool.q, pool.fixture), unknown.scaled
     target = 0.0 if poses else LEFT * unknown.untraced
@@ -146,8 +149,9 @@ def errors_after(white: Array, weight: Array) -> Array:
 def foreseen(ahead: Foresight) -> str:
     """Return what is foreseen in a sentence."""
     left, bound, untraced = (f"{float(to_mm(v)):.3f}" for v in (ahead.left, ahead.bound, ahead.unknown.untraced))
+    few = " (too few poses to gain by tracing)" if ahead.left > ahead.unknown.untraced else ""
     return (
-        f"the tool would keep an error of {left} mm (rms, anywhere in the workspace) once the run is traced, and "
-        f"{untraced} mm or more if only the geometry is fitted; no {len(ahead.chosen)} candidates leave less than "
-        f"{bound} mm; all this if {ASSUMED}"
+        f"the tool would keep an error of {left} mm (rms, anywhere in the workspace) once the run is traced{few}; a "
+        f"fit of the geometry alone leaves {untraced} mm even after endless readings; no {len(ahead.chosen)} "
+        f"candidates leave less than {bound} mm; all this if {ASSUMED}"
     )

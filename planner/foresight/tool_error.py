@@ -36,7 +36,8 @@ class ToolError:
             seed: of the states.
         """
         q = uniform(cell, STATES, seed)
-        rig = replace(rig_of(replace(cell, fixtures=cell.fixtures[:1])), kind="position")
+        first = rig_of(cell).point_names[:1]
+        rig = replace(rig_of(replace(cell, fixtures=cell.fixtures[:1])), kind="position", point_names=first)
         model = Model.of(rig, frozenset({"tool"})).plus(list(unknown))
         rows = model.jacobian(q).reshape(-1, len(model.names))
         frame, own = np.linalg.qr(rows[:, :FRAME])[0], rows[:, FRAME:]

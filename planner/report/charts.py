@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.foresight import ASSUMED, Foresight
+from planner.foresight import Foresight, foreseen
 from planner.observability import RULES
 from planner.plan import Plan
 from planner.report.data import Learnt
@@ -71,15 +71,14 @@ def foresight(ahead: Foresight) -> Picture:
         ),
     ]
     untraced = float(to_mm(ahead.unknown.untraced))
-    bound = Limit(float(to_mm(ahead.bound)), "proven bound", below=True)
-    limits = (Limit(untraced, "only the geometry fitted, at best"), bound)
+    bound = Limit(float(to_mm(ahead.bound)), f"no {len(n)} poses leave less", below=True)
+    limits = (Limit(untraced, "geometry alone"), bound)
     top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW) - 1])))
     panel = Panel("", "number of poses", "error of the tool (mm rms)", tuple(series), limits, y_range=(0.0, top))
     return Picture(
         "foresight",
         "What the robot's error would be",
-        f"Anywhere in the workspace, if {ASSUMED}. The upper line is what such effects leave where nobody looks for "
-        "them; no set of as many candidates comes below the lower one.",
+        f"As the poses of this plan are added: {foreseen(ahead)}.",
         (panel,),
     )
 

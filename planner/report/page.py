@@ -92,13 +92,14 @@ def _told(told: Told) -> Row:
 
 
 def _cell(cell: Cell) -> str:
-    g, names = cell.gauge, ", ".join(f.name for f in cell.fixtures)
+    g, names = cell.gauge, ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
     if g.head is not None:
         return f"cell {cell.name} · head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
     if not g.is_bar:
         return f"cell {cell.name} · tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
     reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
-    return f"cell {cell.name} · bar {reach} on fixture{'s' if len(cell.fixtures) > 1 else ''} {names}"
+    points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
+    return f"cell {cell.name} · bar {reach} on fixture{'s' if ',' in names else ''} {names}{points}"
 
 
 def _facts(plan: Plan) -> tuple[Row, ...]:
@@ -119,6 +120,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     both = cell.motion.both_ways and cell.motion.measure == "continuous"
     return (
         ("poses", str(len(choice.q)), what_for),
+        *_foreseen(plan),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
         (choice.index, sized(choice.value, 4), f"{rule.what}, {beyond}"),
         (
@@ -129,6 +131,14 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
         ("driving", seconds(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
         ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}"),
     )
+
+
+def _foreseen(plan: Plan) -> tuple[Row, ...]:
+    """The error that the robot would keep, where the poses were chosen by that."""
+    if plan.foresight is None:
+        return ()
+    left, bound = (f"{float(to_mm(v)):.3f} mm" for v in (plan.foresight.left, plan.foresight.bound))
+    return (("error foreseen", left, f"rms, once traced; none leaves less than {bound}"),)
 
 
 def tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
@@ -200,4 +210,4 @@ def _pose(cell: Cell, drive: Drive, k: int) -> Row:
     if not cell.gauge.is_bar:
         met = "" if v.contact is None else f"{float(to_mm(v.contact)):.2f}"
         return (str(v.id), cell.balls[v.ball].name if v.ball >= 0 else "", role, met, *angles)
-    return (str(v.id), cell.fixtures[v.fixture].name, role, f"{float(to_mm(v.length)):.2f}", *angles)
+    return (str(v.id), cell.place_name(v.fixture), role, f"{float(to_mm(v.length)):.2f}", *angles)

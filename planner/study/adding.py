@@ -38,15 +38,16 @@ def with_fixtures(cell: Cell, count: int, seed: int, say: Say) -> Cell:
         say: told the stage, and how much of it is done, of how much.
 
     Raises:
-        InputError: the cell has several fixtures already, or its gauge needs none.
+        InputError: the cell has several fixtures already.
         NoSolutionError: there is no other place that the bar reaches.
     """
-    if not cell.gauge.is_bar or len(cell.file.fixtures) != 1:
-        found = f"{len(cell.file.fixtures)} of them" if cell.gauge.is_bar else f"gauge.kind = '{cell.gauge.kind}'"
+    if len(cell.file.fixtures) != 1:
         raise InputError(
-            f"{cell.path}: --fixtures finds places beside a bar's only fixture, and this cell has {found}: "
-            "give the others in [[fixtures]], or leave them all out but one"
+            f"{cell.path}: --fixtures finds places beside a bar's only fixture, and this cell has "
+            f"{len(cell.file.fixtures)} of them: give all in [[fixtures]] without the option, or leave out all but one"
         )
+    if count == 1:
+        return cell
     seen = _told_by(cell, seed, say)
     places = [0]
     while len(places) < count:
@@ -129,6 +130,16 @@ def _built(cell: Cell, places: list[Array]) -> Cell:
     cups[0] = first.model_copy(update={"mount_deg": first.mount_deg or file.gauge.mount_deg})
     grown = file.model_copy(update={"fixtures": tuple(cups), "obstacles": tuple(held), "gauge": gauge})
     return cell_of(grown, cell.path, cell.name)
+
+
+def built(cell: Cell) -> tuple[str, ...]:
+    """Return where further fixtures of a cell are to be put up, and on what, one sentence each."""
+    return tuple(
+        f"fixture {f.name} is to be put up at [{', '.join(f'{v:.0f}' for v in f.position_mm)}] mm"
+        + ("" if not held else f", on what holds the first one up ({', '.join(held)} in cell.toml)")
+        for f in cell.file.fixtures[1:]
+        for held in [[b.name for b in cell.file.obstacles if b.name and b.name.endswith(f" of fixture {f.name}")]]
+    )
 
 
 def _beside(body: BodyFile, step: Array, name: str) -> BodyFile:

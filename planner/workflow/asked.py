@@ -15,7 +15,7 @@ def check_for_circles(cell: Cell, options: Options) -> None:
         ("--poses", options.poses is not None),
         ("--index", options.index is not None),
         ("--separate", options.separate is not None),
-        ("--fixtures", options.fixtures > 1),
+        ("--fixtures", options.fixtures is not None),
         ("--aim", options.aim is not None),
     )
     given = ", ".join(name for name, is_ in asked if is_)
@@ -29,6 +29,8 @@ def check_for_points(cell: Cell, options: Options) -> None:
     Raises:
         InputError: with the option to leave out.
     """
+    if options.fixtures is not None:
+        raise InputError(f"{cell.path}: --fixtures is for a bar, the gauge here is '{cell.gauge.kind}'; leave it out")
     if (options.aim or cell.plan.aim) == "tracing":
         raise InputError(
             f"{cell.path}: the aim 'tracing' is for a bar, the gauge here is '{cell.gauge.kind}'; leave it out"

@@ -1,5 +1,7 @@
 """``plan()`` for every kind of gauge."""
 
+from dataclasses import replace
+
 from planner.cell import Cell
 from planner.plan import Plan
 from planner.workflow.asked import check_for_points
@@ -17,9 +19,12 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     """
     if not cell.gauge.is_bar:
         check_for_points(cell, options)
-    if options.fixtures > 1:
-        from planner.study.adding import with_fixtures  # matplotlib: other plans start quicker without
+        return plan_points(cell, options, stages)
+    if options.fixtures is None:
+        return plan_with_bar(cell, options, stages)
+    from planner.study.adding import built, with_fixtures  # matplotlib: other plans start quicker without
 
-        with stages.stage("fixtures"):
-            cell = with_fixtures(cell, options.fixtures, options.seed, stages.say)
-    return plan_with_bar(cell, options, stages) if cell.gauge.is_bar else plan_points(cell, options, stages)
+    with stages.stage("fixtures"):
+        cell = with_fixtures(cell, options.fixtures, options.seed, stages.say)
+    made = plan_with_bar(cell, options, stages)
+    return replace(made, notes=(*built(cell), *made.notes))

@@ -59,7 +59,7 @@ class Options:
     dialects: tuple[str, ...] = ()
     tsp: Method = "auto"
     separate: Path | None = None
-    fixtures: int = 1
+    fixtures: int | None = None
     aim: Aim | None = None
 
     def for_tracing(self, cell: Cell) -> bool:

@@ -7,7 +7,7 @@ import pytest
 
 from planner.candidates import draw_candidates
 from planner.cell import load_cell
-from planner.errors import InputError
+from planner.errors import NoSolutionError
 from planner.foresight import foresee, foreseen
 from planner.foresight.bound import least_error
 from planner.foresight.choosing import FEWEST, errors_after, exchanged, greedy
@@ -98,5 +98,5 @@ def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
 
 def test_more_poses_than_candidates_are_refused(kuka):
     cell, pool = kuka
-    with pytest.raises(InputError, match="only 1500 candidates"):
+    with pytest.raises(NoSolutionError, match="only 1500 candidates"):
         foresee(cell, pool, 2000)

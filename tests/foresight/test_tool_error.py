@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.cell import load_cell
+from planner.cell import ToolPoint, load_cell
 from planner.foresight import ToolError
 from tests.generator.arm import Arm
 
@@ -36,6 +36,16 @@ def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
 def test_how_the_base_stands_does_not_count(cell):
     workspace = ToolError.of(cell)
     assert workspace.rms(("theta1", "d1"), np.diag([1e-3, 1e-3]) ** 2) < 1e-9
+
+
+def test_a_second_tool_point_does_not_change_what_the_first_one_does(cell):
+    """The names are then those of the point, and the tool's own place counts as before."""
+    points = tuple(ToolPoint(n, cell.tool.p_FM + d, cell.tool.axis_F) for n, d in (("1", 0.0), ("2", 0.05)))
+    places = tuple(replace(f, point=k) for k in range(2) for f in cell.fixtures)
+    two = replace(cell, tool=replace(cell.tool, points=points), fixtures=places)
+    alone, both = ToolError.of(cell), ToolError.of(two)
+    assert [n.replace("map_1_", "map_") for n in both.names] == list(alone.names)
+    assert np.allclose(both.square, alone.square)
 
 
 def _aligned(x, y):

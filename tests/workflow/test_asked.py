@@ -21,7 +21,7 @@ from tests.workflow.conftest import edbb
         (
             "kuka-kr6-r700/tracker",
             ["--fixtures", "2"],
-            "a bar's only fixture, and this cell has gauge.kind = 'tracker'",
+            "--fixtures is for a bar, the gauge here is 'tracker'",
         ),
         ("comau-nj130/edbb", ["--aim", "tracing", "--separate", "i.json"], "leave one out"),
     ],
