@@ -104,9 +104,11 @@ def test_the_options_that_compensate_is_said_to_have_are_there():
 
 
 def test_every_command_of_the_readme_is_known():
-    verbs = set(re.findall(r"^\$ edbb (\w+)", README, re.MULTILINE))
+    verbs = set(re.findall(r"^\$ edbb ([\w-]+)", README, re.MULTILINE))
     assert verbs == {
         "plan",
+        "plan-both",
+        "accuracy",
         "study",
         "export",
         "robots",
@@ -118,6 +120,7 @@ def test_every_command_of_the_readme_is_known():
         "centre",
         "circular",
         "loaded",
+        "loaded-places",
     }
     for verb in sorted(verbs):
         assert help_of(verb)
@@ -127,7 +130,7 @@ def test_every_command_of_the_readme_is_known():
     "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    verbs = ("plan", "study", "export", "import", "centre", "circular", "loaded")
+    verbs = ("plan", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
     assert any(option in help_of(verb) for verb in verbs)
 
 
