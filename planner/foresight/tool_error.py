@@ -57,10 +57,14 @@ class ToolError:
         return float(np.sqrt(max((self.weight(names) * covariance).sum(), 0.0)))
 
 
+def reach(cell: Cell) -> tuple[Array, Array]:
+    """Return the range of each joint, both ends (N,) [rad]: one turn about home within the limits, cable or not."""
+    return box(replace(cell, cable=Cable((), None)))
+
+
 def uniform(cell: Cell, count: int, seed: int) -> Array:
     """Joint states (n, N) [rad] with the tool above the floor, within one turn about home and the joint limits."""
-    lower, upper = box(replace(cell, cable=Cable((), None)))
-    q = np.random.default_rng(seed).uniform(lower, upper, (count, cell.robot.n_joints))
+    q = np.random.default_rng(seed).uniform(*reach(cell), (count, cell.robot.n_joints))
     if cell.base.floor is None:
         return q
     return np.asarray(q[cell.map_position(q) @ cell.base.R_WB[2] > cell.base.floor])

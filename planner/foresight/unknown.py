@@ -1,13 +1,12 @@
 """What may be wrong with an arm beside its geometry, before anybody has looked: sizes as the catalogue expects them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.candidates.shell import box
 from planner.catalogue.curves import SIZE, gear_curve
-from planner.cell import Cable, Cell
-from planner.foresight.tool_error import ToolError
+from planner.cell import Cell
+from planner.foresight.tool_error import ToolError, reach
 from planner.freed import planned_model
 from planner.model import Model, Parameter
 from planner.model.parameters import compliance_parameters
@@ -52,8 +51,8 @@ def unknown_of(cell: Cell, q: Array, fixture: np.ndarray) -> Unknown:
         InputError: the cell declares an effect that these poses do not show.
     """
     base = planned_model(cell, q, fixture)
-    range_ = np.array(box(replace(cell, cable=Cable((), None))))
-    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base, range_, j, QUICKEST).make(None)]
+    ends = np.array(reach(cell))
+    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base, ends, j, QUICKEST).make(None)]
     declared = set(base.names)
     model = base.plus([*gears, *(p for p in _compliance(cell, base) if p.name not in declared)])
     prior = np.where(np.isfinite(model.prior), model.prior, FAR)

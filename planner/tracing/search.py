@@ -60,8 +60,10 @@ def search(start: State, entries: Sequence[Entry], bench: Bench, say: Say) -> Tr
     shade = Shade.of(start.fit)
     hunt = Hunt(shade.lay_out([pair for e in entries for pair in grid(e)]), bench, say, Refused())
     path = _forward(hunt, [start])
-    path = _yielding(hunt, start, entries, path)
-    path = _uneven(hunt, start, entries, path)
+    together = _all_yield(hunt, start, entries)
+    if together is not None:
+        path = _yielding(hunt, start, together, path)
+    path = _uneven(hunt, entries, together, path)
     for _ in range(SWAPS):
         other = swapped(hunt, path[-1])
         if other is None:
@@ -114,17 +116,21 @@ def _worse(hunt: Hunt, before: State, after: State) -> bool:
     return after.evidence(worth) > before.evidence(worth) or (nameless and any(h.entry.kind == KIND for h in gone))
 
 
-def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State]) -> list[State]:
+def _all_yield(hunt: Hunt, start: State, entries: Sequence[Entry]) -> State | None:
+    """Return the model in which all joints give way and nothing else; ``None`` where the run cannot tell."""
+    soft = tuple(Held(e, None) for e in entries if e.kind == KIND)
+    if not soft or len(start.fit.problem) * start.fit.model.width < len(start.fit.errors) + 2 * len(soft):
+        return None
+    return settled(lambda: refit(hunt.bench, soft[-1].entry.name, start.base, soft, start))
+
+
+def _yielding(hunt: Hunt, start: State, together: State, path: list[State]) -> list[State]:
     """Begin with all joints that give way at once, where that alone is likelier than where single steps ended.
 
     In a short run of a soft arm no joint's compliance gains while the others' are missing.
     """
-    soft = tuple(Held(e, None) for e in entries if e.kind == KIND)
-    if not soft or len(start.fit.problem) * start.fit.model.width < len(start.fit.errors) + 2 * len(soft):
-        return path
-    together = settled(lambda: refit(hunt.bench, soft[-1].entry.name, start.base, soft, start))
     worth = hunt.memory(start)
-    if together is None or together.evidence(worth) > path[-1].evidence(worth) - BETTER:
+    if together.evidence(worth) > path[-1].evidence(worth) - BETTER:
         return path
     kept = _pruned(hunt, together)
     if any(wald_log_p(kept, h, hunt.tried) > SURE for h in kept.effects):
@@ -133,9 +139,9 @@ def _yielding(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[Sta
     return _forward(hunt, [start, kept])
 
 
-def _uneven(hunt: Hunt, start: State, entries: Sequence[Entry], path: list[State]) -> list[State]:
+def _uneven(hunt: Hunt, entries: Sequence[Entry], together: State | None, path: list[State]) -> list[State]:
     """Go on with the curves of all gears at once, where the run is likelier so."""
-    best = uneven(hunt, entries, start, path[-1])
+    best = uneven(hunt, entries, path[-1], together)
     if best is None:
         return path
     kept = _pruned(hunt, best)

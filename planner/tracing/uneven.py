@@ -6,6 +6,7 @@ The run decides by its likelihood, and each curve must then hold for itself agai
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from planner.tracing.again import plain
 from planner.tracing.curve import KIND, QUICKEST, TONES, evidence, likeliest
 from planner.tracing.hunt import Hunt
 from planner.tracing.judging import SURE, WORTH, gain, own_gains
-from planner.tracing.masses import KIND as YIELDING
 from planner.tracing.rivals import without
 from planner.tracing.screen import Shade
 from planner.tracing.state import Held, State, refit
@@ -24,17 +24,18 @@ from planner.tracing.steps import settled
 LEFT = 3.0  # logarithm of the likelihood that curves would add to where the search ended, below which there is no cause
 
 
-def uneven(hunt: Hunt, entries: Sequence[Entry], start: State, end: State) -> State | None:
+def uneven(hunt: Hunt, entries: Sequence[Entry], end: State, yielding: State | None) -> State | None:
     """Return a state with the curves of all joints; ``None`` where the run is no likelier so than at ``end``.
 
     They join what the search has found or, where that is likelier, all joints that yield and nothing else.
     """
     joints = sorted({int(e.on.split()[-1]) - 1 for e in entries if e.kind == TONES[0]})
     bare = _without_curve(end, joints)
-    if sum(max(0.0, worth) for _, worth in _curves(hunt.shade(end), end, bare)) < LEFT:
+    shade = hunt.shade(end)
+    if sum(max(0.0, evidence(shade, likeliest(shade, end.base, j))) for j in bare) < LEFT:
         return None
     hunt.say("trying all gears at once")
-    begin = [end, *_yielding(hunt, entries, start)]
+    begin = [end] if yielding is None else [end, yielding]
     trials = [t for b in begin if (t := _curved(hunt, b, joints)) is not None]
     if not trials:
         return None
@@ -58,20 +59,6 @@ def _without_curve(state: State, joints: Sequence[int]) -> list[int]:
     return [j for j in joints if f"joint {j + 1}" not in has]
 
 
-def _curves(shade: Shade, state: State, joints: Sequence[int]) -> list[tuple[Held, float]]:
-    """The likeliest curve of each joint, and the logarithm of the likelihood that it adds."""
-    entries = [likeliest(shade, state.base, j) for j in joints]
-    return [(Held(e, None), evidence(shade, e)) for e in entries]
-
-
-def _yielding(hunt: Hunt, entries: Sequence[Entry], start: State) -> list[State]:
-    soft = tuple(Held(e, None) for e in entries if e.kind == YIELDING)
-    if not soft:
-        return []
-    together = settled(lambda: refit(hunt.bench, soft[-1].entry.name, start.base, soft, start))
-    return [] if together is None else [together]
-
-
 def _curved(hunt: Hunt, state: State, joints: Sequence[int]) -> State | None:
     """Return a state with a curve for every joint that has none, in the place of its waves, all of one quickness."""
     bare = _without_curve(state, joints)
@@ -82,7 +69,7 @@ def _curved(hunt: Hunt, state: State, joints: Sequence[int]) -> State | None:
     q, worth, best = state.fit.problem.samples.q, hunt.memory(state), None
     for quickest in QUICKEST:
         effects = (*kept, *(Held(gear_curve(state.base, q, j, quickest), None) for j in bare))
-        trial = settled(lambda e=effects: refit(hunt.bench, e[-1].entry.name, state.base, e, state))  # type: ignore[misc]
+        trial = settled(partial(refit, hunt.bench, effects[-1].entry.name, state.base, effects, state))
         if trial is not None and best is not None and trial.evidence(worth) > best.evidence(worth):
             break  # the quicker, the less likely
         best = trial or best
