@@ -10,6 +10,7 @@ from planner.bodies import Body
 from planner.cell.circles import Circle
 from planner.cell.file import Aim, CellFile
 from planner.chain import Chain, Transform
+from planner.gauge import bar_state
 from planner.robot import Robot
 from planner.units import Array, frozen
 
@@ -254,6 +255,10 @@ class Cell:
     def map_position(self, q: Array) -> Array:
         """Position of the MAP in the base frame, (n, 3) [m], for controller angles q (n, N) [rad]."""
         return self.chain.carry(self.robot.theta(q), np.zeros(3))
+
+    def bar_length(self, q: Array, fixture: int) -> Array:
+        """Length of the bar at an entry of the fixtures, (n,) [m], for controller angles q (n, N) [rad]."""
+        return bar_state(self.at(fixture).map_position(q), self.fixtures[fixture].p_BX).length
 
     def map_jacobian(self, q: Array) -> Array:
         """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""

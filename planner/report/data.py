@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell import Cell
-from planner.gauge import bar_state
 from planner.model import Parameter
 from planner.observability import covariance
 from planner.plan import Drive, Plan, axis_limits
@@ -51,19 +50,14 @@ def driven(cell: Cell, drive: Drive, samples: int = SAMPLES) -> Driven:
     passed = trajectory.waypoint_time[:count][drive.path.node >= 0]
     return Driven(
         motion=motion,
-        length=bar_length(cell, drive.fixture, motion.q),
+        length=cell.bar_length(motion.q, drive.fixture),
         tilt=cones - workspace.stage("cones", motion.q),
         share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
         passed=passed,
-        passed_length=bar_length(cell, drive.fixture, trajectory.at(passed).q),
+        passed_length=cell.bar_length(trajectory.at(passed).q, drive.fixture),
         ends=ends,
         returns=returns,
     )
-
-
-def bar_length(cell: Cell, fixture: int, q: Array) -> Array:
-    """Bar length at controller angles q (n, N) [rad], (n,) [m]."""
-    return bar_state(cell.at(fixture).map_position(q), cell.fixtures[fixture].p_BX).length
 
 
 @dataclass(frozen=True)

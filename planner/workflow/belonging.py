@@ -92,9 +92,8 @@ def _lengths(cell: Cell, plan: PlannedFor) -> Array:
     q, there = np.deg2rad([p.q_deg for p in plan.poses]), places_of(cell)
     where = np.array([there.index((p.fixture, p.point)) for p in plan.poses])
     length = np.zeros(len(q))
-    for k, fixture in enumerate(cell.fixtures):
-        bar = cell.at(k).map_position(q[where == k]) - fixture.p_BX
-        length[where == k] = np.linalg.norm(bar, axis=1)
+    for k in range(len(cell.fixtures)):
+        length[where == k] = cell.bar_length(q[where == k], k)
     return np.asarray(length * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
 
 

@@ -1,5 +1,6 @@
 """Writes a planned circular test into its folder: all of it, or nothing."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,7 @@ import polars as pl
 
 from planner.circular import CircularPlan, circular_text
 from planner.files import write_text
-from planner.gauge import bar_state
 from planner.trajectory import table, table_csv
-from planner.units import Array
 from planner.workflow.planning import Stages
 from planner.workflow.writing import SAMPLE, drafted, timed, write_driven
 
@@ -33,11 +32,7 @@ def circular_trajectory_csv(plan: CircularPlan) -> str:
     """All passes one after the other, as they are driven with the bar on: t_s, q1_deg …, length_mm."""
     frames, start = [], 0.0
     for drive in plan.drives:
-        p_BX = plan.cell.fixtures[drive.fixture].p_BX
-
-        def length(q: Array, p_BX: Array = p_BX) -> Array:
-            return bar_state(plan.cell.map_position(q), p_BX).length
-
+        length = partial(plan.cell.bar_length, fixture=drive.fixture)
         for one in drive.passes:
             frame = table(one.trajectory, SAMPLE, length)
             frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))

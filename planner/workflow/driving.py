@@ -8,7 +8,6 @@ import numpy as np
 from planner.candidates import PoseSet
 from planner.cell import Cell
 from planner.errors import NoSolutionError
-from planner.gauge import bar_state
 from planner.path import Constraints, Gaps, Path, join
 from planner.plan import (
     Drive,
@@ -158,7 +157,7 @@ def _visits(
     """Number the poses in visiting order; the second visit of a pose is a repeat of the first."""
     at = np.flatnonzero(path.node >= 0)
     approach = signs(path.q)[at]
-    length = bar_state(cell.map_position(nodes), cell.fixtures[fixture].p_BX).length
+    length = cell.bar_length(nodes, fixture)
     first: dict[int, int] = {}
     visits = []
     for k, (node, sign) in enumerate(zip(order, approach, strict=True), start=number):

@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import tomli_w
@@ -12,12 +13,10 @@ import tomli_w
 from planner.cell import Cell
 from planner.errors import InputError
 from planner.files import write_text
-from planner.gauge import bar_state
 from planner.plan import Plan, plan_text
 from planner.program import ProgramFile
 from planner.resources import folder as data_folder
 from planner.trajectory import table, table_csv
-from planner.units import Array
 from planner.workflow.planning import Stages
 
 Programs = Iterable[tuple[str, tuple[ProgramFile, ...]]]
@@ -103,10 +102,7 @@ def trajectory_csv(plan: Plan) -> str:
     """The driven trajectory of every fixture, one after the other: t_s, q1_deg …, length_mm."""
     texts = []
     for drive in plan.drives:
-
-        def length(q: Array, fixture: int = drive.fixture) -> Array:
-            return bar_state(plan.cell.at(fixture).map_position(q), plan.cell.fixtures[fixture].p_BX).length
-
+        length = partial(plan.cell.bar_length, fixture=drive.fixture)
         texts.append(table_csv(table(drive.trajectory, SAMPLE, length)))
     head = texts[0].split("\n", 1)[0] + "\n"
     return head + "".join(t.split("\n", 1)[1] for t in texts)
