@@ -9,7 +9,8 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
-    "placing", "rig", "effects", "model", "catalogue", "observability", "freed",
+    "placing", "rig", "effects", "model", "tool_error", "catalogue", "observability",
+    "freed",
     # planning
     "workspace", "collision", "candidates", "foresight", "selection", "choice", "separating", "tour", "path",
     "trajectory", "program", "plan", "circular",

@@ -36,12 +36,9 @@ class ShellSample:
 def box(cell: Cell) -> tuple[Array, Array]:
     """Return the range that each joint is sampled in, both ends (N,) [rad].
 
-    The joint limits, narrowed to what the cable's budget lets each axis do; an axis that can turn more than once is
-    kept to the turn about home, because further turns only repeat the same arm.
+    One turn about home within the joint limits, narrowed to what the cable's budget lets each axis do.
     """
-    turn = 2 * np.pi
-    lower = np.clip(cell.home - np.pi, cell.robot.q_lower, np.maximum(cell.robot.q_upper - turn, cell.robot.q_lower))
-    upper = np.minimum(lower + turn, cell.robot.q_upper)
+    lower, upper = cell.joint_range
     for axes, limit in cell.cable.sums:
         for a in axes:
             lower[a] = max(lower[a], cell.home[a] - limit)

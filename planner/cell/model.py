@@ -230,6 +230,16 @@ class Cell:
         place = self.fixtures[0]
         return np.array([b.p_GS for b in self.balls]).reshape(-1, 3) @ place.R_BX.T + place.p_BX
 
+    @property
+    def joint_range(self) -> tuple[Array, Array]:
+        """Range of each joint, both ends (N,) [rad]: its limits, or a turn about home where it can turn further.
+
+        More turns only repeat the same arm.
+        """
+        turn, robot = 2 * np.pi, self.robot
+        lower = np.clip(self.home - np.pi, robot.q_lower, np.maximum(robot.q_upper - turn, robot.q_lower))
+        return lower, np.minimum(lower + turn, robot.q_upper)
+
     def at(self, fixture: int) -> "Cell":
         """Return the cell with the tool point that the bar hangs from at the entry ``fixture`` of its fixtures."""
         if not self.tool.points:

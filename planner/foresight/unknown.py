@@ -6,10 +6,10 @@ import numpy as np
 
 from planner.catalogue.curves import SIZE, gear_curve
 from planner.cell import Cell
-from planner.foresight.tool_error import ToolError, reach
 from planner.freed import planned_model
 from planner.model import Model, Parameter
 from planner.model.parameters import compliance_parameters
+from planner.tool_error import ToolError
 from planner.units import Array
 
 QUICKEST = 15.0  # waves a turn within which most of a gear's error is expected
@@ -51,7 +51,7 @@ def unknown_of(cell: Cell, q: Array, fixture: np.ndarray) -> Unknown:
         InputError: the cell declares an effect that these poses do not show.
     """
     base = planned_model(cell, q, fixture)
-    ends = np.array(reach(cell))
+    ends = np.array(cell.joint_range)
     gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base, ends, j, QUICKEST).make(None)]
     declared = set(base.names)
     model = base.plus([*gears, *(p for p in _compliance(cell, base) if p.name not in declared)])

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.cell import Cell
+from planner.identification.anywhere import known_anywhere, known_worse
 from planner.identification.bench import Bench
 from planner.identification.checks import problems_of, warnings_of
 from planner.identification.considered import considered
@@ -43,6 +44,7 @@ def finished(
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + considered(found, free.held)
+    expected = known_anywhere(cell, run, found, covariance)
     table = estimates(whole, found, free.dropped, covariance)
     return Calibration(
         run=run,
@@ -58,11 +60,13 @@ def finished(
         correlation_time=time,
         condition_number=_condition(found),
         noise_floor=_noise_floor(run, stages[-1].stage.residual),
+        known_anywhere=expected,
         traced=traced,
         problems=problems_of(table, stages, found),
         warnings=(
             *(*run.warnings, *warnings_of(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
+            *known_worse(expected, stages[-1].stage.held_out, found.model.width),
         ),
     )
 

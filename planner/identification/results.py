@@ -52,6 +52,7 @@ def identification_content(calibration: Calibration, left: Leftover) -> dict[str
         "tried": None if traced is None else traced.tried,
         "unexplained": _unexplained(c, left),
         "noise_floor_mm": None if c.noise_floor is None else c.noise_floor / MM,
+        "known_anywhere_mm": c.known_anywhere / MM,
         "condition_number": c.condition_number if np.isfinite(c.condition_number) else None,
         "correlation_time": c.correlation_time,
         "frames": _frames(gauge_frames(c)),

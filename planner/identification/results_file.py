@@ -155,7 +155,10 @@ class FramesSection(Strict):
 
 
 class Identification(Strict):
-    """``identification.json``, whole."""
+    """``identification.json``, whole.
+
+    ``known_anywhere_mm`` is the error of the tool that the covariance lets expect over the workspace, rms.
+    """
 
     schema_: Literal["edbb-identification/1"] = Field(alias="schema")
     robot: str
@@ -171,6 +174,7 @@ class Identification(Strict):
     tried: int | None
     unexplained: UnexplainedSection
     noise_floor_mm: float | None
+    known_anywhere_mm: float
     condition_number: float | None
     correlation_time: float
     frames: FramesSection

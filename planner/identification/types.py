@@ -156,6 +156,7 @@ class Calibration:
         correlation_time: how many samples are worth one.
         condition_number: of the rows per prior size.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
+        known_anywhere: error of the tool to be expected over the whole workspace by the covariance [m], rms.
         traced: what the residual was traced to, ``None`` where that was not asked for.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
@@ -174,6 +175,7 @@ class Calibration:
     correlation_time: float
     condition_number: float
     noise_floor: float | None
+    known_anywhere: float
     traced: Traced | None
     problems: tuple[str, ...]
     warnings: tuple[str, ...]

@@ -39,8 +39,10 @@ def against_time(path, table):
                 )  # fmt: skip
         level = PUBLISHED["laser tracker"][which]
         axis.axhline(level, color="#555555", linestyle="--", linewidth=1)
-        axis.text(axis.get_xlim()[1], level, "tracker, published ", fontsize=8, ha="right", va="bottom")
+        axis.text(axis.get_xlim()[1], level, "tracker of the paper ", fontsize=8, ha="right", va="bottom")
         axis.set_yscale("log")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter(lambda v, _: f"{v:g}" if f"{v:e}"[0] in "25" else "")
         axis.set_xlabel("robot time (min)")
         axis.set_ylabel(f"{name} position error at 500 poses (mm)")
     axes[0].legend(fontsize=8)
@@ -49,4 +51,5 @@ def against_time(path, table):
 
 
 def _euros(rows):
-    return f"{min(r.measured.euros for r in rows):,.0f} €".replace(",", " ") if rows else ""
+    ends = sorted({r.measured.euros for r in rows})
+    return " to ".join(f"{v:,.0f}".replace(",", " ") for v in dict.fromkeys((ends[0], ends[-1]))) + " €" if ends else ""

@@ -111,6 +111,7 @@ def _facts(told: Told) -> tuple[Row, ...]:
     return (
         ("before, mean", f"{_mm(before.mean)} mm", f"largest {_mm(before.largest)} mm"),
         ("calibrated, mean", f"{_mm(after.mean)} mm", f"largest {_mm(after.largest)} mm"),
+        ("anywhere, rms", f"{_mm(c.known_anywhere)} mm", "expected by the covariance"),
         ("readings", count(len(c.run)), f"in {count(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
         ("condition", sized(c.condition_number), "of the rows, scaled"),

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.cell import ToolPoint, load_cell
-from planner.foresight import ToolError
+from planner.tool_error import ToolError
 from tests.generator.arm import Arm
 
 DRAWN = 300
@@ -29,7 +29,7 @@ def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
         R, p = arm.flange(q, dict(zip(names[:-1], drawn[:-1], strict=True)))
         x = p + R @ (cell.tool.p_FM + np.array([drawn[-1], 0, 0]))
         R, p = arm.flange(q)
-        square += (_aligned(x, p + R @ cell.tool.p_FM) ** 2).sum(axis=1).mean() / DRAWN
+        square += (aligned(x, p + R @ cell.tool.p_FM) ** 2).sum(axis=1).mean() / DRAWN
     assert workspace.rms(names, np.diag(size**2)) == pytest.approx(np.sqrt(square), rel=0.1)
 
 
@@ -48,6 +48,6 @@ def test_a_second_tool_point_does_not_change_what_the_first_one_does(cell):
     assert np.allclose(both.square, alone.square)
 
 
-def _aligned(x, y):
+def aligned(x, y):
     turn, _ = Rotation.align_vectors(y - y.mean(axis=0), x - x.mean(axis=0))
     return turn.apply(x - x.mean(axis=0)) - (y - y.mean(axis=0))

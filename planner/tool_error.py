@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.candidates.shell import box
-from planner.cell import Cable, Cell
+from planner.cell import Cell
 from planner.model import Model, Parameter
-from planner.rig import rig_of
+from planner.rig import HEAD, Rig, rig_of
+from planner.run import Samples
 from planner.units import Array, frozen
 
 STATES = 2000  # joint states at which the tool is looked at
@@ -36,13 +36,17 @@ class ToolError:
             seed: of the states.
         """
         q = uniform(cell, STATES, seed)
-        first = rig_of(cell).point_names[:1]
-        rig = replace(rig_of(replace(cell, fixtures=cell.fixtures[:1])), kind="position", point_names=first)
-        model = Model.of(rig, frozenset({"tool"})).plus(list(unknown))
-        rows = model.jacobian(q).reshape(-1, len(model.names))
+        return cls.at(Samples(q, np.zeros(len(q), dtype=int)), rig_of(cell), unknown)
+
+    @classmethod
+    def at(cls, samples: Samples, rig: Rig, unknown: Sequence[Parameter]) -> "ToolError":
+        """Look at the first tool point in the states ``samples``, with ``unknown`` effects beside the geometry."""
+        alone = replace(rig, kind="position", place_names=rig.place_names[:1], point_names=rig.point_names[:1])
+        model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
+        rows = model.rows(samples).reshape(-1, len(model.names))
         frame, own = np.linalg.qr(rows[:, :FRAME])[0], rows[:, FRAME:]
         left = own - frame @ (frame.T @ own)
-        return cls(model.names[FRAME:], frozen(left.T @ left / len(q)))
+        return cls(model.names[FRAME:], frozen(left.T @ left / len(samples)))
 
     def weight(self, names: Sequence[str]) -> Array:
         """Return the matrix for parameters ``names``, (K, K); what does not move the tool has zeros."""
@@ -57,14 +61,15 @@ class ToolError:
         return float(np.sqrt(max((self.weight(names) * covariance).sum(), 0.0)))
 
 
-def reach(cell: Cell) -> tuple[Array, Array]:
-    """Return the range of each joint, both ends (N,) [rad]: one turn about home within the limits, cable or not."""
-    return box(replace(cell, cable=Cable((), None)))
-
-
 def uniform(cell: Cell, count: int, seed: int) -> Array:
     """Joint states (n, N) [rad] with the tool above the floor, within one turn about home and the joint limits."""
-    q = np.random.default_rng(seed).uniform(*reach(cell), (count, cell.robot.n_joints))
+    q = np.random.default_rng(seed).uniform(*cell.joint_range, (count, cell.robot.n_joints))
     if cell.base.floor is None:
         return q
     return np.asarray(q[cell.map_position(q) @ cell.base.R_WB[2] > cell.base.floor])
+
+
+def moves_robot(parameter: Parameter, rig: Rig) -> bool:
+    """Tell whether a parameter belongs to the robot, and neither to where the gauge stands nor to its readings."""
+    inside = range(HEAD, HEAD + len(rig.robot.transforms))
+    return all(m.on == "transform" and m.index in inside for m in parameter.moves)

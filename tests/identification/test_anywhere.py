@@ -1,0 +1,64 @@
+"""How well a robot is known over its workspace: against arms that are measured, calibrated and judged everywhere."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from planner.calibrated import CalibratedRobot, calibrated_files
+from planner.cell import load_cell
+from planner.identification import identify
+from planner.identification.anywhere import known_worse
+from planner.identification.gauge_frames import gauge_frames
+from planner.identification.types import Metrics
+from planner.robot import load_robot
+from planner.run import load_runs
+from tests.generator import catalogue, runs
+from tests.generator.benches import BENCHES
+from tests.generator.course import course
+from tests.generator.kinds import Effect
+from tests.generator.scene import total
+from tests.generator.truth import Noise, Truth, draw_errors
+from tests.identification.worlds import arm_of
+from tests.test_tool_error import aligned
+
+NAME = "kuka-kr6-r700"
+SEEDS = range(10)
+SOFT = tuple(Effect("joint-compliance", j, 3e-5) for j in (2, 3))
+
+
+@pytest.mark.parametrize(("gauge", "poses"), [("edbb_static", 60), ("tracker", 40)])
+def test_the_expected_error_is_that_of_calibrated_arms_at_poses_all_over(gauge, poses):
+    """Ten arms with errors in everything and soft joints; few poses, so that there is something to be known badly."""
+    found, expected = np.array([_judged(gauge, poses, seed) for seed in SEEDS]).T
+    assert 0.6 < np.sqrt(found.mean() / (expected**2).mean()) < 1.5
+
+
+def _judged(gauge, poses, seed):
+    """Mean square error over joint space after the best alignment [m²], and the error that the fit expects [m]."""
+    arm, bench = arm_of(NAME), BENCHES[NAME]
+    truth = Truth(seed, draw_errors(arm, np.random.default_rng([8, seed])), SOFT, Noise(2e-6, 1e-5), (1.0,) * 6)
+    with TemporaryDirectory() as folder:
+        run, cell = getattr(runs, gauge)(arm, n_poses=poses, seed=seed, truth=truth, logs=()).write(folder)
+        cell = load_cell(str(cell), planning=False)
+        fit = identify(load_runs([run], 6), cell)
+        for name, text in calibrated_files(fit):
+            (Path(folder) / name).write_text(text)
+        robot = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml")))
+    assert fit.stages[-1].name == "joint compliance"
+    q = np.random.default_rng(seed).uniform(*cell.joint_range, (800, 6))
+    scene = course(arm, bench, "tracker", q, truth, np.random.default_rng(1), frozenset())
+    x = scene.points(total(truth.of_arm(arm), catalogue.motions(scene, truth.effects)))
+    p, R = robot.flange(q)
+    left = aligned(x, p + R @ gauge_frames(fit).points[0][1])
+    return float((left**2).sum(axis=1).mean()), fit.known_anywhere
+
+
+def test_a_reader_is_told_where_held_out_samples_promise_more_than_the_fit_knows():
+    held_out = Metrics(rms=1e-4, mean=8e-5, largest=2e-4)
+    assert not known_worse(2.9e-4, held_out, 3)
+    (said,) = known_worse(3.1e-4, held_out, 3)
+    assert "0.310 mm" in said
+    assert not known_worse(3.1e-4, held_out, 1)  # a bar reads one of three axes
+    assert known_worse(5.3e-4, held_out, 1)
