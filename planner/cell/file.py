@@ -1,5 +1,7 @@
 """The cell file as the contract gives it (schema ``edbb-cell/1``): millimetres and degrees, units in the keys."""
 
+from itertools import combinations
+from math import dist
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import (
@@ -20,6 +22,7 @@ from planner.schema import Strict
 
 Angle = Annotated[float, Field(gt=0, le=180)]
 Aim = Literal["index", "tracing"]
+APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
 
@@ -196,4 +199,16 @@ class CellFile(Grown):
         for what, names in (("fixtures", [f.name for f in self.fixtures]), ("tool points", points)):
             if len(set(names)) < len(names):
                 raise ValueError(f"two {what} share a name ({', '.join(names)})")
+        return self
+
+    @model_validator(mode="after")
+    def _apart(self) -> "CellFile":
+        """Two fixtures, or two tool points, at one place would be counted as two and show what one shows."""
+        points = [(FIRST_POINT, self.tool.map_mm), *((p.name, p.map_mm) for p in self.tool.points)] if self.tool else []
+        for what, placed in (("fixtures", [(f.name, f.position_mm) for f in self.fixtures]), ("tool points", points)):
+            for (one, here), (other, there) in combinations(placed, 2):
+                if dist(here, there) < APART_MM:
+                    raise ValueError(
+                        f"{what} '{one}' and '{other}' stand at one place ({dist(here, there):g} mm apart)"
+                    )
         return self

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.cell import Cell
+from planner.cell import FIRST_POINT, Cell
 from planner.identification.fit import Fit
 from planner.identification.stages import Fitted
 from planner.identification.types import Estimate
@@ -51,6 +51,7 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     beyond = 0 if length is None else int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
     if beyond:
         out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
+    out += _other_point(run, cell)
     if len(found.outliers):
         named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED])
         more = f"; and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
@@ -62,3 +63,13 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     if validation is not None and new_frames(rig, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     return out
+
+
+def _other_point(run: Run, cell: Cell) -> list[str]:
+    """What is to be told where a bar's run names a tool point and the cell has one without a name."""
+    if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_bar or cell.tool.points:
+        return []
+    return [
+        f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken for that; "
+        "if it is another, give it in [[tool.points]]"
+    ]

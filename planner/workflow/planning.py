@@ -23,7 +23,7 @@ from planner.tour import Method
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
-from planner.workflow.notes import session_notes
+from planner.workflow.notes import bar_notes, session_notes
 from planner.workflow.replacing import joinable, replaced
 from planner.workflow.separation import separation_driven, separation_notes
 from planner.workflow.session import session
@@ -115,7 +115,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
     with stages.stage("programs"):
         driven = index_value(choice.index, _driven_rows(cell, choice, drives))
         told = separation_driven(cell, parted, drives) if parted else None
-        notes = apart + swapped + notes + separation_notes(cell, told, choice, drives)
+        notes = apart + swapped + notes + bar_notes(cell, drives) + separation_notes(cell, told, choice, drives)
         notes += (f"the poses are chosen by the error that is foreseen; {index} does not judge them",) if ahead else ()
         ahead = replace(ahead, left=ahead.with_poses(choice.q, choice.fixture)) if ahead else None
         bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told, ahead)

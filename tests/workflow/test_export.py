@@ -1,6 +1,7 @@
 """A program is written later only from a plan and its own cell, into the file that was asked for."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,9 @@ import pytest
 from planner.cell import load_cell
 from planner.cell.reading import read_cell
 from planner.errors import InputError
-from planner.plan import Waypoints, course, settled
+from planner.plan import Drive, Visit, Waypoints, course, settled
 from planner.workflow import export_plan, write_program_as
-from planner.workflow.notes import session_notes
+from planner.workflow.notes import bar_notes, session_notes
 from planner.workflow.writing import cell_text
 from tests.workflow.conftest import edbb
 
@@ -130,6 +131,17 @@ def test_notes_that_programs_share_are_said_once():
     told = session_notes(cell, [course(cell, 0, way, way)], "0" * 12, ["krl", "rapid", "pdl2"])
     assert sum("sync_output" in n for n in told) == sum("gauge_input" in n for n in told) == 1
     assert all(n.startswith("krl, rapid, pdl2: ") for n in told if "controller." in n)
+
+
+def test_poses_nearer_to_the_bars_ends_than_its_place_is_known_are_told():
+    cell = load_cell("kuka-kr6-r700/edbb")
+    q = np.array([cell.home])
+    visits = tuple(Visit(k, q[0], length, 0, "calibrate", (0,) * 6) for k, length in enumerate((0.304, 0.4, 0.518)))
+    drive = Drive(0, visits, *[None] * 6)
+    (note,) = bar_notes(cell, [drive])
+    assert note.startswith("2 of 3 poses at fixture A come within 5.1 mm")
+    sure = replace(cell, fixtures=tuple(replace(f, prior=1e-3) for f in cell.fixtures))
+    assert not bar_notes(sure, [drive])
 
 
 def _with(text, measure, repeat):

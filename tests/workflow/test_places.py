@@ -89,6 +89,7 @@ def test_a_run_with_a_point_that_the_tool_has_not_is_refused(session, tmp_path):
     ("change", "words"),
     [
         (("low", "1"), "two tool points share a name"),
+        (("[-60, 40, 90]", "[30, 0, 110.2]"), "tool points '1' and 'low' stand at one place"),
         (("[-60, 40, 90]", "[-0.06, 0.04, 0.09]"), "tool.points.low.map_mm"),
         (("length_mm =", "mount_deg = [0, -60, 90, 0, 45, 0]\nlength_mm ="), "leave it out"),
         (("map_mm = [-60", "map_m = [-60"), "map_m"),

@@ -1,4 +1,4 @@
-"""Outliers are named by the file and the line in which a person finds them."""
+"""What a person is told of a run: outliers by file and line, a tool point that the cell does not name."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -27,3 +27,12 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     )
     bare = replace(run, samples=replace(samples, file=None, line=None))
     assert "(number 4; number 20; " in "".join(warnings_of(bare, cell, found, None))
+
+
+def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
+    cell = load_cell("kuka-kr6-r700/edbb")
+    run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))
+    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.zeros(0, dtype=int))
+    for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
+        said = warnings_of(replace(run, points=names), cell, found, None)
+        assert any("measured at tool point 'low'" in w for w in said) == told
