@@ -70,6 +70,6 @@ def _other_point(run: Run, cell: Cell) -> list[str]:
     if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_bar or cell.tool.points:
         return []
     return [
-        f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken for that; "
-        "if it is another, give it in [[tool.points]]"
+        f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "
+        "for that; if it is another, give it in [[tool.points]]"
     ]

@@ -46,9 +46,7 @@ def _speeds(cell: Cell) -> list[str]:
     if not cell.tool.points:
         return []
     first = cell.tool.points[0].name
-    return [
-        f"where a program names the tool's point or its speed, that is tool point {first}, at all places of the bar"
-    ]
+    return [f"the tool's point in a program, and its speed, are those of tool point {first} at all places of the bar"]
 
 
 def _repeats(cell: Cell) -> list[str]:
