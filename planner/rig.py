@@ -76,6 +76,11 @@ class Rig:
         probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.kind == "pose" else []
         return Chain((*moves, *turns, *self.robot.transforms, *tool, *probe))
 
+    @property
+    def weighs(self) -> bool:
+        """Whether any weight on the joints is known, a link's or the tool's."""
+        return bool(self.tool_mass) or any(m is not None for m in self.robot.masses)
+
     def visits(self, q: Array, fixture: np.ndarray | int = 0) -> Samples:
         """Return samples at q (n, N) [rad], each with the bar as it hangs at an entry of the cell's fixtures."""
         which = np.broadcast_to(fixture, (len(q),))

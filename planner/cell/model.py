@@ -240,6 +240,11 @@ class Cell:
         lower = np.clip(self.home - np.pi, robot.q_lower, np.maximum(robot.q_upper - turn, robot.q_lower))
         return lower, np.minimum(lower + turn, robot.q_upper)
 
+    @property
+    def unwound(self) -> "Cell":
+        """The cell without the cable's twist along the bar, which counts from a mount pose that is not yet chosen."""
+        return replace(self, cable=replace(self.cable, tool_about_bar=None))
+
     def at(self, fixture: int) -> "Cell":
         """Return the cell with the tool point that the bar hangs from at the entry ``fixture`` of its fixtures."""
         if not self.tool.points:

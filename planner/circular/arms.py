@@ -1,7 +1,7 @@
 """How the arm may go round a circle: every tool orientation and configuration of the start pose, followed round."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -137,8 +137,7 @@ def _followed(cell: Cell, circle: Circle, angle: Array, start: Array, R: Array) 
 
 
 def _workspace(cell: Cell, circle: Circle) -> Workspace:
-    """Limits without the cable's twist along the bar, which counts from the mount pose that is not yet chosen."""
-    return Workspace(replace(cell, cable=replace(cell.cable, tool_about_bar=None)), circle.fixture)
+    return Workspace(cell.unwound, circle.fixture)
 
 
 def _margins(cell: Cell, circle: Circle, q: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from planner.catalogue.curves import SIZE, gear_curve
 from planner.cell import Cell
 from planner.freed import planned_model
-from planner.model import Model, Parameter
+from planner.model import Model
 from planner.model.parameters import compliance_parameters
 from planner.tool_error import ToolError
 from planner.units import Array
@@ -54,16 +54,12 @@ def unknown_of(cell: Cell, q: Array, fixture: np.ndarray) -> Unknown:
     ends = np.array(cell.joint_range)
     gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base, ends, j, QUICKEST).make(None)]
     declared = set(base.names)
-    model = base.plus([*gears, *(p for p in _compliance(cell, base) if p.name not in declared)])
+    soft = compliance_parameters(base.rig) if base.rig.weighs else []
+    model = base.plus([*gears, *(p for p in soft if p.name not in declared)])
     prior = np.where(np.isfinite(model.prior), model.prior, FAR)
     effects = [p for p in model.parameters if p.group not in ("gauge", "geometry")]
     weight = ToolError.of(cell, effects).weight(model.names)
     return Unknown(model, prior, weight, _untraced(weight, prior, [p.name for p in gears], model))
-
-
-def _compliance(cell: Cell, base: Model) -> list[Parameter]:
-    known = cell.tool.mass or any(m is not None for m in cell.robot.masses)
-    return compliance_parameters(base.rig) if known else []
 
 
 def _untraced(weight: Array, prior: Array, hidden: list[str], model: Model) -> float:

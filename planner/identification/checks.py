@@ -14,6 +14,7 @@ from planner.units import DEG, MM
 
 LARGEST = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
 TRACEABLE = 20  # readings beyond the parameters, below which nothing is traced
+PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 NAMED = 5  # outliers that a warning names
 
 
@@ -47,11 +48,7 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     out, rig = [], found.model.rig
     if cell.file.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
-    length = run.readings.length
-    beyond = 0 if length is None else int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
-    if beyond:
-        out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
-    out += _other_point(run, cell)
+    out += [*_of_bar(run, cell), *_other_point(run, cell)]
     if len(found.outliers):
         named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED])
         more = f"; and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""
@@ -62,6 +59,21 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
         )
     if validation is not None and new_frames(rig, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
+    return out
+
+
+def _of_bar(run: Run, cell: Cell) -> list[str]:
+    length, force = run.readings.length, run.samples.force
+    if length is None:
+        return []
+    out, beyond = [], int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
+    if beyond:
+        out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
+    if force is not None and np.abs(force).max() > PULL:
+        out.append(
+            f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
+            "sheet; edbb loaded fits circles under load with the arm in balance"
+        )
     return out
 
 

@@ -18,7 +18,6 @@ from planner.identification.types import Calibration, Metrics
 from planner.identification.validation import judged
 from planner.model import Model
 from planner.repeatable import single_threaded
-from planner.rig import Rig
 from planner.run import Run
 
 
@@ -73,15 +72,10 @@ def identify(
         return finished([*stages, *more], free, bench, cell, validation, traced, notes)
     if tracer is not None:
         notes.append(too_few(bench.spare(free.model)))
-    if COMPLIANCE not in cell.plan.effects and _loaded(rig, run):
+    if COMPLIANCE not in cell.plan.effects and (rig.weighs or run.samples.force is not None):
         say(COMPLIANCE)
         stages, free = with_gain(stages, free, freed(cell, rig, run, (COMPLIANCE,)), COMPLIANCE, bench)
     return finished(stages, free, bench, cell, validation, None, notes)
-
-
-def _loaded(rig: Rig, run: Run) -> bool:
-    """Tell whether any load on the joints is known."""
-    return any(m is not None for m in rig.robot.masses) or bool(rig.tool_mass) or run.samples.force is not None
 
 
 def _check_size(bench: Bench, model: Model) -> None:

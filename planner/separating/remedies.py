@@ -128,9 +128,8 @@ def _with_place(rig: Rig, p_BX: Array) -> Rig:
 
 def _drawn(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
     """Visits of candidates of another cell; none where it has none."""
-    free = replace(cell, cable=replace(cell.cable, tool_about_bar=None))
     try:
-        return passages(free, draw_candidates(free, FEW, seed), poses, seed)
+        return passages(cell.unwound, draw_candidates(cell.unwound, FEW, seed), poses, seed)
     except NoSolutionError:
         return ()
 

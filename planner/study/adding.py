@@ -95,9 +95,7 @@ def _told_by(cell: Cell, seed: int, say: Say) -> list[_Told]:
 def _joined(cell: Cell, place: Array, seed: int) -> Array:
     """Poses (n, N) [rad] about a fixture at ``place``, of which each is reached from each other with the bar on."""
     q = reach(cell, place, CANDIDATES, seed).q
-    there = moved(cell, place)
-    free = replace(there, cable=replace(there.cable, tool_about_bar=None))
-    return q[parts(Constraints(free), q, seed) == 0] if len(q) else q
+    return q[parts(Constraints(moved(cell, place).unwound), q, seed) == 0] if len(q) else q
 
 
 def _error(places: list[_Told]) -> float:

@@ -10,8 +10,8 @@ from planner.cell import Cell, load_cell
 from planner.cell.file import CellFile
 from planner.errors import InputError
 from planner.files import write_bytes, write_text
-from planner.plan.header import Loose
-from planner.schema import read_json, validate
+from planner.plan import read_plan
+from planner.schema import validate
 from planner.study.softness import Both, Candidate, Places, places_study, predicted_both
 from planner.study.softness.circles import own_circle
 from planner.study.softness.results import places_csv, places_text
@@ -21,20 +21,6 @@ from planner.workflow.writing import cell_text, drafted, move_all
 
 MOST = 6
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
-
-
-class PlannedPose(Loose):
-    """A pose of a plan."""
-
-    q_deg: tuple[float, ...]
-    fixture: str
-    role: str = "calibrate"
-
-
-class PlannedPoses(Loose):
-    """What ``plan.json`` says of its poses."""
-
-    poses: tuple[PlannedPose, ...]
 
 
 def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell, Places]:
@@ -67,15 +53,18 @@ def unloaded_plan(plan: Path) -> Unloaded:
     Raises:
         InputError: the plan or its cell.toml is wrong, or they do not belong together.
     """
-    poses = [p for p in validate(read_json(plan), PlannedPoses, str(plan)).poses if p.role in FITTED]
+    poses = [p for p in read_plan(plan).poses if p.role in FITTED]
     if not poses:
         raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
     free = load_cell(str(plan.parent / "cell.toml"))
-    names = [f.name for f in free.fixtures]
-    unknown = sorted({p.fixture for p in poses} - set(names))
+    places = [(f.name, free.point_name(k)) for k, f in enumerate(free.fixtures)]
+    unknown = sorted({(p.fixture, p.point) for p in poses} - set(places))
     if unknown:
-        raise InputError(f"{plan}: measures at fixture '{unknown[0]}', which {free.path} does not have")
-    return Unloaded(free, from_deg([p.q_deg for p in poses]), np.array([names.index(p.fixture) for p in poses]))
+        name, point = unknown[0]
+        where = f"'{name}'" + (f", tool point '{point}'" if point else "")
+        raise InputError(f"{plan}: measures at fixture {where}, which {free.path} does not have")
+    which = np.array([places.index((p.fixture, p.point)) for p in poses])
+    return Unloaded(free, from_deg([p.q_deg for p in poses]), which)
 
 
 def beside_plan(cell: Cell, found: Places, count: int, plan: Path) -> Both:

@@ -84,8 +84,7 @@ def _joined(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.nda
 
 def _found(cell: Cell, fixture: int, seed: int) -> Array:
     """Of the poses in the largest part of the shell with the most room to every limit, the quickest to reach."""
-    one = replace(cell, fixtures=(cell.fixtures[fixture],), cable=replace(cell.cable, tool_about_bar=None))
-    one = replace(one, plan=replace(cell.plan, grid_step=None))
+    one = replace(cell.unwound, fixtures=(cell.fixtures[fixture],), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, TRIED, seed).q
     q = q[parts(Constraints(one), q, seed) == 0]
     workspace = Workspace(one)

@@ -29,6 +29,15 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     assert "(number 4; number 20; " in "".join(warnings_of(bare, cell, found, None))
 
 
+def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
+    cell = load_cell("kuka-kr6-r700/edbb")
+    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.zeros(0, dtype=int))
+    for pull, told in ((10.0, False), (625.0, True)):
+        samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
+        run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
+        assert any("up to 625 N" in w for w in warnings_of(run, cell, found, None)) == told
+
+
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))

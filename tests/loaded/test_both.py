@@ -37,9 +37,11 @@ def folder(tmp_path_factory):
     way[:, 2] = np.abs(way[:, 2])
     targets = fixture + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.3, 0.52, (60, 1))
     q = np.degrees(world.reach(shared.arm(), targets, rng))
-    poses = [{"q_deg": row.tolist(), "fixture": "E", "role": "calibrate"} for row in q]
+    poses = [{"id": k, "q_deg": row.tolist(), "fixture": "E", "role": "calibrate"} for k, row in enumerate(q)]
     poses += [{**poses[0], "role": "mount"}, {**poses[1], "role": "validate"}]
-    (here / "plan.json").write_text(json.dumps({"poses": poses}))
+    drives = [{"fixture": "E", "travel": [], "waypoints": []}]
+    plan = {"schema": "edbb-plan/1", "plan_id": "0" * 12, "drives": drives, "poses": poses}
+    (here / "plan.json").write_text(json.dumps(plan))
     (here / "cell.toml").write_text(load_cell(FREE).path.read_text())
     text = shared.cell_text()
     for one, other in FEW.items():
@@ -158,7 +160,8 @@ def test_cells_that_do_not_belong_together(folder, tmp_path):
     tilted.write_text((folder / "cell.toml").read_text() + "\n[base]\nrpy_deg = [5, 0, 0]\n")
     refused("differ in base.rpy_deg", str(tilted))
     empty = tmp_path / "plan.json"
-    empty.write_text('{"poses": []}')
+    full = json.loads((folder / "plan.json").read_text())
+    empty.write_text(json.dumps({**full, "poses": []}))
     refused("no poses to calibrate by", str(empty))
 
 

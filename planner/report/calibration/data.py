@@ -90,8 +90,7 @@ class Told:
         samples = self.calibration.run.samples.take(self.looked)
         out = [Against("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
         rig = self.calibration.fit.model.rig
-        loaded = rig.tool_mass or samples.force is not None or samples.payload is not None
-        if loaded or any(m is not None for m in rig.robot.masses):
+        if rig.weighs or samples.force is not None or samples.payload is not None:
             load = Context(rig, samples).load_torque
             out += [Against("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
         if samples.torque is not None:
