@@ -9,37 +9,42 @@ from planner.units import Array
 
 @dataclass
 class Posterior:
-    """The covariance C of all errors, in prior sizes, as the candidates see it.
+    """The covariance C of all errors, in prior sizes, and what the candidates would change of it.
+
+    A reading moves every number below by the products of all candidates with two vectors (Sherman–Morrison), so that
+    one step costs one look at the rows, however many numbers there are.
 
     Attributes:
         white: rows of the candidates in standard deviations of their readings per prior size, (n, P).
-        seen: rows times C, (n, P); ``shown`` rows times C times a root of the weight of the errors, (n, K).
-        spread: variance of each reading that C foretells, in its own noise, (n,).
+        weight: mean square error of the tool per squared errors in prior sizes, W (P, P).
+        covariance: C, (P, P).
+        shown: a C W C aᵀ of each candidate's row a, (n,) [m²].
+        spread: variance of each reading that C foretells, a C aᵀ, in its own noise, (n,).
         square: mean square error of the tool under C [m²].
     """
 
     white: Array
-    seen: Array
+    weight: Array
+    covariance: Array
     shown: Array
     spread: Array
     square: float
 
     @classmethod
     def before(cls, white: Array, weight: Array) -> "Posterior":
-        """Return what the priors say; ``weight`` (P, P): mean square error per squared errors in prior sizes."""
-        size, axes = np.linalg.eigh(weight)
-        along = size > 1e-12 * size[-1]
-        root = axes[:, along] * np.sqrt(size[along])
-        return cls(white, white.copy(), white @ root, (white**2).sum(axis=1), float(np.trace(weight)))
+        """Return what the priors say."""
+        shown = np.einsum("ij,ij->i", white @ weight, white)
+        spread = np.einsum("ij,ij->i", white, white)
+        return cls(white, weight, np.eye(white.shape[1]), shown, spread, float(np.trace(weight)))
 
     @property
     def gains(self) -> Array:
         """How much each candidate would take off the mean square error, (n,) [m²]."""
-        return np.asarray((self.shown**2).sum(axis=1) / (1.0 + self.spread))
+        return np.asarray(self.shown / (1.0 + self.spread))
 
     def loss(self, which: np.ndarray) -> Array:
         """How much the mean square error would grow without each of the readings ``which``, (k,) [m²]."""
-        return np.asarray((self.shown[which] ** 2).sum(axis=1) / (1.0 - self.spread[which]))
+        return np.asarray(self.shown[which] / (1.0 - self.spread[which]))
 
     def with_readings(self, which: np.ndarray) -> "Posterior":
         """Return what is known once the candidates ``which`` (k,) are measured as well."""
@@ -49,10 +54,13 @@ class Posterior:
         return out
 
     def add(self, k: int, sign: int = 1) -> None:
-        """Take candidate ``k`` among the readings, or out of them where ``sign`` is −1 (Sherman–Morrison)."""
+        """Take candidate ``k`` among the readings, or out of them where ``sign`` is −1."""
         scale = sign / (1.0 + sign * self.spread[k])
-        share = (self.white @ self.seen[k]) * scale
-        self.square -= float((self.shown[k] ** 2).sum() * scale)
-        self.spread = self.spread - share**2 / scale
-        self.seen = self.seen - np.outer(share, self.seen[k])
-        self.shown = self.shown - np.outer(share, self.shown[k])
+        seen = self.covariance @ self.white[k]
+        pull = self.weight @ seen
+        size = float(seen @ pull)
+        by, through = self.white @ seen, self.white @ (self.covariance @ pull)
+        self.square -= size * scale
+        self.shown = self.shown - scale * by * (2.0 * through - scale * size * by)
+        self.spread = self.spread - scale * by**2
+        self.covariance = self.covariance - scale * np.outer(seen, seen)

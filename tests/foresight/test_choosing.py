@@ -40,7 +40,8 @@ def test_what_is_known_is_kept_up_to_date(seed):
     known.add(7, -1)
     assert known.square == pytest.approx(left(white, weight, (3, 1, 9)))
     covariance = np.linalg.inv(white[[3, 1, 9]].T @ white[[3, 1, 9]] + np.eye(5))
-    assert np.allclose(known.seen, white @ covariance)
+    assert np.allclose(known.covariance, covariance)
+    assert np.allclose(known.shown, np.diag(white @ covariance @ weight @ covariance @ white.T))
     assert np.allclose(known.spread, np.diag(white @ covariance @ white.T))
 
 
