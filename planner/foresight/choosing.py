@@ -23,7 +23,7 @@ LEFT = 1 / 3  # of what stays untraced: so far the error is brought down where n
 FEWEST, MOST = 100, 400  # poses, where no number is given
 BEGUN = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
 PASSES = 2  # through the chosen, in which each may give way to another
-SHORT = 4000  # candidates that promise most, among which the chosen are exchanged
+SHORT = 12_000  # candidates that promise most, among which the chosen are exchanged
 FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
 Progress = Callable[[int, int], None]
 
