@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.calibrated import CalibratedRobot
 from planner.cell import Cell
-from planner.cell.placed import nests_frame
+from planner.cell.placed import in_line, nests_frame
 from planner.errors import InputError
 from planner.placing.rotations import registration
 from planner.robot import Robot
@@ -17,7 +17,6 @@ from planner.run import Run
 from planner.units import UM, Array, to_mm
 
 NESTS = 3
-FLAT = 0.05  # share of their spread by which the nests must leave one line
 CLOSE = 100 * UM  # [m] by which a nest may miss its place after the frame was found
 
 
@@ -66,17 +65,16 @@ def registered(cell: Cell) -> Registered:
             "'# nest_mm: NAME, x, y, z' for each above the columns of the run"
         )
     W, G = np.array([n.p_WN for n in read]), np.array([n.p_GN for n in read])
-    spread = np.linalg.svd(W - W.mean(axis=0), compute_uv=False)
-    if spread[1] < FLAT * spread[0]:
+    if in_line(W):
         raise InputError(f"{cell.path}: the nests lie nearly on one line, about which the tracker's frame stays open")
     R, p = registration(W, G, np.ones(len(W)))
     misses = np.linalg.norm(G @ R.T + p - W, axis=1)
     if misses.max() > CLOSE:
-        worst = int(np.argmax(misses))
+        metres = " (their readings look like metres)" if np.ptp(G, axis=0).max() < np.ptp(W, axis=0).max() / 500 else ""
         raise InputError(
-            f"{cell.path}: nest {read[worst].name} is {float(to_mm(misses[worst])):.3f} mm from where it should be, "
-            f"with the tracker's frame as it fits best; {float(to_mm(CLOSE)):g} mm are allowed: read the nests again, "
-            "or check their position_mm"
+            f"{cell.path}: the nests miss their places by up to {float(to_mm(misses.max())):.3f} mm{metres}, with the "
+            f"tracker's frame as it fits best, and {float(to_mm(CLOSE)):g} mm are allowed: read them again, look "
+            "whether two were exchanged, or check their position_mm"
         )
     return Registered(R, p, misses, W)
 

@@ -13,9 +13,10 @@ from planner.cell import Cell
 from planner.errors import InputError, nearest
 from planner.run import Run
 from planner.run.beside import Beside
-from planner.units import Array, frozen
+from planner.units import MM, Array, frozen
 
 FEWEST = 10  # poses
+FAR = 200 * MM  # mean error that no robot has, its place in the cell a little wrong
 SURE = 100  # poses below which the outer percentiles say little
 
 
@@ -79,8 +80,18 @@ def validated(cell: Cell, run: Run, said: Beside, model: Path | None = None, oth
         notes += after.arm.notes
     read = tuple(n.name for n in cell.nests if n.p_GN is not None)
     before = _judged(nominal_arm(cell), frame, run)
+    _check_far(run, before)
     floor = floor_of(cell, run, frame, (after or before).arm.by_nests)
     return Validation(run, read, frame, before, after, floor, tuple(notes))
+
+
+def _check_far(run: Run, before: Judged) -> None:
+    if before.figures.mean > FAR:
+        raise InputError(
+            f"{run.name}: the robot of the data sheet would be {before.figures.mean / MM:.0f} mm off on average, and "
+            "none is: look whether two nests were exchanged, whether they and the poses were read in one frame and "
+            "in millimetres, and where [artifact] stands"
+        )
 
 
 def with_nests(cell: Cell, said: Beside) -> tuple[Cell, list[str]]:

@@ -203,9 +203,14 @@ class CellFile(Grown):
 
     @model_validator(mode="after")
     def _apart(self) -> "CellFile":
-        """Two fixtures, or two tool points, at one place would be counted as two and show what one shows."""
+        """Two fixtures, tool points, balls or nests at one place would be counted as two and show what one shows."""
         points = [(FIRST_POINT, self.tool.map_mm), *((p.name, p.map_mm) for p in self.tool.points)] if self.tool else []
-        for what, placed in (("fixtures", [(f.name, f.position_mm) for f in self.fixtures]), ("tool points", points)):
+        kinds = (
+            ("fixtures", [(f.name, f.position_mm) for f in self.fixtures]), ("tool points", points),
+            ("balls", [(b.name, b.position_mm) for b in self.balls]),
+            ("nests", [(n.name, n.position_mm) for n in self.tracker.nests] if self.tracker else []),
+        )  # fmt: skip
+        for what, placed in kinds:
             for (one, here), (other, there) in combinations(placed, 2):
                 if dist(here, there) < APART_MM:
                     raise ValueError(

@@ -9,6 +9,7 @@ from planner.errors import InputError
 
 NEAR_BASE = 10.0  # [mm] a fixture whose coordinates are all smaller would stand inside the robot's base
 SHORT_TOOL = 1.0  # [mm] from flange to ball: no ball is that small
+SMALL_BALL = 0.5  # [mm] radius
 NARROW_CONE = 5.0  # [deg] no ball joint tilts so little, and no bar could be measured with one
 QUARTER = np.pi / 4  # robots wait at multiples of 45°
 AS_PRINTED = 6e-4  # [rad] what three printed digits leave open
@@ -48,6 +49,11 @@ def _check_placed(path: Path, file: CellFile) -> None:
     if len(file.balls) > 1 and np.ptp([b.position_mm for b in file.balls], axis=0).max() < NEAR_BASE:
         last = file.balls[-1]
         _metres(path, f"balls.{last.name}.position_mm", last.position_mm, "inside all the other balls")
+    for ball in file.balls:
+        if ball.radius_mm < SMALL_BALL:
+            _metres(path, f"balls.{ball.name}.radius_mm", (ball.radius_mm,), "smaller than any ball of a gauge")
+        if max(map(abs, ball.position_mm)) < SHORT_TOOL:
+            _metres(path, f"balls.{ball.name}.position_mm", ball.position_mm, f"less than {SHORT_TOOL:g} mm from zero")
 
 
 def _like_radians(angles: tuple[float, ...]) -> bool:

@@ -14,6 +14,7 @@ from planner.units import MM, Array, from_deg, from_mm, frozen
 
 SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
 NESTS = 3
+FLAT = 0.05  # share of their spread by which the nests must leave one line
 
 
 def balls_of(file: CellFile) -> tuple[Ball, ...]:
@@ -53,6 +54,12 @@ def nests_frame(file: CellFile) -> tuple[Array, Array]:
     return frozen(R), frozen(from_mm(file.artifact.position_mm))
 
 
+def in_line(p: Array) -> bool:
+    """Tell whether points (n, 3) lie nearly on one line."""
+    size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    return bool(size[1] < FLAT * size[0])
+
+
 def place_of(path: Path, file: CellFile) -> Fixture:
     """Return the unnamed place at which the artifact of a head, or a tracker, stands.
 
@@ -65,6 +72,8 @@ def place_of(path: Path, file: CellFile) -> Fixture:
         raise InputError(f"{path}: the section [tracker] with position_mm is missing: where the tracker stands")
     elif 0 < len(file.tracker.nests) < NESTS:
         raise InputError(f"{path}: tracker.nests has {len(file.tracker.nests)} nests; a frame takes {NESTS} of them")
+    elif file.tracker.nests and in_line(from_mm([n.position_mm for n in file.tracker.nests])):
+        raise InputError(f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open")
     placed: PlacedFile | None = file.artifact if file.gauge.kind == "trical" else file.tracker
     assert placed is not None
     R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
@@ -91,9 +100,30 @@ def _check_trical(path: Path, file: CellFile) -> None:
             f"{path}: the section [gauge.head] with indicators is missing: the directions of the three indicators from "
             "the tool point, in the flange frame"
         )
+    _check_master(path, file.gauge.head, 2 * file.balls[0].radius_mm)
     names = [b.name for b in file.balls]
     if len(set(names)) < len(names):
         raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
+
+
+def _check_strokes(path: Path, file: HeadFile) -> None:
+    """Refuse a head whose indicators reach further than they move or touch further out than their tips are wide."""
+    largest = min(file.range_mm / 2, file.tip_mm / 2)
+    if file.usable_mm > largest:
+        raise InputError(
+            f"{path}: 'gauge.head.usable_mm' = {file.usable_mm:g} is more than indicators of range_mm = "
+            f"{file.range_mm:g} with tips of tip_mm = {file.tip_mm:g} allow: at most {largest:g}, half of either"
+        )
+
+
+def _check_master(path: Path, head: HeadFile, ball_mm: float) -> None:
+    """Refuse a master ball that the indicators cannot show in their range beside balls of the diameter ``ball_mm``."""
+    if not 0.0 <= head.master_mm - ball_mm <= 2 * head.range_mm:
+        raise InputError(
+            f"{path}: 'gauge.head.master_mm' = {head.master_mm:g} is the diameter of the master ball: with balls of "
+            f"{ball_mm:g} mm and indicators of range_mm = {head.range_mm:g} it lies between {ball_mm:g} and "
+            f"{ball_mm + 2 * head.range_mm:g}"
+        )
 
 
 def head_of(path: Path, file: HeadFile, map_axis: tuple[float, float, float]) -> Head:
@@ -119,6 +149,7 @@ def head_of(path: Path, file: HeadFile, map_axis: tuple[float, float, float]) ->
             f"{path}: 'tool.map_axis' = {list(map_axis)} must lead out of the head, away from all three indicators: "
             "the ball comes in along it"
         )
+    _check_strokes(path, file)
     return Head(
         frozen(axes),
         file.range_mm * MM,

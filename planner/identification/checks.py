@@ -7,6 +7,7 @@ import numpy as np
 from planner.cell import FIRST_POINT, Cell
 from planner.identification.fit import Fit
 from planner.identification.stages import Fitted
+from planner.identification.standing import far_from_declared
 from planner.identification.types import Estimate
 from planner.identification.validation import new_frames
 from planner.run import Run
@@ -14,6 +15,7 @@ from planner.units import DEG, MM
 
 LARGEST = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
 TRACEABLE = 20  # readings beyond the parameters, below which nothing is traced
+ROUGH = 10 * MM  # held-out rms that no calibrated robot leaves
 PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 NAMED = 5  # outliers that a warning names
 
@@ -29,11 +31,16 @@ def problems_of(table: tuple[Estimate, ...], stages: Sequence[Fitted], found: Fi
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
         out.append("the information of the fit is not finite")
-    before, last = min(s.stage.held_out.rms for s in stages[:2]), stages[-1].stage.held_out.rms
-    if last > before:
+    before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
+    if last.rms > ROUGH:
         out.append(
-            f"held-out poses got worse, {before / MM:.3f} mm to {last / MM:.3f} mm: "
-            "too few readings for so many parameters"
+            f"held-out poses are still {last.rms / MM:.1f} mm off: readings do not belong to these poses; look for "
+            "rows that were exchanged, another ball, fixture or tool point, and units"
+        )
+    elif last.rms > before.rms:
+        out.append(
+            f"held-out poses got worse, {before.rms / MM:.3g} mm to {last.rms / MM:.3g} mm: too few readings for so "
+            "many parameters, or an error that is nothing but noise"
         )
     return tuple(out)
 
@@ -48,7 +55,7 @@ def warnings_of(run: Run, cell: Cell, found: Fit, validation: Run | None) -> lis
     out, rig = [], found.model.rig
     if cell.file.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
-    out += [*_of_bar(run, cell), *_other_point(run, cell)]
+    out += [*_of_bar(run, cell), *_other_point(run, cell), *far_from_declared(cell, rig)]
     if len(found.outliers):
         named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED])
         more = f"; and {len(found.outliers) - NAMED} more" if len(found.outliers) > NAMED else ""

@@ -14,6 +14,7 @@ from planner.identification.freeing import freed
 from planner.identification.placed import placed, rig_for, with_motion
 from planner.identification.splits import split
 from planner.identification.stages import frames_only, nominal
+from planner.identification.standing import as_declared
 from planner.identification.types import Calibration, Metrics
 from planner.identification.validation import judged
 from planner.model import Model
@@ -49,7 +50,7 @@ def identify(
     run = with_motion(run)
     validation = None if validation is None else with_motion(validation)
     say("placing the gauge")
-    rig = placed(rig_for(cell, run), run)
+    rig = as_declared(cell, placed(rig_for(cell, run), run))
     bare = None if validation is None else rig_for(cell, validation)
     parts = split(run, settings.hold_out, settings.seed)
 

@@ -127,7 +127,9 @@ def _check_kind(cell: Cell, run: Run) -> None:
 
 
 def _check_range(cell: Cell, run: Run) -> None:
-    """Refuse lengths in another unit than their column says."""
+    """Refuse lengths, and distances from a ball's centre, in another unit than their column says."""
+    if run.readings.offset is not None and cell.gauge.head is not None:
+        _check_offsets(run, run.readings.offset, cell.gauge.head.range)
     length, low, high = run.readings.length, cell.gauge.length_min, cell.gauge.length_max
     if length is None or not np.isfinite(high):
         return
@@ -138,6 +140,16 @@ def _check_range(cell: Cell, run: Run) -> None:
                 f"{run.name}: the lengths are about {typical / MM:.4g} mm, but the bar reaches from {low / MM:g} to "
                 f"{high / MM:g} mm: these look like {words}"
             )
+
+
+def _check_offsets(run: Run, offset: Array, reach: float) -> None:
+    far = np.flatnonzero(np.abs(offset).max(axis=1) > reach)
+    if len(far):
+        found = np.abs(offset[far[0]]).max() / MM
+        raise InputError(
+            f"{run.where(int(far[0]))}: the ball is {found:.4g} mm off centre, but the indicators "
+            f"(gauge.head.range_mm) move by {reach / MM:g} mm in all: are dx_mm, dy_mm, dz_mm in millimetres?"
+        )
 
 
 def _index(run: Run, name: str, known: tuple[str, ...], what: str, cell: Cell) -> int:

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from planner.errors import InputError
 from planner.schema import read_json, validate
 
 
@@ -40,6 +41,7 @@ class PoseFile(Loose):
     approach: tuple[int, ...] = ()
     fixture: str = ""
     point: str = ""
+    ball: str | None = None
 
 
 class PlanFile(Loose):
@@ -60,6 +62,12 @@ def read_plan(path: Path) -> PlanFile:
     """Read the plan at ``path``.
 
     Raises:
-        InputError: no such file, or no plan.
+        InputError: no such file, no plan, or a plan of circles.
     """
-    return validate(read_json(path), PlanFile, str(path))
+    content = read_json(path)
+    if isinstance(content, dict) and content.get("kind") == "circular":
+        raise InputError(
+            f"{path}: is a plan of circles, and a plan of poses is needed here; runs of circles are for edbb circular, "
+            "those under load for edbb loaded"
+        )
+    return validate(content, PlanFile, str(path))

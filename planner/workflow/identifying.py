@@ -81,9 +81,30 @@ def _by_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> tuple[Run, Run
     strange = np.setdiff1d(run.samples.pose[run.samples.pose >= 0], plan.ids())
     if len(strange):
         raise InputError(f"{run.name}: pose {strange[0]} is not in {path} (there: 0 … {max(plan.ids())})")
+    _check_places(run, path, plan)
     if not aside.any() or aside.all():
         return run, None
     return run.take(~aside), replace(run.take(aside), name=f"{run.name}, validation poses")
+
+
+def _check_places(run: Run, path: Path, plan: PlanFile) -> None:
+    """Refuse a run that measured a pose elsewhere than the plan has it: at another ball, fixture or tool point."""
+    assert run.samples.pose is not None
+    planned = {p.id: p for p in plan.poses}
+    looks = (
+        ("ball", run.readings.ball, run.balls), ("fixture", run.samples.place, run.places),
+        ("point", run.samples.point, run.points),
+    )  # fmt: skip
+    for what, which, names in looks:
+        if which is None or names == ("",):
+            continue
+        pairs, first = np.unique(np.stack([run.samples.pose, which]), axis=1, return_index=True)
+        for k, (pose, at) in sorted(zip(first.tolist(), pairs.T.tolist(), strict=True)):
+            wanted = getattr(planned[pose], what) if pose in planned else None
+            if wanted and names[at] and names[at] != wanted:
+                raise InputError(
+                    f"{run.where(k)}: pose {pose} was measured at {what} '{names[at]}', but {path} has it at '{wanted}'"
+                )
 
 
 def write_identification(done: Identification, folder: Path, stages: Stages) -> list[Path]:

@@ -149,3 +149,14 @@ def test_what_cannot_be_judged_is_told(cell, run_file, tmp_path):
     twice.write_text(tracker_run(poses()).replace("# nest_mm: N2", "# nest_mm: N1"))
     with pytest.raises(InputError, match="read twice"):
         judged(cell, twice)
+
+
+def test_exchanged_nests_are_noticed(cell, run_file, tmp_path):
+    text = run_file.read_text()
+    assert "nest_mm: N1" in text
+    path = tmp_path / "run.csv"
+    path.write_text(
+        text.replace("nest_mm: N1", "nest_mm: NX").replace("nest_mm: N2", "nest_mm: N1").replace("NX", "N2")
+    )
+    with pytest.raises(InputError, match="whether two were exchanged"):
+        judged(cell, path)

@@ -26,7 +26,7 @@ from tests.generator.truth import Noise, Truth
 NAME = "kuka-kr6-r700"
 ERRORS = {"a1": 3e-4, "a2": -5e-4, "d4": 4e-4, "theta2": 6e-4, "theta3": -4e-4, "alpha1": 3e-4, "alpha4": -5e-4}
 SOFT = {2: 5e-6, 3: -8e-6, 5: 2e-5}
-NESTS_M = np.array([[0.0, -0.3, 0.0], [0.0, 0.3, 0.0], [0.3, 0.0, 0.0]])
+NESTS_M = np.array([[0.0, -0.3, 0.0], [0.0, 0.3, 0.0], [0.3, 0.12, 0.0]])
 R_GB = np.array([[-0.6, -0.8, 0.0], [0.8, -0.6, 0.0], [0.0, 0.0, 1.0]])  # the tracker's axes
 P_BG = np.array([2.6, -0.2, 0.35])  # where it stands
 

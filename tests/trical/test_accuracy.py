@@ -70,7 +70,7 @@ def test_bad_nests_are_named(tracked):
     with pytest.raises(InputError, match="read_mm is missing for N1, N2, N3"):
         registered(shipped)
     a, b, c = tracked.nests
-    with pytest.raises(InputError, match=r"nest N\d is 0\.\d+ mm from where it should be"):
+    with pytest.raises(InputError, match=r"the nests miss their places by up to 0\.\d+ mm"):
         registered(replace(tracked, nests=(a, b, replace(c, p_GN=c.p_GN + np.array([0.0, 0.0, 1e-3]) + 1e-3))))
     line = tuple(Nest(n, np.array([x, 0, 0]), np.array([x, 0, 0])) for n, x in (("a", 0.0), ("b", 0.3), ("c", 0.6)))
     with pytest.raises(InputError, match="nearly on one line"):

@@ -31,10 +31,16 @@ def changed(tmp_path, name, *changes):
         ),
         ("trical", "position_mm = [536.32, 21.901, 58.349]", "position_mm = [0.536, 0.022, 0.058]", "look like metres"),
         ("tracker", "position_mm = [2500, 0, 400]", "position_mm = [2.5, 0, 0.4]", "look like metres"),
+        ("trical", "master_mm = 38.1", "master_mm = 1.5", "between 25.4 and 50.4"),
+        ("trical", "usable_mm = 5.0", "usable_mm = 50.0", "at most 5.75, half of either"),
+        ("trical", "range_mm = 12.5", "range_mm = 1.25", "range_mm = 1.25 it lies between"),
+        ("trical", "position_mm = [-79.193, 287.805, 18.740]", "position_mm = [-0.079, 0.288, 0.019]", "metres"),
+        ("trical", "position_mm = [-79.193, 287.805, 18.740]", "position_mm = [-79.5, -330.1, 17.5]", "at one place"),
+        ("tracker", "position_mm = [300, 120, 0]", "position_mm = [0, 10, 0]", "lie nearly on one line"),
         ("trical", "mass_kg = 6.0", "mass_kg = 7.0", "exceeds the rated payload"),
         ("tracker", "[tracker]\nposition_mm", "[tracker]\nplace_mm", "place_mm"),
         ("tracker", "length_mm = [1000, 5000]\n", "", "length_mm"),
-        ("tracker", '[[tracker.nests]]\nname = "N3"\nposition_mm = [300, 0, 0]\n', "", "has 2 nests"),
+        ("tracker", '[[tracker.nests]]\nname = "N3"\nposition_mm = [300, 120, 0]\n', "", "has 2 nests"),
     ],
 )
 def test_wrong_keys_are_told(tmp_path, name, old, new, told):

@@ -223,6 +223,26 @@ def test_a_bad_run_is_told_and_nothing_is_written(measured, what):
     assert sorted(p.name for p in measured.iterdir()) == before
 
 
+def test_a_run_that_measured_elsewhere_than_its_plan_says_is_refused(measured):
+    plan = json.loads((measured / "plan.json").read_text())
+    plan["poses"][3]["fixture"] = "B"
+    (measured / "plan.json").write_text(json.dumps(plan))
+    code, _, told = edbb("identify", measured / "run.csv", *_cell(measured), "-o", measured / "out")
+    assert code == 2
+    said = f"pose {plan['poses'][3]['id']} was measured at fixture 'A', but"
+    assert said in told
+    assert "run.csv, line " in told
+    assert not (measured / "out").exists()
+
+
+def test_a_plan_of_circles_is_named(measured):
+    plan = json.loads((measured / "plan.json").read_text())
+    (measured / "plan.json").write_text(json.dumps({**plan, "kind": "circular"}))
+    code, _, told = edbb("identify", measured / "run.csv", *_cell(measured), "-o", measured / "out")
+    assert code == 2
+    assert "is a plan of circles" in told
+
+
 def test_a_failing_fit_leaves_the_old_result(identified):
     old = {p: p.read_bytes() for p in (identified / "out").rglob("*") if p.is_file()}
     bad = identified / "bad.csv"

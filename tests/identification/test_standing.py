@@ -1,0 +1,56 @@
+"""Errors of the base count from where the cell has the artifact; an artifact found far away is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from planner.errors import InputError
+from planner.identification import identify
+from planner.identification.gauge_frames import gauge_frames
+from tests.identification.test_declared import cell, made
+
+
+def moved(by_mm):
+    """The cell with its artifact elsewhere than it stands."""
+    there = cell()
+    artifact = there.file.artifact
+    position = tuple(float(v) for v in np.add(artifact.position_mm, by_mm))
+    file = there.file.model_copy(update={"artifact": artifact.model_copy(update={"position_mm": position})})
+    return replace(there, file=file)
+
+
+def base_mm(found):
+    told = {e.name: e.value for e in found.estimates}
+    return 1e3 * np.array([told[f"base_{axis}"] for axis in "xyz"])
+
+
+def test_the_bases_errors_count_from_the_cells_place():
+    """Another place in the cell is another error of the base, by as much; where the artifact is found stays."""
+    run, _ = made(2, soft=1e-4)
+    by_mm = np.array([1.5, -2.0, 0.7])
+    here, there = identify(run, cell()), identify(run, moved(by_mm))
+    assert np.allclose(base_mm(there) - base_mm(here), by_mm, atol=1e-4)
+    place, again = (gauge_frames(found).places[0] for found in (here, there))
+    assert np.allclose(place[1], again[1], atol=1e-8)
+    assert np.allclose(place[2], again[2], atol=1e-8)
+    turn = Rotation.from_euler("XYZ", [next(e.value for e in here.estimates if e.name == f"base_r{x}") for x in "xyz"])
+    wanted = turn.inv().apply(np.array(cell().file.artifact.position_mm) - base_mm(here))
+    assert np.allclose(1e3 * place[1], wanted, atol=1e-4)
+    assert not any("from where [artifact]" in w for w in (*here.warnings, *there.warnings))
+
+
+def test_an_artifact_found_elsewhere_is_told():
+    run, _ = made(2, soft=1e-4)
+    found = identify(run, moved((0, 100, 0)))
+    (said,) = [w for w in found.warnings if w.startswith("the run puts the balls ")]
+    assert 95 < float(said.split()[5]) < 105
+
+
+def test_distances_from_the_centre_beyond_the_indicators_are_refused():
+    run, _ = made(2, soft=1e-4)
+    offset = np.zeros((len(run), 3))
+    offset[4, 0] = 2.5
+    with pytest.raises(InputError, match="2500 mm off centre, but the indicators"):
+        identify(replace(run, readings=replace(run.readings, offset=offset)), cell())
