@@ -41,8 +41,9 @@ def loaded_command(
         print_json(loaded_content(found, done.joint))
     else:
         _summary(found, done.joint, output)
-    if found.problems:
-        raise NoSolutionError("the compliances failed their own check: " + "; ".join(found.problems))
+    problems = (*found.problems, *(done.joint.problems if done.joint else ()))
+    if problems:
+        raise NoSolutionError("the compliances failed their own check: " + "; ".join(problems))
 
 
 def places_command(

@@ -26,6 +26,12 @@ def rig_for(cell: Cell, run: Run) -> Rig:
     """
     _check_kind(cell, run)
     rig = rig_of(cell)
+    under = sorted(set(rig.loaded) & set(run.places))
+    if under and run.samples.force is None and run.readings.length is not None:
+        raise InputError(
+            f"{run.name}: the column force_N is missing, and at fixture '{under[0]}' of {cell.path} the bar pulls "
+            "(circles.loads_N): without it the loads would be taken for errors of the robot"
+        )
     if rig.kind == "length" and cell.fixtures:
         which = [_index(run, name, rig.place_names, "fixture", cell) for name in run.places]
         rig = replace(

@@ -25,8 +25,9 @@ from planner.model import Model
 from planner.model.parameters import compliance_parameters
 from planner.run import Run
 from planner.run.joining import joined
-from planner.units import Array, frozen
+from planner.units import UM, Array, frozen
 
+APART = 3.0  # times what it leaves by itself, from which on a run does not fit to the other
 ROUNDS = 2  # of the torques in balance before the last steps
 
 
@@ -39,6 +40,7 @@ class Joint:
         estimates: every parameter, seen or not.
         names, errors, covariance: of the fitted parameters, (P,), (P, P).
         rms: of the residuals without load, and with load [m].
+        problems: reasons not to use the fit.
     """
 
     run: Run
@@ -47,6 +49,7 @@ class Joint:
     errors: Array
     covariance: Array
     rms: tuple[float, float]
+    problems: tuple[str, ...] = ()
 
 
 def joint_fit(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) -> Joint:
@@ -76,14 +79,30 @@ def joint_fit(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) ->
     under = np.isin(whole_run.samples.place, own)
     alike = correlation_time(last.residual[~under]) if unloaded.continuous else 1.0
     covariance = frozen(max(1.0, alike) * last.covariance)
+    rms = _rms(last.residual[~under]), _rms(last.residual[under])
     return Joint(
         replace(whole_run, samples=replace(whole_run.samples, torque=None, reversals=None, length=None)),
         estimates(whole, found, dropped, covariance),
         model.names,
         last.errors,
         covariance,
-        (_rms(last.residual[~under]), _rms(last.residual[under])),
+        rms,
+        _disagreement(model, whole_run, under, rms),
     )
+
+
+def _disagreement(model: Model, run: Run, under: np.ndarray, rms: tuple[float, float]) -> tuple[str, ...]:
+    """Say where one model cannot follow both runs: one of them leaves far more than in a fit of its own."""
+    for part, left, words in ((~under, rms[0], "without load"), (under, rms[1], "under load")):
+        alone = fit(Problem.of(model, run.take(part)))
+        own = _rms(alone.problem.residual(alone.errors))
+        if left > APART * float(np.hypot(own, model.rig.noise)):
+            return (
+                f"the runs without load and under load disagree: fitted together, {left / UM:.1f} µm are left {words}, "
+                f"by itself that run leaves {own / UM:.1f} µm; were both measured on one robot, at the fixtures that "
+                "they name?",
+            )
+    return ()
 
 
 def _balanced(run: Run, model: Model, errors: Array) -> Run:

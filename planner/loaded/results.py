@@ -78,6 +78,7 @@ def _joint(joint: Joint) -> dict[str, object]:
             }
             for e in joint.estimates
         ],
+        "problems": list(joint.problems),
         "warnings": list(joint.run.warnings),
     }
 

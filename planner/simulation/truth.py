@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+from zlib import crc32
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat
@@ -95,9 +96,13 @@ def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
 
 
 def drawn(cell: Cell, seed: int) -> Truth:
-    """Draw every error from its prior size; joints give way in the direction of their load only."""
+    """Draw every error from its prior size, by its name: one robot in all cells of a seed.
+
+    Joints give way in the direction of their load only.
+    """
     model = _model(cell)
-    sizes = np.random.default_rng([seed, 0]).standard_normal(len(model.parameters)) * model.prior
+    drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
+    sizes = np.array(drawn) * model.prior
     gives = np.array([p.group == "joint compliance" for p in model.parameters])
     errors = np.where(gives, np.abs(sizes), sizes)
     short = [_rounded(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]

@@ -7,7 +7,7 @@ from planner.circular import is_circular
 from planner.errors import InputError
 from planner.plan import read_plan
 from planner.repeatable import single_threaded
-from planner.simulation import SimulatedRun, drawn, read_truth, samples_of, simulate
+from planner.simulation import SimulatedRun, drawn, read_truth, samples_of, simulate, told_impossible
 from planner.workflow.circle_reading import simulate_circles
 from planner.workflow.export import _course
 
@@ -30,4 +30,4 @@ def simulate_plan(plan_file: Path, truth: Path | None, seed: int) -> SimulatedRu
     cell = read_cell(beside, "cell")
     samples = samples_of(cell, plan, [_course(plan_file, cell, d) for d in plan.drives])
     known = drawn(cell, seed) if truth is None else read_truth(truth, cell, samples)
-    return simulate(cell, plan.plan_id, samples, known, seed)
+    return told_impossible(cell, simulate(cell, plan.plan_id, samples, known, seed), samples)

@@ -4,9 +4,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from planner.cell import load_cell
+from planner.errors import InputError
 from planner.identification.checks import warnings_of
+from planner.identification.placed import rig_for
 from planner.rig import rig_of
 from planner.run import Readings, Run, Samples
 
@@ -36,6 +39,16 @@ def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
         samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
         run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
         assert any("up to 625 N" in w for w in warnings_of(run, cell, found, None)) == told
+
+
+def test_a_loaded_bars_run_needs_its_force():
+    cell = load_cell("abb-irb6700/ldbb")
+    name = cell.fixtures[cell.circles[0].fixture].name
+    samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int))
+    run = Run("run.csv", samples, Readings(length=np.full(5, 0.13)), places=(name,))
+    with pytest.raises(InputError, match="force_N is missing"):
+        rig_for(cell, run)
+    assert rig_for(cell, replace(run, samples=replace(samples, force=np.full(5, 125.0)))).loaded
 
 
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():

@@ -90,6 +90,17 @@ def test_compliances_are_as_true_as_they_say(fits):
     assert low < np.mean(total) < 1.1 * high  # the noise without load is learnt from 110 readings
 
 
+def test_runs_of_two_robots_are_refused(cell, fits):
+    assert not any(joint.problems for joint in fits)
+    free, loaded = runs(np.random.default_rng(0))
+    arm, rng = shared.arm(), np.random.default_rng(2)
+    other = world.World(errors={k: float(v + rng.normal(0, 3e-4)) for k, v in shared.ERRORS.items()})
+    x = world.true_point(arm, other, free.samples.q, np.zeros(len(free)), E_TRUE)
+    length = np.linalg.norm(x - E_TRUE, axis=1) + 3e-4
+    (said,) = joint_fit(cell, replace(free, readings=Readings(length=length)), loaded, noise()).problems
+    assert "disagree" in said
+
+
 def test_each_bar_has_its_own_zero(fits):
     found = {e.name: e for e in fits[0].estimates}
     assert found["zero"].value == pytest.approx(3e-4, abs=4 * found["zero"].std)

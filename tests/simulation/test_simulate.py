@@ -1,17 +1,20 @@
 """Simulated runs against an arm that shares no code with the planner, and what a wrong truth is told."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from planner.candidates import draw_at_balls
+from planner.cell import load_cell
 from planner.cell.reading import read_cell
 from planner.errors import InputError
 from planner.plan import read_plan
 from planner.rig import rig_of
-from planner.run import load_run, save_run
-from planner.simulation import RATE, drawn, read_truth, simulate
+from planner.run import Readings, Samples, load_run, save_run
+from planner.simulation import RATE, SimulatedRun, drawn, read_truth, simulate, told_impossible
 from planner.simulation.measuring import WANDER
 from planner.workflow.simulating import simulate_plan
 from tests.generator.arm import GRAVITY, Arm, moment_of_weight
@@ -166,6 +169,30 @@ def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
     spread = np.sqrt(np.mean(np.square(values), axis=0))
     assert np.allclose(spread, [1.0, np.rad2deg(1e-3), 5.0, 2.0], rtol=0.2)  # 200 draws: 5 % is one sigma
     assert (np.array(values)[:, 3] > 0).all()  # a joint gives way, it does not push back
+
+
+def test_one_seed_is_one_robot_in_every_cell():
+    """Bar, head and tracker of a session stand about the same arm."""
+    told = [drawn(load_cell(f"kuka-kr6-r700/{name}"), 5).lines() for name in ("edbb", "trical", "tracker")]
+    own = [{line for line in lines if line.startswith(("a2", "alpha3", "theta4", "compliance2"))} for lines in told]
+    assert own[0] == own[1] == own[2]
+    assert len(own[0]) == 4
+
+
+def test_balls_that_no_head_could_have_met_are_told():
+    cell = load_cell("kuka-kr6-r700/trical")
+    q = draw_at_balls(cell, 100).q
+    planned = Samples(q, np.zeros(len(q), dtype=int))
+    ball = np.zeros(len(q), dtype=int)
+    sent = SimulatedRun("run", planned, Readings(ball=ball))
+    assert not told_impossible(cell, sent, planned).warnings
+    off = 0.02 * (np.arange(len(q)) % 4 == 0)  # [rad] of joint 1
+    turned = replace(sent, samples=replace(planned, q=q + np.outer(off, np.eye(6)[0])))
+    radius = np.linalg.norm(cell.map_position(q)[:, :2], axis=1)
+    far = int((off * radius > 5e-3).sum())
+    assert far
+    (said,) = told_impossible(cell, turned, planned).warnings
+    assert said.startswith(f"{far} of {len(q)} balls were met more than 5 mm off centre")
 
 
 def test_what_is_told_can_be_given_back(tmp_path):
