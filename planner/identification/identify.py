@@ -11,7 +11,7 @@ from planner.identification.checks import TRACEABLE, too_few
 from planner.identification.finishing import finished
 from planner.identification.fit import Fit
 from planner.identification.freeing import freed
-from planner.identification.placed import placed, rig_for, with_motion
+from planner.identification.placed import check_pull, placed, rig_for, with_motion
 from planner.identification.splits import split
 from planner.identification.stages import frames_only, nominal
 from planner.identification.standing import as_declared
@@ -51,6 +51,7 @@ def identify(
     validation = None if validation is None else with_motion(validation)
     say("placing the gauge")
     rig = as_declared(cell, placed(rig_for(cell, run), run))
+    check_pull(cell, rig, run)
     bare = None if validation is None else rig_for(cell, validation)
     parts = split(run, settings.hold_out, settings.seed)
 

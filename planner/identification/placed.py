@@ -26,12 +26,6 @@ def rig_for(cell: Cell, run: Run) -> Rig:
     """
     _check_kind(cell, run)
     rig = rig_of(cell)
-    under = sorted(set(rig.loaded) & set(run.places))
-    if under and run.samples.force is None and run.readings.length is not None:
-        raise InputError(
-            f"{run.name}: the column force_N is missing, and at fixture '{under[0]}' of {cell.path} the bar pulls "
-            "(circles.loads_N): without it the loads would be taken for errors of the robot"
-        )
     if rig.kind == "length" and cell.fixtures:
         which = [_index(run, name, rig.place_names, "fixture", cell) for name in run.places]
         rig = replace(
@@ -60,6 +54,20 @@ def rig_for(cell: Cell, run: Run) -> Rig:
         R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)),
         tool_prior=rig.tool_prior if known else FOUND,
     )
+
+
+def check_pull(cell: Cell, rig: Rig, run: Run) -> None:
+    """Refuse a loaded bar's run that does not say how much it pulled.
+
+    Raises:
+        InputError: where force_N is missing.
+    """
+    under = sorted(set(rig.loaded) & set(run.places))
+    if under and run.samples.force is None and run.readings.length is not None:
+        raise InputError(
+            f"{run.name}: the column force_N is missing, and at fixture '{under[0]}' of {cell.path} the bar pulls "
+            "(circles.loads_N): without it the loads would be taken for errors of the robot"
+        )
 
 
 def placed(rig: Rig, run: Run) -> Rig:

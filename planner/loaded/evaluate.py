@@ -50,7 +50,7 @@ def evaluate(run: Run, cell: Cell, tracker: Run | None = None, options: Options 
     check_cell(cell)
     rig = rig_for(cell, run)
     options = options or Options()
-    curves = averaged_curves(rig, run, overshoot_of(cell) if options.overshoot is None else options.overshoot)
+    curves = averaged_curves(rig, run, _dropped(cell, options.overshoot))
     check_loads(cell, curves, run.name)
     for c in curves:
         check_reach(cell, rig, c, run.name)
@@ -70,6 +70,17 @@ def evaluate(run: Run, cell: Cell, tracker: Run | None = None, options: Options 
         run.name, cell.robot.name, circles, found, sentences_of(circles, found), problems_of(found),
         (*run.warnings, *warnings_of(circles, found)),
     )  # fmt: skip
+
+
+def _dropped(cell: Cell, wanted: float | None) -> float:
+    """What is left out at either end of a pass [rad]."""
+    there = overshoot_of(cell)
+    if wanted is not None and cell.circles and wanted > there + 1e-9:
+        raise InputError(
+            f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "
+            f"their turn, {there / DEG:g} degrees (circles.overshoot_deg)"
+        )
+    return there if wanted is None else wanted
 
 
 def overshoot_of(cell: Cell) -> float:

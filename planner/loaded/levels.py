@@ -7,6 +7,7 @@ from planner.run import Run
 from planner.units import Array
 
 BINS = 80  # over the range of the forces
+SMALL = 2.0  # [N]: a bar that pulls less is not loaded; kilonewtons look like that
 SHARE = 0.01  # of the samples: less than that in a bin is a change from one step to the next
 
 
@@ -53,8 +54,9 @@ def _edges(force: Array) -> list[tuple[float, float]]:
 
 def _check(run: Run, loads: Array) -> None:
     if len(loads) < 2:
+        small = " (are they in kN? the column is in newtons)" if 0 < np.abs(loads).max() < SMALL else ""
         raise InputError(
-            f"{run.name}: there is one load only, {loads[0]:.0f} N; a stiffness needs two at least, better the "
+            f"{run.name}: there is one load only, {loads[0]:.3g} N{small}; a stiffness needs two at least, better the "
             "paper's five (125 to 625 N)"
         )
     if loads.min() < -1.0 and loads.max() > 1.0:

@@ -9,7 +9,7 @@ import pytest
 from planner.cell import load_cell
 from planner.errors import InputError
 from planner.identification.checks import warnings_of
-from planner.identification.placed import rig_for
+from planner.identification.placed import check_pull
 from planner.rig import rig_of
 from planner.run import Readings, Run, Samples
 
@@ -47,8 +47,8 @@ def test_a_loaded_bars_run_needs_its_force():
     samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int))
     run = Run("run.csv", samples, Readings(length=np.full(5, 0.13)), places=(name,))
     with pytest.raises(InputError, match="force_N is missing"):
-        rig_for(cell, run)
-    assert rig_for(cell, replace(run, samples=replace(samples, force=np.full(5, 125.0)))).loaded
+        check_pull(cell, rig_of(cell), run)
+    check_pull(cell, rig_of(cell), replace(run, samples=replace(samples, force=np.full(5, 125.0))))
 
 
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from planner.errors import InputError
 from planner.loaded.averaging import averaged_curves
+from planner.loaded.evaluate import Options, evaluate
 from tests.loaded import shared, world
 
 
@@ -86,3 +88,9 @@ def test_ramps_between_loads_are_no_loads():
     (curves,) = averaged_curves(shared.rig(run), run, 0.5)
     np.testing.assert_allclose(curves.loads, [100, 200, 300], atol=1.0)
     assert np.all(curves.repeats >= 2)
+
+
+def test_more_overshoot_than_the_passes_have_is_refused():
+    _, run = made()
+    with pytest.raises(InputError, match="--overshoot 200 would drop more"):
+        evaluate(run, shared.cell(), options=Options(np.radians(200.0)))
