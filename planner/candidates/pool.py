@@ -18,6 +18,7 @@ from planner.workspace import ROOM, STAGES, Workspace
 
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
+HOPELESS = 50_000  # states that all collide, after which no more are drawn
 CHUNK = 8192
 Progress = Callable[[int, int], None]
 
@@ -135,7 +136,8 @@ def _of_fixture(cell: Cell, fixture: int, count: int, seed: int, progress: Progr
         found.append(q)
         if progress is not None:
             progress(min(total, count), count)
-        if total >= count and not whole:
+        hopeless = total == 0 and funnel.cable > HOPELESS
+        if (total >= count and not whole) or hopeless:
             break
     q = np.vstack(found)
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off

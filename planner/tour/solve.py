@@ -107,7 +107,7 @@ class _Request:
         """Solve by dynamic programming, on the costs as they are."""
         notes: tuple[str, ...] = ()
         if self.method == "concorde":
-            _demand_concorde()
+            demand_concorde()
             notes = (f"Concorde was not needed: {_FEW} poses or fewer are solved by dynamic programming",)
         cost = self.cost_s.copy()
         for a, b in self.forbidden:
@@ -143,7 +143,7 @@ class _Request:
 
     def _by_concorde(self, instance: Instance, upper: int) -> Tour | None:
         """Return Concorde's tour; None where it is not installed and was not asked for by name."""
-        program = _demand_concorde() if self.method == "concorde" else find_concorde()
+        program = demand_concorde() if self.method == "concorde" else find_concorde()
         if program is None:
             return None
         if upper >= instance.penalty:
@@ -199,7 +199,12 @@ def _canonical(order: list[int], start: int | None, end: int | None) -> list[int
     return order if order[0] <= order[-1] else order[::-1]
 
 
-def _demand_concorde() -> Path:
+def demand_concorde() -> Path:
+    """Return Concorde's program.
+
+    Raises:
+        MissingProgramError: it is not there.
+    """
     try:
         program = find_concorde()
     except ConcordeError as error:

@@ -19,7 +19,7 @@ from planner.program import ProgramFile, info, write_program
 from planner.repeatable import single_threaded
 from planner.selection import CurveInBackground
 from planner.separating import Identified, Separated, enough, read_identified, separate
-from planner.tour import Method
+from planner.tour import Method, demand_concorde
 from planner.units import Array
 from planner.workflow.driving import Stop, Unreachable, drive
 from planner.workflow.mount import reachable, with_mounts
@@ -74,11 +74,14 @@ class Options:
         return wanted
 
     def known_dialects(self, cell: Cell) -> tuple[str, ...]:
-        """The dialects to write; an unknown one is told before a minute's work.
+        """The dialects to write; an unknown one, or a solver that is not there, is told before a minute's work.
 
         Raises:
             InputError: there is no such dialect.
+            MissingProgramError: Concorde was asked for and is not there.
         """
+        if self.tsp == "concorde":
+            _ = demand_concorde()
         dialects = self.dialects or cell.controller.dialects
         for name in dialects:
             _ = info(name)

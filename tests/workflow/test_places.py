@@ -11,6 +11,7 @@ from tests.generator.arm import Arm
 from tests.workflow.conftest import edbb, small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')
+FEWER = ("candidates = 3000", "candidates = 1200")
 OTHER = ("[[obstacles]]", '[[fixtures]]\nname = "B"\nposition_mm = [430, -330, 60]\n\n[[obstacles]]')
 MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 
@@ -18,7 +19,7 @@ MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("places")
-    cell = small_cell("kuka-kr6-r700/edbb", folder, TWO, OTHER)
+    cell = small_cell("kuka-kr6-r700/edbb", folder, FEWER, TWO, OTHER)
     done = edbb("plan", cell, "-o", folder / "out", "--poses", 60, "--dialect", "krl")
     assert done.returncode == 0, done.stderr
     return folder / "out", json.loads((folder / "out" / "plan.json").read_text())
@@ -103,7 +104,7 @@ def test_a_wrong_tool_point_is_refused(tmp_path, change, words):
 
 
 def test_further_fixtures_are_found_and_written_into_the_cell(tmp_path):
-    cell = small_cell("kuka-kr6-r700/edbb", tmp_path)
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path, FEWER)
     done = edbb("plan", cell, "-o", tmp_path / "out", "--poses", 40, "--fixtures", 2)
     assert done.returncode == 0, done.stderr
     planned = tomllib.loads((tmp_path / "out" / "cell.toml").read_text())

@@ -203,7 +203,12 @@ def test_same_bytes_with_one_thread_and_two(moving, tmp_path):
         ([], ["--dialect", "klr"], 2, ["klr", "krl"]),
         ([], ["--index", "O9"], 2, ["O9"]),
         ([], ["--tsp", "concorde"], 4, ["oncorde"]),
-        ([("radius_mm = 50\n", "radius_mm = 320\n")], [], 3, ["0 collision-free", "clearance_mm"]),
+        (
+            [("radius_mm = 50\n", "radius_mm = 320\n"), ("candidates = 3000", "candidates = 300")],
+            [],
+            3,
+            ["0 collision-free", "clearance_mm"],
+        ),
         ([("candidates = 3000", "candidates = 20")], [], 3, ["candidate poses are left", "plan.candidates"]),
     ],
 )
@@ -246,7 +251,11 @@ def test_two_fixtures_are_driven_one_after_the_other(tmp_path):
     """A tour each, from and to its own mount pose; poses are numbered through and all of them are marked once."""
     second = '[[fixtures]]\nname = "B"\nposition_mm = [1300, -700, 708]\n\n[motion]'
     path = small_cell(
-        "comau-nj130/edbb", tmp_path, ("[motion]", second), ('measure = "continuous"', 'measure = "static"')
+        "comau-nj130/edbb",
+        tmp_path,
+        ("candidates = 3000", "candidates = 1500"),
+        ("[motion]", second),
+        ('measure = "continuous"', 'measure = "static"'),
     )
     done = edbb("plan", path, "-o", tmp_path / "out", "--poses", 40, "--dialect", "bnr", "--json")
     assert done.returncode == 0, done.stderr
