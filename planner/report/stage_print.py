@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
@@ -51,12 +52,15 @@ def _draw(ax: Axes3D, stage: Stage, low: Array, high: Array, near: bool) -> None
         ax.plot(*path.T, "-", color="#444444", linewidth=0.9, zorder=4)
     for way in stage.ways if not near else ():
         ax.plot(*way.T, "--", color="#777777", linewidth=0.9, zorder=4)
-    for role in [r for r in ROLES if any(s.role == r for s in stage.spots)]:
+    there = [r for r in ROLES if any(s.role == r for s in stage.spots)]
+    for k, role in enumerate(there):  # those that come first lie on top, smaller: several poses may share a place
         points = np.array([s.position for s in stage.spots if s.role == role])
-        ax.plot(*points.T, MARKS[role], color=ROLES[role], markersize=4 if near else 2, label=role, zorder=5)
+        size = (4 if near else 2) + 1.2 * k * (not stage.shells)
+        ax.plot(*points.T, MARKS[role], color=ROLES[role], markersize=size, label=role, zorder=9 - k)
     for name, a, b in zip("xyz", low, high, strict=True):
         getattr(ax, f"set_{name}lim")(a, b)
         getattr(ax, f"set_{name}label")(f"{name} (mm)", fontsize=8)
+        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(5))
         ax.tick_params(axis=name, labelsize=7, pad=-1)
         getattr(ax, f"{name}axis").set_pane_color((1, 1, 1, 0))
     ax.set_box_aspect(high - low)
