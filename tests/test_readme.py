@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.cell import load_cell
+from planner.centring.settings_file import read_settings
 from planner.compensation import compensate_file
 from planner.errors import InputError
 from planner.run import Samples, import_run, load_run
@@ -142,3 +143,19 @@ def test_the_cells_that_the_readme_names_are_shipped():
 def test_the_picture_is_there():
     (picture,) = re.findall(r"!\[.*?\]\((.*?)\)", README)
     assert (Path(__file__).parent.parent / picture).stat().st_size > 10_000
+
+
+def test_the_settings_of_a_centring_are_read(tmp_path):
+    (tmp_path / "centring.toml").write_text(next(t for t in TEXTS if "edbb-centring/1" in t))
+    read = read_settings(tmp_path / "centring.toml", load_cell("kuka-kr6-r700/trical").path)
+    assert (read.moves.tolerance_um, read.robot.speed_mm_s) == (3.0, 5.0)
+
+
+def test_the_circles_stand_in_a_cell(tmp_path):
+    text = load_cell("abb-irb6700/ldbb").path.read_text()
+    start, end = text.index("[[circles]]"), text.index("[controller]")
+    given = next(t for t in TEXTS if t.startswith("[[circles]]"))
+    (tmp_path / "cell.toml").write_text(text[:start] + given + text[end:])
+    (mine,), (shipped,) = load_cell(str(tmp_path / "cell.toml")).circles, load_cell("abb-irb6700/ldbb").circles
+    assert str(mine) == str(shipped)
+    assert mine.loads == (125, 250, 375, 500, 625)
