@@ -2,7 +2,8 @@
 
 from planner.cell.circles import Circle
 from planner.cell.file import FIRST_POINT, Aim
-from planner.cell.model import Ball, Base, Cable, Cell, Controller, Fixture, Gauge, Motion, PlanOptions, Tool, ToolPoint
+from planner.cell.model import Cell
+from planner.cell.parts import Ball, Base, Cable, Controller, Fixture, Gauge, Motion, PlanOptions, Tool, ToolPoint
 from planner.cell.reading import cell_of, load_cell, shipped_cells
 
 __all__ = [

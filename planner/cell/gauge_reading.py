@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.file import CellFile
-from planner.cell.model import LENGTH_GAUGES, Gauge
+from planner.cell.parts import LENGTH_GAUGES, Gauge
 from planner.cell.placed import head_of
 from planner.errors import InputError
 from planner.units import MM, UM, from_deg

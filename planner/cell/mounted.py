@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.file import FIRST_POINT, CellFile, FixtureFile, ToolFile
-from planner.cell.model import Fixture, Tool, ToolPoint
+from planner.cell.parts import Fixture, Tool, ToolPoint
 from planner.errors import InputError
 from planner.robot import Robot
 from planner.units import MM, UM, Array, from_deg, from_mm, frozen

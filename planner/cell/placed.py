@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.bodies import Body
 from planner.cell.file import CellFile
-from planner.cell.model import Ball, Fixture, Head, Nest
+from planner.cell.parts import Ball, Fixture, Head, Nest
 from planner.cell.placed_file import HeadFile, PlacedFile
 from planner.errors import InputError
 from planner.units import MM, Array, from_deg, from_mm, frozen

@@ -10,16 +10,9 @@ from planner.cell.circles import Circle, circles_of
 from planner.cell.file import CellFile
 from planner.cell.gauge_reading import gauge_of
 from planner.cell.likely_units import check_units
-from planner.cell.model import (
-    LENGTH_GAUGES,
-    Base,
-    Cable,
-    Cell,
-    Controller,
-    Motion,
-    PlanOptions,
-)
+from planner.cell.model import Cell
 from planner.cell.mounted import angles, fixtures_of, tool_of
+from planner.cell.parts import LENGTH_GAUGES, Base, Cable, Controller, Motion, PlanOptions
 from planner.cell.placed import balls_of, carrier_of, nests_of, place_of
 from planner.errors import InputError, nearest
 from planner.resources import folder

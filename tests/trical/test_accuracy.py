@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.accuracy import Stand, errors_of, figures, groups_of, precision, registered, repeats_of_run, stand_of
 from planner.cell import load_cell
-from planner.cell.model import Nest
+from planner.cell.parts import Nest
 from planner.errors import InputError
 from planner.run import Readings, Run, Samples
 
