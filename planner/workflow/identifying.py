@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.accuracy import mastering
 from planner.calibrated import calibrated_files, calibrated_meshes
 from planner.cell import Cell, load_cell
 from planner.errors import InputError
@@ -17,6 +18,7 @@ from planner.identification.results import identification_text, residuals_csv
 from planner.plan import PlanFile, read_plan
 from planner.residuals import leftover
 from planner.run import Run, load_runs
+from planner.run.beside import beside
 from planner.tracing import trace
 from planner.workflow.planning import Stages
 from planner.workflow.suspecting import check_unit
@@ -56,7 +58,7 @@ def identify_runs(
     """
     where = load_cell(cell, planning=False)
     with stages.stage("reading"):
-        run = load_runs(runs, where.robot.n_joints)
+        run = _mastered(where, load_runs(runs, where.robot.n_joints), runs)
         other = None if validate is None else load_runs([validate], where.robot.n_joints)
         if plan is not None:
             run, kept_out = _by_plan(run, plan, read_plan(plan), where.robot.name)
@@ -67,6 +69,12 @@ def identify_runs(
     with stages.stage("identification") as progress:
         found = identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
     return Identification(where, found)
+
+
+def _mastered(cell: Cell, run: Run, paths: Sequence[Path]) -> Run:
+    """Return the run, warned where the indicators did not show at the master ball what they should."""
+    checks = [m for m in (mastering(cell, beside(path)) for path in paths) if m is not None and not m.good]
+    return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
 
 
 def _by_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> tuple[Run, Run | None]:

@@ -106,6 +106,18 @@ def test_precision_and_mastering(folder):
     assert "2 checks of the master ball: at most 2.0 µm from 6.350 mm, drift from first to last 1.0 µm" in told
 
 
+def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified(folder):
+    text = (folder / "balls.csv").read_text()
+    for shown, told in (("6.350, 6.351, 6.350", False), ("6.350, 6.500, 6.350", True)):
+        run = folder / "mastered.csv"
+        run.write_text(f"# master_mm: {shown}\n{text}")
+        code, out, _ = edbb(
+            "identify", run, "--cell", f"{NAME}/trical", "-o", folder / "mastered", "--no-trace", "--json"
+        )
+        assert code == 0
+        assert any("at most 150.0 µm from 6.350 mm" in w for w in json.loads(out)["warnings"]) == told
+
+
 def refused(*given):
     code, out, told = edbb("accuracy", *given)
     assert (code, out) == (2, "")
