@@ -11,11 +11,13 @@ from planner.model import Model, Parameter
 from planner.model.parameters import compliance_parameters
 from planner.observability import Dropped, Identifiability, covariance
 from planner.observability.sentences import because
-from planner.rig import Rig
+from planner.rig import Rig, rig_of
 from planner.run import Samples
+from planner.tool_error import uniform
 from planner.units import UM, Array
 
 COMPLIANCE = "joint compliance"  # the kind that fits have most often beside geometry
+FEW = 50  # states that tell whether an effect has a name
 SAMPLED = 2000  # poses of a pool that tell which effects show
 READINGS = 80  # poses, where the plan does not say how many
 LOOSE = 1.0  # [m] what is known of a tool point that nobody measured: nothing
@@ -52,6 +54,16 @@ def declared(cell: Cell, rig: Rig, samples: Samples, more: tuple[str, ...] = ())
                 f"{', '.join(sorted(known))}"
             )
     return [replace(p, group=kind) for kind in kinds for e in entries if e.kind == kind for p in e.make(None)]
+
+
+def check_effects(cell: Cell) -> None:
+    """Refuse effects in ``[plan]`` that no poses of the cell's robot would show, before a minute's work.
+
+    Raises:
+        InputError: as :func:`declared`.
+    """
+    rig = rig_of(cell)
+    _ = declared(cell, rig, rig.visits(uniform(cell, FEW, 0)))
 
 
 def preference(model: Model) -> list[int]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from planner.cell import Cell
+from planner.freed import check_effects
 from planner.plan import Plan
 from planner.workflow.asked import check_for_points
 from planner.workflow.planning import Options, Stages
@@ -17,6 +18,7 @@ def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
+    check_effects(cell)
     if not cell.gauge.is_bar:
         check_for_points(cell, options)
         return plan_points(cell, options, stages)

@@ -5,6 +5,7 @@ import tomli_w
 
 from planner.cell import load_cell
 from planner.errors import InputError
+from planner.workflow import Options, Stages, plan
 
 
 def changed(tmp_path, name, *changes):
@@ -85,3 +86,10 @@ def test_the_balls_stand_where_table_1_and_table_8_put_them():
     assert cell.p_BS[3] * 1e3 == pytest.approx([562.699, 0.225, 228.838])
     assert cell.tool.prior == pytest.approx(1.9e-6)
     assert cell.gauge.noise == pytest.approx(3e-6)
+
+
+def test_an_effect_without_a_name_is_told_before_candidates_are_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.workflow.point_planning.draw_at_balls", lambda *_: pytest.fail("drawn"))
+    path = changed(tmp_path, "trical", ('effects = ["joint compliance"]', 'effects = ["joint complience"]'))
+    with pytest.raises(InputError, match="did you mean .joint compliance"):
+        plan(load_cell(path), Options(), Stages(lambda *_: None))
