@@ -7,7 +7,7 @@ import numpy as np
 from planner.observability.sentences import written
 from planner.units import Array
 
-WORTH = 0.2  # of the largest share of a combination: less is not written out
+WORTH = 0.05  # of the largest share of a combination: less is not written out, and hides no joint behind another
 KNOWN, OPEN = 1.0 / 3.0, 1.0  # standard deviation as a part of the prior size: below known, above not known at all
 SHARED = OPEN / np.sqrt(2.0)  # the same with the prior, where the readings say no more than was known before
 WELL, HARDLY, UNTOLD = "known", "hardly known", "not learnt"

@@ -91,5 +91,5 @@ def test_the_balls_stand_where_table_1_and_table_8_put_them():
 def test_an_effect_without_a_name_is_told_before_candidates_are_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr("planner.workflow.point_planning.draw_at_balls", lambda *_: pytest.fail("drawn"))
     path = changed(tmp_path, "trical", ('effects = ["joint compliance"]', 'effects = ["joint complience"]'))
-    with pytest.raises(InputError, match="did you mean .joint compliance"):
+    with pytest.raises(InputError, match=r"did you mean .joint compliance"):
         plan(load_cell(path), Options(), Stages(lambda *_: None))
