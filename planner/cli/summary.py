@@ -16,11 +16,16 @@ def plan_summary(plan: Plan, folder: Path) -> None:
     bound = choice.certificate.value
     tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
     clearance = min(d.path.clearance for d in drives) * 1e3
+    proof = (
+        f"of the candidates no such set is better than {bound:#.4g} (theirs {choice.on_grid_value:#.4g}, gap "
+        f"{100 * gap(choice.on_grid_value, bound):.1f} %)"
+        if plan.by_index
+        else f"it did not choose the poses (of the candidates no such set is better than {bound:#.4g})"
+    )
     lines = [
         f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",
         f"  candidates  {plan.pool.funnel.text()}",
-        f"  {choice.index:<10}  {choice.value:#.4g}; of the candidates no such set is better than {bound:#.4g}"
-        f" (theirs {choice.on_grid_value:#.4g}, gap {100 * gap(choice.on_grid_value, bound):.1f} %)",
+        f"  {choice.index:<10}  {choice.value:#.4g}; {proof}",
         f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
         f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}),"
         f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",

@@ -105,6 +105,11 @@ class Plan:
     separation: Separation | None = None
     foresight: Foresight | None = None
 
+    @property
+    def by_index(self) -> bool:
+        """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
+        return self.foresight is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
+
 
 def signs(q: Array) -> np.ndarray:
     """Signs of the last movement before each of the states (m, N), (m, N) of −1, 0, 1; the first has none."""

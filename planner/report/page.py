@@ -113,6 +113,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     free = len(choice.seen.names)
     gap = rule.gap(choice.value, bound.value)
     beyond = "better than the bound" if gap < 0 else f"at most {percent(gap)} from the bound"
+    beyond = beyond if plan.by_index else "did not choose the poses"
     sets = f"for any {bound.poses}" if bound.poses else "for any number"
     verdicts = [v for d in drives for v in d.verdicts]
     engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))

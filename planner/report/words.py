@@ -72,11 +72,14 @@ def certificate(plan: Plan) -> tuple[str, ...]:
     verb = ("reach" if bound.poses else "reaches") if rule.maximise else ("have" if bound.poses else "has")
     limit = proven(bound.value, rule.maximise)
     gap = rule.gap(choice.on_grid_value, bound.value)
-    out = [
-        f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.",
-        f"The {n} that were chosen among them have {sized(choice.on_grid_value, 4)}: "
-        f"at most {percent(gap)} {'below' if rule.maximise else 'above'} what is possible.",
-    ]
+    side = "below" if rule.maximise else "above"
+    own = (
+        f"The {n} that were chosen among them have {sized(choice.on_grid_value, 4)}: at most {percent(gap)} {side} "
+        "what is possible."
+        if plan.by_index
+        else f"The {n} here were not chosen by it, and have {sized(choice.on_grid_value, 4)}."
+    )
+    out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
     if choice.value != choice.on_grid_value:
         out.append(f"After moving them off the grid of candidates: {sized(choice.value, 4)}.")
     driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
