@@ -134,6 +134,9 @@ def _others(others):
     lines += [(o.name, f"{o.minutes:.1f}", *_each(o.bar), f"{o.hold.sum()} of {len(o.hold)}") for o in others]
     head = ("mean / max (mm)", "robot time (min)", *(f"arm {k}" for k in range(1, len(others[0].bar) + 1)), "no worse")
     yield _table(head, lines)
+    last = others[-1]
+    does = "does for all arms, the first included" if last.hold.all() else "no session that was tried does for all arms"
+    yield f"<p>{escape(last.name)}, {last.minutes:.1f} minutes: {does}.</p>" if last.hold.all() else f"<p>{does}.</p>"
 
 
 def _each(errors):

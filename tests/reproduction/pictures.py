@@ -39,7 +39,10 @@ def against_time(path, table):
                 )  # fmt: skip
         level = PUBLISHED["laser tracker"][which]
         axis.axhline(level, color="#555555", linestyle="--", linewidth=1)
-        axis.text(axis.get_xlim()[1], level, "tracker of the paper ", fontsize=8, ha="right", va="bottom")
+        axis.text(
+            0.6, level, "tracker of the paper", fontsize=8, ha="center", va="bottom",
+            transform=axis.get_yaxis_transform(),
+        )  # fmt: skip
         axis.set_yscale("log")
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(lambda v, _: f"{v:g}" if f"{v:e}"[0] in "25" else "")
