@@ -50,8 +50,13 @@ def nests_frame(file: CellFile) -> tuple[Array, Array]:
     """Return R (3, 3), p (3,) [m] of the nests' frame in the base frame: the artifact's, or the base's own."""
     if file.artifact is None:
         return frozen(np.eye(3)), frozen(np.zeros(3))
-    R = Rotation.from_euler("xyz", from_deg(file.artifact.rpy_deg)).as_matrix()
-    return frozen(R), frozen(from_mm(file.artifact.position_mm))
+    return frame_of(file.artifact)
+
+
+def frame_of(placed: PlacedFile) -> tuple[Array, Array]:
+    """Return R (3, 3), p (3,) [m] of what a cell places, in the base frame."""
+    R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
+    return frozen(R), frozen(from_mm(placed.position_mm))
 
 
 def in_line(p: Array) -> bool:
@@ -76,14 +81,14 @@ def place_of(path: Path, file: CellFile) -> Fixture:
         raise InputError(f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open")
     placed: PlacedFile | None = file.artifact if file.gauge.kind == "trical" else file.tracker
     assert placed is not None
-    R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
+    R, p = frame_of(placed)
     return Fixture(
         "",
-        frozen(from_mm(placed.position_mm)),
+        p,
         frozen(R[:, 2]),
         placed.prior_mm * MM,
         None,
-        frozen(R),
+        R,
         float(from_deg(placed.prior_deg)),
     )
 

@@ -10,29 +10,29 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell import Cell
+from planner.cell.placed import frame_of
 from planner.rig import Rig
-from planner.units import DEG, MM, Array, from_deg, from_mm
+from planner.units import DEG, MM, Array
 
 NEAR, TURNED = 20 * MM, 6 * DEG  # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 
 
 def as_declared(cell: Cell, rig: Rig) -> Rig:
     """Return the rig with the one frame of an artifact or tracker where the cell has it, if it was found near there."""
-    declared = _declared(cell)
-    if declared is None or rig.kind == "length" or len(rig.p_BG) > 1:
+    declared = _declared(cell, rig)
+    if declared is None or not _near(*_apart(*declared, rig)):
         return rig
     R, p = declared
-    off, turn = _apart(R, p, rig)
-    return replace(rig, R_BG=R[None], p_BG=p[None]) if off <= NEAR and turn <= TURNED else rig
+    return replace(rig, R_BG=R[None], p_BG=p[None])
 
 
 def far_from_declared(cell: Cell, rig: Rig) -> list[str]:
     """Return what is to be told where the balls stand elsewhere than the cell says."""
-    declared = _declared(cell)
-    if declared is None or cell.gauge.kind == "tracker" or rig.kind == "length" or len(rig.p_BG) > 1:
-        return []  # where a tracker stands is never known well
+    declared = _declared(cell, rig)
+    if declared is None or cell.gauge.kind == "tracker":  # where a tracker stands is never known well
+        return []
     off, turn = _apart(*declared, rig)
-    if off <= NEAR and turn <= TURNED:
+    if _near(off, turn):
         return []
     return [
         f"the run puts the balls {off / MM:.1f} mm and {turn / DEG:.2f} deg from where [artifact] of {cell.path.name} "
@@ -40,12 +40,14 @@ def far_from_declared(cell: Cell, rig: Rig) -> list[str]:
     ]
 
 
-def _declared(cell: Cell) -> tuple[Array, Array] | None:
-    """R (3, 3) and p (3,) [m] of the frame that the cell gives; ``None`` where it gives none."""
+def _declared(cell: Cell, rig: Rig) -> tuple[Array, Array] | None:
+    """R (3, 3) and p (3,) [m] of the frame that the cell gives; ``None`` where there is not the one."""
     placed = cell.file.artifact if cell.gauge.kind in ("trical", "ball-socket") else cell.file.tracker
-    if placed is None:
-        return None
-    return Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix(), np.asarray(from_mm(placed.position_mm))
+    return None if placed is None or rig.kind == "length" or len(rig.p_BG) > 1 else frame_of(placed)
+
+
+def _near(off: float, turn: float) -> bool:
+    return off <= NEAR and turn <= TURNED
 
 
 def _apart(R: Array, p: Array, rig: Rig) -> tuple[float, float]:

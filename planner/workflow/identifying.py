@@ -73,6 +73,8 @@ def identify_runs(
 
 def _mastered(cell: Cell, run: Run, paths: Sequence[Path]) -> Run:
     """Return the run, warned where the indicators did not show at the master ball what they should."""
+    if cell.gauge.head is None:
+        return run
     checks = [m for m in (mastering(cell, beside(path)) for path in paths) if m is not None and not m.good]
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
 

@@ -135,8 +135,8 @@ def _others(others):
     head = ("mean / max (mm)", "robot time (min)", *(f"arm {k}" for k in range(1, len(others[0].bar) + 1)), "no worse")
     yield _table(head, lines)
     last = others[-1]
-    does = "does for all arms, the first included" if last.hold.all() else "no session that was tried does for all arms"
-    yield f"<p>{escape(last.name)}, {last.minutes:.1f} minutes: {does}.</p>" if last.hold.all() else f"<p>{does}.</p>"
+    for_all = f"{escape(last.name)}, {last.minutes:.1f} minutes: does for all arms, the first included."
+    yield f"<p>{for_all if last.hold.all() else 'No session that was tried does for all arms.'}</p>"
 
 
 def _each(errors):
