@@ -8,16 +8,8 @@ import planner
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
-    "errors", "units", "repeatable", "files", "resources", "schema", "bodies", "chain", "robot", "gauge", "cell", "run",
-    "placing", "rig", "effects", "model", "tool_error", "catalogue", "observability",
-    "freed",
-    # planning
-    "workspace", "collision", "candidates", "foresight", "selection", "choice", "separating", "tour", "path",
-    "trajectory", "program", "plan", "circular",
-    # calibration
-    "identification", "residuals", "tracing", "compensation", "loaded", "calibrated",
-    # both
-    "centring", "simulation", "accuracy", "report", "study", "workflow", "cli",
+    "common", "kinematics", "gauges", "runs", "cell", "effects", "model", "motion", "design", "programs", "session",
+    "identification", "tracing", "compensation", "instruments", "simulation", "report", "study", "workflow", "cli",
 ]  # fmt: skip
 
 
@@ -55,15 +47,6 @@ def test_imports_point_down():
             if other != room and ORDER.index(other) > ORDER.index(room)
         ]
     assert not wrong, wrong
-
-
-def test_planning_and_calibration_do_not_import_each_other():
-    start, middle, end = (ORDER.index(room) for room in ("workspace", "identification", "centring"))
-    planning, calibration = set(ORDER[start:middle]), set(ORDER[middle:end])
-    for path in ROOT.rglob("*.py"):
-        room = room_of(path)
-        other = calibration if room in planning else planning if room in calibration else set()
-        assert not other & set(imported_rooms(path)), path
 
 
 def test_files_and_functions_stay_small():

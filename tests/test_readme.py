@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.centring.settings_file import read_settings
-from planner.compensation import compensate_file
-from planner.errors import InputError
-from planner.run import Samples, import_run, load_run
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.compensation.compensated_file import compensate_file
+from planner.instruments.centring.settings import read_settings
+from planner.runs.loader import load_run
+from planner.runs.run import Samples
+from planner.runs.traces import import_run
 from planner.simulation.truth import read_truth
 from tests.compensation.robots import bent
 from tests.workflow.conftest import edbb

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.cell import ToolPoint, load_cell
-from planner.tool_error import ToolError
+from planner.cell.cell import ToolPoint
+from planner.cell.reading import load_cell
+from planner.model.tool_error import ToolError
 from tests.generator.arm import Arm
 
 DRAWN = 300

@@ -8,29 +8,29 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator
 
-from planner.bodies import Vector
-from planner.errors import InputError, nearest
-from planner.schema import Strict
-from planner.units import MM, Array, from_deg, from_mm, frozen
+from planner.common.errors import InputError, did_you_mean
+from planner.common.schema import StrictModel
+from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.kinematics.bodies import Vector
 
-Plane = Literal["XY", "XZ", "YZ"]
-Direction = Literal["ccw", "cw"]
+CirclePlane = Literal["XY", "XZ", "YZ"]
+CircleDirection = Literal["ccw", "cw"]
 OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
 SHORT_RADIUS = 5.0  # [mm] no bar is that short
 
 
-class CircleFile(Strict):
+class CircleFile(StrictModel):
     """One circle: where it lies, what is measured of it, how fast, in which directions and under which loads."""
 
     name: str | None = None
-    plane: Plane = "XY"
+    plane: CirclePlane = "XY"
     fixture: str | None = None
     centre_mm: Vector | None = None
     radius_mm: PositiveFloat | None = None
     start_deg: Annotated[float, Field(ge=-720, le=720)] = 0.0
     sweep_deg: Annotated[float, Field(ge=30, le=360)] = 360.0
     overshoot_deg: Annotated[float, Field(ge=0, le=360)] | None = None
-    directions: tuple[Direction, ...] = ("ccw", "cw")
+    directions: tuple[CircleDirection, ...] = ("ccw", "cw")
     speed_mm_s: Annotated[float, Field(ge=0.5)] | None = None
     orientation: Literal["constant", "follow"] = "constant"
     tool_axis: Vector | None = None
@@ -46,7 +46,7 @@ class CircleFile(Strict):
 
     @field_validator("directions")
     @classmethod
-    def _each_once(cls, value: tuple[Direction, ...]) -> tuple[Direction, ...]:
+    def _each_once(cls, value: tuple[CircleDirection, ...]) -> tuple[CircleDirection, ...]:
         if not value or len(set(value)) < len(value):
             raise ValueError('give "ccw", "cw" or both, each once')
         return value
@@ -70,14 +70,14 @@ class Circle:
     """
 
     name: str
-    plane: Plane
+    plane: CirclePlane
     fixture: int
     p_BC: Array
     radius: float
     start: float
     sweep: float
     overshoot: float
-    directions: tuple[Direction, ...]
+    directions: tuple[CircleDirection, ...]
     speed: float
     follows: bool
     axis_B: Array | None
@@ -101,7 +101,7 @@ class Circle:
         return np.asarray(self.p_BC + self.radius * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second))
 
 
-def circles_of(
+def read_circles(
     path: Path, files: Sequence[CircleFile], fixtures: dict[str, Array], lengths: tuple[float, float], speed: float
 ) -> tuple[Circle, ...]:
     """Return the circles of a cell.
@@ -116,25 +116,25 @@ def circles_of(
     Raises:
         InputError: a fixture that is not there, a name used twice, a bar that does not reach the plane.
     """
-    names = [_name(f, k, files) for k, f in enumerate(files)]
+    names = [_circle_name(f, k, files) for k, f in enumerate(files)]
     if len(set(names)) < len(names):
         raise InputError(f"{path}: two circles share a name ({', '.join(names)})")
-    return tuple(_circle(path, n, f, fixtures, lengths, speed) for n, f in zip(names, files, strict=True))
+    return tuple(_read_circle(path, n, f, fixtures, lengths, speed) for n, f in zip(names, files, strict=True))
 
 
-def _name(file: CircleFile, k: int, files: Sequence[CircleFile]) -> str:
+def _circle_name(file: CircleFile, k: int, files: Sequence[CircleFile]) -> str:
     alone = sum(f.plane == file.plane for f in files) == 1
     return file.name or (file.plane if alone else f"{file.plane} {k + 1}")
 
 
-def _circle(
+def _read_circle(
     path: Path, name: str, f: CircleFile, fixtures: dict[str, Array], lengths: tuple[float, float], speed: float
 ) -> Circle:
     known = list(fixtures)
     fixture = known[0] if f.fixture is None else f.fixture
     if fixture not in fixtures:
         raise InputError(
-            f"{path}: circle {name} is about fixture '{fixture}'{nearest(fixture, known)}; there are {known}"
+            f"{path}: circle {name} is about fixture '{fixture}'{did_you_mean(fixture, known)}; there are {known}"
         )
     given = OVERSHOOT_FULL if f.sweep_deg == 360.0 else OVERSHOOT_PART
     axis = None if f.tool_axis is None else np.array(f.tool_axis)
@@ -144,7 +144,7 @@ def _circle(
         name=name,
         plane=f.plane,
         fixture=known.index(fixture),
-        p_BC=fixtures[fixture] if f.centre_mm is None else frozen(from_mm(f.centre_mm)),
+        p_BC=fixtures[fixture] if f.centre_mm is None else read_only(from_mm(f.centre_mm)),
         radius=0.0 if f.radius_mm is None else f.radius_mm * MM,
         start=float(from_deg(f.start_deg)),
         sweep=float(from_deg(f.sweep_deg)),
@@ -152,14 +152,14 @@ def _circle(
         directions=f.directions,
         speed=speed if f.speed_mm_s is None else f.speed_mm_s * MM,
         follows=f.orientation == "follow",
-        axis_B=None if axis is None else frozen(axis / np.linalg.norm(axis)),
+        axis_B=None if axis is None else read_only(axis / np.linalg.norm(axis)),
         loads=f.loads_N,
         repeats=f.repeats,
     )
-    return circle if circle.radius else _of_middle_length(path, circle, fixtures[fixture], lengths)
+    return circle if circle.radius else _with_middle_length(path, circle, fixtures[fixture], lengths)
 
 
-def _of_middle_length(path: Path, circle: Circle, p_BX: Array, lengths: tuple[float, float]) -> Circle:
+def _with_middle_length(path: Path, circle: Circle, p_BX: Array, lengths: tuple[float, float]) -> Circle:
     """Give the circle the radius at which a bar of its middle length reaches it."""
     middle, height = sum(lengths) / 2, float((circle.p_BC - p_BX) @ circle.normal)
     if not abs(height) < middle < np.inf:

@@ -10,23 +10,91 @@ from pydantic import (
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
+    SerializerFunctionWrapHandler,
     field_validator,
+    model_serializer,
     model_validator,
 )
 
-from planner.bodies import BodyFile, Vector
 from planner.cell.circles import CircleFile
-from planner.cell.grown import Grown
-from planner.cell.placed_file import ArtifactFile, BallFile, HeadFile, TrackerFile
-from planner.schema import Strict
+from planner.common.schema import StrictModel
+from planner.kinematics.bodies import BodyFile, Vector
 
-Angle = Annotated[float, Field(gt=0, le=180)]
+
+class OptionalKeys(StrictModel):
+    """A section with keys that came later: they are written only where they are set, so that older cells stay alike."""
+
+    LATER: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        out: dict[str, object] = handler(self)
+        fields = type(self).model_fields
+        return {k: v for k, v in out.items() if k not in self.LATER or getattr(self, k) != fields[k].default}
+
+
+class IndicatorHeadFile(StrictModel):
+    """``[gauge.head]``: three indicators whose axes meet at right angles in the MAP (TriCal paper, 2.1)."""
+
+    indicators: tuple[Vector, Vector, Vector]  # from the MAP to each indicator, in the flange frame
+    range_mm: PositiveFloat = 12.5
+    usable_mm: PositiveFloat = 5.0
+    tip_mm: PositiveFloat = 11.5
+    approach_mm: PositiveFloat = 40.0
+    master_mm: PositiveFloat = 38.1
+    uncalibrated_mm: PositiveFloat = 4.0
+    centre_s: PositiveFloat = 30.0
+
+
+class BallFile(OptionalKeys):
+    """``[[balls]]``: one ball or socket of an artifact, in the plate's own frame; its stem leads to ``stem_to_mm``."""
+
+    name: str
+    position_mm: Vector
+    radius_mm: PositiveFloat = 12.7
+    stem_to_mm: Vector | None = None
+    stem_radius_mm: PositiveFloat = 5.0
+    LATER: ClassVar[tuple[str, ...]] = ("radius_mm", "stem_to_mm", "stem_radius_mm")
+
+
+class PlacedFile(StrictModel):
+    """Where something stands in the base frame, and how well that is known before measuring (one sigma)."""
+
+    position_mm: Vector
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+    prior_mm: PositiveFloat = 1.0
+    prior_deg: PositiveFloat = 0.1
+
+
+class ArtifactFile(PlacedFile):
+    """``[artifact]``: the plate that carries the balls; bodies in its own frame."""
+
+    bodies: tuple[BodyFile, ...] = ()
+
+
+class NestFile(StrictModel):
+    """``[[tracker.nests]]``: a nest in the artifact's frame (the base's without one), and as the tracker read it."""
+
+    name: str
+    position_mm: Vector
+    read_mm: Vector | None = None
+
+
+class TrackerFile(PlacedFile):
+    """``[tracker]``: where the tracker stands, and the nests that tie its frame to the artifact's or the base's."""
+
+    prior_mm: PositiveFloat = 2.0
+    beam_radius_mm: PositiveFloat = 3.0
+    nests: tuple[NestFile, ...] = ()
+
+
+AngleDeg = Annotated[float, Field(gt=0, le=180)]
 Aim = Literal["index", "tracing"]
 APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
 
-class PointFile(Strict):
+class PointFile(StrictModel):
     """``[[tool.points]]``: one more place on the tool for the bar's ball; ``[tool] map_mm`` is point "1"."""
 
     name: Annotated[str, Field(min_length=1)]
@@ -34,7 +102,7 @@ class PointFile(Strict):
     map_axis: Vector | None = None  # the tool's own where it is not given
 
 
-class ToolFile(Grown):
+class ToolFile(OptionalKeys):
     """``[tool]``: the measurement application point (MAP) in the flange frame, and what is bolted on."""
 
     map_mm: Vector
@@ -48,14 +116,14 @@ class ToolFile(Grown):
     LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um", "points")
 
 
-class ConeFile(Strict):
+class ConeFile(StrictModel):
     """Largest tilt of either ball joint from its axis."""
 
-    fixture: Angle = 70.0
-    map: Angle = 70.0
+    fixture: AngleDeg = 70.0
+    map: AngleDeg = 70.0
 
 
-class BarFile(Strict):
+class BarFile(StrictModel):
     """The bar as a body: the housing goes with the fixture, the rod with the tool, both trimmed at the balls."""
 
     radius_mm: PositiveFloat = 15.0
@@ -64,7 +132,7 @@ class BarFile(Strict):
     trim_mm: PositiveFloat = 40.0
 
 
-class GaugeFile(Grown):
+class GaugeFile(OptionalKeys):
     """``[gauge]``: what is measured, its workspace and body."""
 
     kind: Literal["edbb", "ldbb", "draw-wire", "tracker", "trical", "ball-socket"]
@@ -75,7 +143,7 @@ class GaugeFile(Grown):
     mount_deg: tuple[float, ...] | None = None
     zero: Literal["free", "known"] = "free"
     body: BarFile = BarFile()
-    head: HeadFile | None = None
+    head: IndicatorHeadFile | None = None
     LATER: ClassVar[tuple[str, ...]] = ("head",)
 
     @field_validator("length_mm")
@@ -88,7 +156,7 @@ class GaugeFile(Grown):
         return value
 
 
-class FixtureFile(Strict):
+class FixtureFile(StrictModel):
     """``[[fixtures]]``: one magnet cup that holds the bar's fixed ball."""
 
     name: str = "A"
@@ -98,7 +166,7 @@ class FixtureFile(Strict):
     mount_deg: tuple[float, ...] | None = None
 
 
-class MotionFile(Strict):
+class MotionFile(StrictModel):
     """``[motion]``: how the measuring poses are joined."""
 
     measure: Literal["continuous", "static"] = "continuous"
@@ -111,28 +179,28 @@ class MotionFile(Strict):
     travel_percent: Annotated[float, Field(gt=0, le=100)] = 100.0
 
 
-class TwistFile(Strict):
+class TwistFile(StrictModel):
     """``[[cable.sums]]``: the absolute twists of these axes, counted from home, together stay within the limit."""
 
     axes: tuple[PositiveInt, ...]
     limit_deg: PositiveFloat
 
 
-class CableFile(Strict):
+class CableFile(StrictModel):
     """``[cable]``: budget of twist, as sums over axes and of the tool about the bar."""
 
     sums: tuple[TwistFile, ...] = ()
     tool_about_bar_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
 
 
-class BaseFile(Strict):
+class BaseFile(StrictModel):
     """``[base]``: how the base stands (for gravity) and the floor's height in the base frame."""
 
     rpy_deg: Vector = (0.0, 0.0, 0.0)
     floor_mm: float | None = 0.0
 
 
-class ControllerFile(Strict):
+class ControllerFile(StrictModel):
     """``[controller]``: numbers to select, signals to use, and whether the controller already corrects itself."""
 
     tool: NonNegativeInt | None = None
@@ -145,7 +213,7 @@ class ControllerFile(Strict):
     dialects: tuple[str, ...] = ("din66025",)
 
 
-class PlanFile(Grown):
+class PlanSettingsFile(OptionalKeys):
     """``[plan]``: what is freed beside the robot's own parameters, and how much is tried."""
 
     free: tuple[Literal["fixture", "tool", "zero"], ...] = ("fixture", "tool", "zero")
@@ -162,7 +230,7 @@ class PlanFile(Grown):
     LATER: ClassVar[tuple[str, ...]] = ("effects", "aim")
 
 
-class CellFile(Grown):
+class CellFile(OptionalKeys):
     """The whole cell file."""
 
     schema_: Literal["edbb-cell/1"] = Field(alias="schema")
@@ -181,7 +249,7 @@ class CellFile(Grown):
     cable: CableFile = CableFile()
     base: BaseFile = BaseFile()
     controller: ControllerFile = ControllerFile()
-    plan: PlanFile = PlanFile()
+    plan: PlanSettingsFile = PlanSettingsFile()
     LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles")
 
     @model_validator(mode="before")

@@ -6,26 +6,78 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.circles import Circle, circles_of
+from planner.cell.cell import (
+    LENGTH_GAUGES,
+    BaseMounting,
+    Cable,
+    Cell,
+    ControllerSettings,
+    Gauge,
+    MotionSettings,
+    PlanSettings,
+)
+from planner.cell.circles import Circle, read_circles
 from planner.cell.file import CellFile
-from planner.cell.gauge_reading import gauge_of
-from planner.cell.likely_units import check_units
-from planner.cell.model import Cell
-from planner.cell.mounted import angles, fixtures_of, tool_of
-from planner.cell.parts import LENGTH_GAUGES, Base, Cable, Controller, Motion, PlanOptions
-from planner.cell.placed import balls_of, carrier_of, nests_of, place_of
-from planner.errors import InputError, nearest
-from planner.resources import folder
-from planner.robot import Robot, load_robot
-from planner.schema import read_toml
-from planner.units import MM, MM_PER_MIN, from_deg, from_mm, frozen
+from planner.cell.places import (
+    read_artifact_bodies,
+    read_balls,
+    read_fixtures,
+    read_head,
+    read_joint_angles,
+    read_nests,
+    read_place,
+    read_tool,
+)
+from planner.cell.unit_checks import check_units
+from planner.common.errors import InputError, did_you_mean
+from planner.common.files import data_folder
+from planner.common.schema import read_toml
+from planner.common.units import MM, MM_PER_MIN, UM, from_deg, from_mm, read_only
+from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import load_robot
+
+NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 100.0}
+
+
+def read_gauge(path: Path, file: CellFile, planning: bool) -> Gauge:
+    """Return the gauge of a cell file; for identification alone its range may be missing.
+
+    Raises:
+        InputError: its range is missing, or too short for its body; a head that is none.
+    """
+    g = file.gauge
+    if g.length_mm is None and planning and g.kind != "trical":
+        raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
+    shortest, longest = g.length_mm or (0.0, np.inf)
+    axis = (0.0, 0.0, 1.0) if file.tool is None else file.tool.map_axis
+    if planning and g.kind in LENGTH_GAUGES and g.body.housing_mm + g.body.trim_mm > shortest:
+        raise InputError(
+            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far "
+            f"ball do not fit into the shortest length {shortest:g} mm"
+        )
+    return Gauge(
+        kind=g.kind,
+        length_min=shortest * MM,
+        length_max=longest * MM,
+        noise=(g.noise_um or NOISE_UM[g.kind]) * UM,
+        cone_fixture=float(from_deg(g.cone_deg.fixture)),
+        cone_map=float(from_deg(g.cone_deg.map)),
+        zero_free=g.zero == "free",
+        radius=g.body.radius_mm * MM,
+        housing=g.body.housing_mm * MM,
+        rod_radius=g.body.rod_radius_mm * MM,
+        trim=g.body.trim_mm * MM,
+        noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
+        head=None if g.head is None else read_head(path, g.head, axis),
+    )
+
 
 PLANNED = (*LENGTH_GAUGES, "trical", "tracker")
 
 
 def shipped_cells() -> tuple[str, ...]:
     """Names ``robot/cell`` of the cells that come with the planner."""
-    paths = folder("robots").glob("*/cells/*.toml")
+    paths = data_folder("robots").glob("*/cells/*.toml")
     return tuple(sorted(f"{p.parent.parent.name}/{p.stem}" for p in paths))
 
 
@@ -41,11 +93,11 @@ def load_cell(reference: str, planning: bool = True) -> Cell:
     if path.suffix == ".toml" or path.is_file():
         return read_cell(path, path.stem, planning)
     robot, _, cell = reference.partition("/")
-    shipped = folder("robots") / robot / "cells" / f"{cell}.toml"
+    shipped = data_folder("robots") / robot / "cells" / f"{cell}.toml"
     if not shipped.is_file():
         known = list(shipped_cells())
         raise InputError(
-            f"cell '{reference}': neither a file nor a shipped cell{nearest(reference, known)} "
+            f"cell '{reference}': neither a file nor a shipped cell{did_you_mean(reference, known)} "
             f"(shipped: {', '.join(known)})"
         )
     return read_cell(shipped, reference, planning)
@@ -78,7 +130,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     bar = file.gauge.kind in LENGTH_GAUGES
     if planning and bar and not file.fixtures:
         raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-    places = fixtures_of(path, robot, file)
+    places = read_fixtures(path, robot, file)
     if planning and not bar:
         if file.tool is not None and file.tool.points:
             raise InputError(f"{path}: [[tool.points]] are for a bar ({', '.join(LENGTH_GAUGES)})")
@@ -87,27 +139,27 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
                 f"{path}: [[fixtures]] are for a bar ({', '.join(LENGTH_GAUGES)}); a {file.gauge.kind} has none"
             )
         given = file.gauge.mount_deg
-        mount = None if given is None else angles(path, robot, "gauge.mount_deg", given)
-        places = (replace(place_of(path, file), mount=mount),)
+        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
+        places = (replace(read_place(path, file), mount=mount),)
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
     if planning or file.home_deg is not None:
-        home = angles(path, robot, "home_deg", file.home_deg)
+        home = read_joint_angles(path, robot, "home_deg", file.home_deg)
     return Cell(
         name=name,
         robot=robot,
         home=home,
-        tool=tool_of(path, file.tool, robot, planning),
-        gauge=gauge_of(path, file, planning),
+        tool=read_tool(path, file.tool, robot, planning),
+        gauge=read_gauge(path, file, planning),
         fixtures=places,
-        balls=balls_of(file),
+        balls=read_balls(file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
-        motion=_motion(file),
-        cable=_cable(path, file, robot),
-        base=Base(
-            frozen(Rotation.from_euler("xyz", from_deg(file.base.rpy_deg)).as_matrix()),
+        motion=_read_motion(file),
+        cable=_read_cable(path, file, robot),
+        base=BaseMounting(
+            read_only(Rotation.from_euler("xyz", from_deg(file.base.rpy_deg)).as_matrix()),
             None if file.base.floor_mm is None else file.base.floor_mm * MM,
         ),
-        controller=Controller(
+        controller=ControllerSettings(
             file.controller.tool,
             file.controller.base,
             file.controller.load,
@@ -116,12 +168,12 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
             file.controller.log_axes,
             file.controller.dialects,
         ),
-        plan=_plan(file),
+        plan=_read_plan_options(file),
         file=file,
         path=path,
-        carrier=carrier_of(path, file),
-        nests=nests_of(file),
-        circles=_circles(path, file),
+        carrier=read_artifact_bodies(path, file),
+        nests=read_nests(file),
+        circles=_read_circles(path, file),
     )
 
 
@@ -138,7 +190,7 @@ def _check_drives(robot: Robot) -> None:
             raise InputError(f"{robot.path}: joint {i + 1} has no {key}, which planning needs")
 
 
-def _circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
+def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
     if not file.circles:
         return ()
     if not file.fixtures or file.gauge.length_mm is None:
@@ -147,15 +199,15 @@ def _circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
     if loaded and file.gauge.kind != "ldbb":
         raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
     shortest, longest = file.gauge.length_mm
-    fixtures = {f.name: frozen(from_mm(f.position_mm)) for f in file.fixtures}
+    fixtures = {f.name: read_only(from_mm(f.position_mm)) for f in file.fixtures}
     speed = file.motion.tool_speed_mm_min * MM_PER_MIN
-    return circles_of(path, file.circles, fixtures, (shortest * MM, longest * MM), speed)
+    return read_circles(path, file.circles, fixtures, (shortest * MM, longest * MM), speed)
 
 
-def _motion(file: CellFile) -> Motion:
+def _read_motion(file: CellFile) -> MotionSettings:
     m = file.motion
     speed = m.tool_speed_mm_min * MM_PER_MIN
-    return Motion(
+    return MotionSettings(
         m.measure,
         m.both_ways,
         speed,
@@ -167,7 +219,7 @@ def _motion(file: CellFile) -> Motion:
     )
 
 
-def _cable(path: Path, file: CellFile, robot: Robot) -> Cable:
+def _read_cable(path: Path, file: CellFile, robot: Robot) -> Cable:
     for twist in file.cable.sums:
         far = [a for a in twist.axes if a > robot.n_joints]
         if far:
@@ -177,10 +229,10 @@ def _cable(path: Path, file: CellFile, robot: Robot) -> Cable:
     return Cable(sums, None if spin is None else float(from_deg(spin)))
 
 
-def _plan(file: CellFile) -> PlanOptions:
+def _read_plan_options(file: CellFile) -> PlanSettings:
     p = file.plan
     free = frozenset(p.free)
     if file.gauge.zero == "known":
         free -= {"zero"}
     step = None if p.grid_step_deg is None else float(from_deg(p.grid_step_deg))
-    return PlanOptions(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects, p.aim)
+    return PlanSettings(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects, p.aim)

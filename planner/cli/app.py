@@ -1,14 +1,76 @@
-"""The command ``edbb``; every failure ends in one sentence and its exit code."""
+"""The command ``edbb``: its verbs, each loaded when it is called; a failure ends in one sentence and its exit code."""
 
 import sys
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
-from planner.cli.screen import errors
-from planner.cli.verbs import Verbs
-from planner.errors import PlannerError
+from planner.cli.terminal import errors
+from planner.common.errors import PlannerError
+
+VERBS = {  # name: (module, function, line in the list of commands)
+    "plan": ("plan_commands", "plan_command", "Plan a measuring session: poses, path, robot program, report."),
+    "study": ("plan_commands", "study_command", "Observability offline: what can be seen, and from where."),
+    "export": ("plan_commands", "export_command", "Write the robot program of a plan in any dialect."),
+    "simulate": ("calibration_commands", "simulate_command", "Simulate the measured run of a plan."),
+    "identify": ("calibration_commands", "identify_command", "Identify the robot from measured runs."),
+    "import": ("calibration_commands", "import_command", "Bring controller and gauge traces into the run format."),
+    "compensate": ("calibration_commands", "compensate_command", "Correct a program for the calibrated robot."),
+    "accuracy": ("instrument_commands", "accuracy_command", "Judge a robot by a tracker's run, or repeated centrings."),
+    "circular": ("plan_commands", "circular_command", "Evaluate a circular test in the manner of ISO 230-4."),
+    "loaded": ("instrument_commands", "loaded_command", "Evaluate circles driven under load: joint compliances."),
+    "loaded-places": ("instrument_commands", "places_command", "Find where loaded circles tell the compliances apart."),
+    "plan-both": ("both_commands", "both_command", "Plan a session with an unloaded and a loaded bar."),
+    "centre": ("centring_commands", "centre_command", "Centre a head of indicators on the balls of a plan."),
+    "robots": ("list_commands", "robots_command", "List the robots and cells that come with the planner."),
+    "dialects": ("list_commands", "dialects_command", "List the robot languages that programs can be written in."),
+}
+
+
+class Verb(TyperCommand):
+    """A command whose help shows no type behind its switches: they take no value."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, switches without a type."""
+        return hide_switch_types(super().get_params(ctx))
+
+
+class Verbs(TyperGroup):
+    """The list of all verbs, and the one that is called."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for name, (_, _, line) in VERBS.items():
+            self.add_command(TyperCommand(name, help=line))
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, switches without a type."""
+        return hide_switch_types(super().get_params(ctx))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return name, command and other words of what is called."""
+        name, command, words = super().resolve_command(ctx, args)
+        return name, None if name is None or command is None else load_command(name), words
+
+
+def hide_switch_types(parameters: list[Any]) -> list[Any]:
+    """Take the type off every option that has no value."""
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+def load_command(name: str) -> Any:
+    """Return the command ``name``, with the libraries that it needs."""
+    module, function, _ = VERBS[name]
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone.command(name, cls=Verb)(getattr(import_module(f"planner.cli.{module}"), function))
+    return typer.main.get_command(alone)
+
 
 app = typer.Typer(
     name="edbb",

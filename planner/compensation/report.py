@@ -1,16 +1,58 @@
-"""What a compensated file does, measured on the numbers as they are printed."""
+"""What a compensated file does, measured on the numbers as printed, and what a person should look at."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.compensation.inverse import Problem, flange_of
-from planner.compensation.poser import NominalPoser, Poser
-from planner.compensation.solving import deviation, solve
+from planner.common.units import DEG, MM, UM, Array
+from planner.compensation.correction import NominalPoser, Poser, flange_deviation, solve_flange_ik
+from planner.compensation.nominal_angles import Problem, flange_of
+from planner.compensation.rotations import turn_between
 from planner.compensation.targets import Target
-from planner.compensation.text import listed
-from planner.robot import Robot
-from planner.units import DEG, MM, UM, Array
+from planner.kinematics.robot import Robot
+from planner.programs.languages.text import list_lines
+
+FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is near a singular position
+TURNED = 1.0 * DEG  # change of A or C that no correction of the orientation explains
+SHOWN = 8  # targets that are told one by one
+Note = tuple[int, str]
+
+
+def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new: Array) -> Iterator[Note]:
+    """Yield (line, sentence) of targets whose joints move far from q to q_new, (n, N) [rad], for a small correction.
+
+    The farthest are told one by one, the others counted.
+    """
+    nominal = NominalPoser(robot)
+    shift = np.linalg.norm(nominal.flange(q_new)[0] - nominal.flange(q)[0], axis=1)
+    moved, size = q_new - q, np.abs(q_new - q).max(axis=1, initial=0.0)
+    far = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > FAR]
+    for k in far[:SHOWN]:
+        j = int(np.abs(moved[k]).argmax())
+        yield (
+            targets[k].line,
+            f"joint {j + 1} moves by {moved[k, j] / DEG:.1f}° for a correction of {shift[k] / MM:.2f} mm: the target "
+            "is near a singular position; try it slowly",
+        )
+    if len(far) > SHOWN:
+        line = targets[far[SHOWN]].line
+        yield line, f"a joint moves by over {FAR / DEG:g}° here and at {len(far) - SHOWN - 1} more targets"
+
+
+def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> Iterator[Note]:
+    """Yield (line, sentence) of poses whose A and C change by far more than the orientation that they spell."""
+    for old, new in zip(before, after, strict=True):
+        if old.pose is None or new.pose is None or old.pose.spelling != "abc":
+            continue
+        was, is_ = old.pose.words / DEG, new.pose.words / DEG
+        turn = float(np.linalg.norm(turn_between(old.pose.T_BT[None, :3, :3], new.pose.T_BT[None, :3, :3])))
+        if np.abs(new.pose.words - old.pose.words).max() > max(TURNED, 3.0 * turn):
+            yield (
+                old.line,
+                f"B stands near {np.sign(was[1]) * 90:.0f}°, where A and C mean almost the same: A {was[0]:.3f} became "
+                f"{is_[0]:.3f} and C {was[2]:.3f} became {is_[2]:.3f}, the tool turns by {turn / DEG:.3f}° in all",
+            )
 
 
 @dataclass(frozen=True)
@@ -49,8 +91,8 @@ def report_of(
     at = [i for i, t in enumerate(printed) if t.pose is not None]
     if at:
         T = flange_of([pose for t in printed if (pose := t.pose) is not None])
-        q_printed[at], _ = solve(robot, nominal, q_new[at], T[:, :3, 3], T[:, :3, :3])
-    left, turned = deviation(robot, calibrated, q_printed, p, R)
+        q_printed[at], _ = solve_flange_ik(robot, nominal, q_new[at], T[:, :3, 3], T[:, :3, :3])
+    left, turned = flange_deviation(robot, calibrated, q_printed, p, R)
     shift = np.linalg.norm(nominal.flange(q_printed)[0] - p, axis=1)
     return CompensationReport(
         joint_targets=len(targets) - len(at),
@@ -72,6 +114,6 @@ def summary(name: str, report: CompensationReport) -> str:
         f"no joint moved by more than {report.moved_max_rad / DEG:.3f}°",
         f"as printed {report.left_m / UM:.2f} µm and {report.left_rad * 1e6:.2f} µrad of error are left at most",
     ]
-    lines += listed(name, report.notes)
-    lines += (f"left as it was: {line}" for line in listed(name, report.kept))
+    lines += list_lines(name, report.notes)
+    lines += (f"left as it was: {line}" for line in list_lines(name, report.kept))
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.units import Array
+from planner.common.units import Array
 
 
 def turn_between(R_from: Array, R_to: Array) -> Array:

@@ -5,9 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.compensation.text import Refusals, Slot
-from planner.robot import Robot
-from planner.units import Array
+from planner.common.units import Array
+from planner.kinematics.robot import Robot
+from planner.programs.languages.text import Refusals, Slot
 
 EXTERNAL_NOTE = "external axes are moved: they are kept, and the robot's own base is taken as standing still"
 
@@ -17,7 +17,7 @@ class Configuration(Protocol):
 
     @property
     def shape(self) -> int | None:
-        """Number of the arm's shape, see :mod:`planner.compensation.shapes`; None where any will do."""
+        """Number of the arm's shape, see :mod:`planner.compensation.arm_shapes`; None where any will do."""
 
     def turns(self, q: Array) -> np.ndarray:
         """Return for angles (n, N) [rad] whether each joint is in the turn that is meant, (n, N) bool."""
@@ -32,7 +32,7 @@ class Configuration(Protocol):
 
 
 @dataclass(frozen=True)
-class Pose:
+class CartesianTarget:
     """A Cartesian target.
 
     Attributes:
@@ -69,12 +69,12 @@ class Target:
     line: int
     slots: tuple[Slot, ...]
     q: Array | None = None
-    pose: Pose | None = None
+    pose: CartesianTarget | None = None
     follows: int | None = None
 
 
 @dataclass
-class Reading:
+class TargetReading:
     """What a reader of a language works with, and what it notes.
 
     Attributes:
@@ -88,14 +88,14 @@ class Reading:
 
     robot: Robot
     axes: tuple[str, ...]
-    frames: "Frames"
+    frames: "ToolAndBase"
     refusals: Refusals
     targets: list[Target]
     notes: list[tuple[int, str]]
 
 
 @dataclass(frozen=True)
-class Frames:
+class ToolAndBase:
     """Tool and base of Cartesian targets, where the file itself does not say them.
 
     Attributes:

@@ -1,12 +1,12 @@
-"""Basis functions φ of an effect: what multiplies a parameter, sample by sample (DESIGN: value = nominal + Σ φ·p)."""
+"""Basis functions φ of an effect: what multiplies a parameter, sample by sample (value = nominal + Σ φ·p)."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from planner.common.units import Array
 from planner.effects.context import Context
-from planner.units import Array
 
 
 class Phi(Protocol):
@@ -87,3 +87,20 @@ class LoadTorque:
 
 
 ONE = One()
+
+
+@dataclass(frozen=True)
+class Times:
+    """φ times a number."""
+
+    phi: Phi
+    factor: float
+
+    @property
+    def key(self) -> str:
+        """``times:0.86:warmth:21.5``."""
+        return f"times:{self.factor!r}:{self.phi.key}"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        return self.factor * self.phi(c)

@@ -6,13 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.chain import ForwardPass
-from planner.effects.frames import Frames, Load, frames, moments
-from planner.effects.gravity import gravity_torque
-from planner.gauge import BarState, bar_state
-from planner.rig import Rig
-from planner.run import Samples
-from planner.units import Array
+from planner.cell.setup import MeasurementSetup
+from planner.common.units import Array
+from planner.effects.statics import HangingLoad, StationFrames, gravity_torque, load_moments, station_frames
+from planner.kinematics.bar_geometry import BarState, bar_state
+from planner.kinematics.chain import ForwardPass
+from planner.runs.run import Samples
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Context:
     flange.
     """
 
-    rig: Rig
+    rig: MeasurementSetup
     samples: Samples
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -103,16 +102,16 @@ class Context:
         return (0, *(k for _, k in turns), len(robot.transforms))
 
     @cached_property
-    def stations(self) -> Frames:
+    def stations(self) -> StationFrames:
         """Frames of the stations."""
-        return frames(self.rig.robot.chain, self.theta, self._ends)
+        return station_frames(self.rig.robot.chain, self.theta, self._ends)
 
     @cached_property
     def centres(self) -> Array:
         """Centres of mass of the links (unknown: the origin) and of what the flange carries, (N + 1, 3, n) [m]."""
         robot, n = self.rig.robot, len(self.samples)
         own = [np.zeros(3) if m is None else m.com for m in robot.masses]
-        at = frames(robot.chain, self.theta, (*robot.link_end[1:], len(robot.transforms)))
+        at = station_frames(robot.chain, self.theta, (*robot.link_end[1:], len(robot.transforms)))
         com = np.array([*own, self.rig.com_F])
         return np.asarray(at.p + np.einsum("sijn,sj->sin", at.R, com)).reshape(-1, 3, n)
 
@@ -123,11 +122,11 @@ class Context:
         The flange bends under what it carries alone.
         """
         robot = self.rig.robot
-        tool = Load(len(robot.transforms) + 1, self._carried, self.centres[-1])
+        tool = HangingLoad(len(robot.transforms) + 1, self._carried, self.centres[-1])
         links = [
-            Load(min(end, len(robot.transforms) - 1), m.mass, centre)
+            HangingLoad(min(end, len(robot.transforms) - 1), m.mass, centre)
             for end, m, centre in zip(robot.link_end[1:], robot.masses, self.centres, strict=False)
             if m is not None
         ]
         pull = None if self.pull is None else (self.motion.x, self.pull)
-        return moments(self.stations, self._ends, [*links, tool], self.rig.gravity_B, pull)
+        return load_moments(self.stations, self._ends, [*links, tool], self.rig.gravity_B, pull)

@@ -1,18 +1,23 @@
-"""The parameters as a person reads them: nominal, value, how well known, and what else each of them carries."""
+"""Every parameter with nominal, value and uncertainty, and the units in which files and pages give them."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from planner.identification.fit import Fit
-from planner.identification.types import Estimate
-from planner.model import Model, Parameter
-from planner.observability import Dropped
-from planner.rig import Rig
-from planner.units import Array
+from planner.cell.setup import MeasurementSetup
+from planner.common.units import DEG, MM, Array
+from planner.design.observability.identifiability import DroppedParameter
+from planner.effects.parameters import Parameter
+from planner.identification.calibration import Calibration, Estimate
+from planner.identification.least_squares import Fit
+from planner.model.model import Model
 
-SHARE = 0.02  # part of a left-out parameter's direction, per prior size, below which nobody need hear of it
+ABSORBED_SHARE = 0.02  # part of a left-out parameter's direction, per prior size, below which nobody need hear of it
 
 
-def estimates(whole: Model, fit: Fit, dropped: tuple[Dropped, ...], covariance: Array) -> tuple[Estimate, ...]:
+def estimate_parameters(
+    whole: Model, fit: Fit, dropped: tuple[DroppedParameter, ...], covariance: Array
+) -> tuple[Estimate, ...]:
     """Return every parameter of ``whole``, fitted or not."""
     std = dict(zip(fit.model.names, np.sqrt(np.diag(covariance)), strict=True))
     error = dict(zip(fit.model.names, fit.errors, strict=True))
@@ -38,13 +43,13 @@ def estimates(whole: Model, fit: Fit, dropped: tuple[Dropped, ...], covariance: 
     return tuple(out)
 
 
-def _takes_part(dropped: Dropped, name: str, size: dict[str, float]) -> bool:
+def _takes_part(dropped: DroppedParameter, name: str, size: dict[str, float]) -> bool:
     """Tell whether the error of a left-out parameter is carried by ``name`` to a part worth saying."""
     share = {n: abs(c) / size[n] for n, c in dropped.direction}
-    return name != dropped.name and share.get(name, 0.0) > SHARE * max(share.values())
+    return name != dropped.name and share.get(name, 0.0) > ABSORBED_SHARE * max(share.values())
 
 
-def _nominal(rig: Rig, p: Parameter) -> float:
+def _nominal(rig: MeasurementSetup, p: Parameter) -> float:
     """Value before the fit: of the elementary transform, the fixture, the tool point, the zero."""
     if p.main.on == "reading":
         return rig.zero if p.name == "zero" else 0.0
@@ -55,3 +60,29 @@ def _nominal(rig: Rig, p: Parameter) -> float:
         point = [n for n in range(len(rig.point_names)) if p.name.startswith(f"map_{rig.point_names[n]}_")]
         return float(rig.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
     return rig.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0
+
+
+FILE_UNITS = {"m": ("mm", 1 / MM), "rad": ("deg", 1 / DEG), "rad/rad": ("urad/rad", 1e6)}
+
+
+def file_unit(unit: str) -> tuple[str, float]:
+    """Return the unit in which files give a value of the SI ``unit``, and the factor to it: mm, deg, urad/Nm, um/N."""
+    if unit in FILE_UNITS:
+        return FILE_UNITS[unit]
+    if unit.startswith(("m/", "rad/")):
+        return f"u{unit}", 1e6
+    return unit, 1.0
+
+
+def displayed_estimates(calibration: Calibration) -> tuple[Estimate, ...]:
+    """Return all parameters, an effect's inner number (frequency, time constant) with its whole value.
+
+    The fit moves it about the value that the search came to; that one stands as its nominal.
+    """
+    traced = calibration.traced
+    found = () if traced is None else traced.findings
+    about = {f"{f.effect}, {f.on}, {f.inner_name}": f.inner for f in found if f.inner is not None}
+    return tuple(
+        e if (start := about.get(e.name)) is None else replace(e, nominal=start, value=e.value + start)
+        for e in calibration.estimates
+    )

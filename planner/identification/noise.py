@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.model import Model
-from planner.repeatable import evenly
-from planner.run import Samples
-from planner.units import Array
+from planner.common.determinism import even_positions
+from planner.common.units import Array
+from planner.model.model import Model
+from planner.runs.run import Samples
 
 RATIO = np.log(2.0)  # one sigma of the logarithm of gauge over joints: data sheets are good to a factor of two
 SCORINGS = 30
@@ -126,7 +126,7 @@ class _Spread:
     @classmethod
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
-        which = evenly(len(residual), SAMPLE)
+        which = even_positions(len(residual), SAMPLE)
         unit = 1 / np.sqrt(white.declared[block])
         ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, None] * unit)
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)

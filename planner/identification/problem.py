@@ -8,28 +8,28 @@ from typing import TypeVar
 
 import numpy as np
 
-from planner.effects import Context
+from planner.cell.setup import Targets
+from planner.common.units import Array
+from planner.effects.context import Context
 from planner.identification.noise import Noise, Whitener
-from planner.model import Linear, Model
-from planner.rig import Targets
-from planner.run import Run, Samples
-from planner.units import Array
+from planner.model.model import Linearization, Model
+from planner.runs.run import Run, Samples
 
-PIECE = 8192  # samples a piece
+PIECE_SAMPLES = 8192  # samples a piece
 THREADS = 2  # pieces in flight: results are taken in order, so their number does not show
 T = TypeVar("T")
 
 
 @dataclass
-class Memory:
+class ProblemCache:
     """What a short problem need not compute twice: basis functions, and the model about the errors looked at last."""
 
     context: Context | None = None
-    linear: tuple[tuple[object, bytes], Linear] | None = None
+    linear: tuple[tuple[object, bytes], Linearization] | None = None
 
 
 @dataclass(frozen=True)
-class Piece:
+class LinearPiece:
     """Whitened rows per prior size, and residuals, of the samples at ``part``.
 
     Attributes:
@@ -57,7 +57,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Problem:
+class FitProblem:
     """A model to be fitted to readings.
 
     Attributes:
@@ -72,10 +72,10 @@ class Problem:
     targets: Targets
     whitener: Whitener
     weight: Array
-    memory: "Memory" = field(default_factory=lambda: Memory(), repr=False, compare=False)
+    memory: "ProblemCache" = field(default_factory=lambda: ProblemCache(), repr=False, compare=False)
 
     @classmethod
-    def of(cls, model: Model, run: Run, noise: Noise | None = None, even: bool = False) -> "Problem":
+    def of(cls, model: Model, run: Run, noise: Noise | None = None, even: bool = False) -> "FitProblem":
         """Set up the fit of a model to a run.
 
         ``even`` gives every sample the same noise, for a model that is known to be off.
@@ -94,31 +94,31 @@ class Problem:
         """Prior sizes of the parameters, (P,)."""
         return self.model.prior
 
-    def take(self, which: np.ndarray) -> "Problem":
+    def take(self, which: np.ndarray) -> "FitProblem":
         """Return the problem with only the samples at ``which`` (indices or a mask)."""
         white = replace(self.whitener, shaken=self.whitener.shaken[which])
-        return Problem(self.model, self.samples.take(which), self.targets.take(which), white, self.weight[which])
+        return FitProblem(self.model, self.samples.take(which), self.targets.take(which), white, self.weight[which])
 
-    def with_model(self, model: Model) -> "Problem":
+    def with_model(self, model: Model) -> "FitProblem":
         """Return the problem with other parameters of the same rig."""
         return replace(self, model=model)
 
-    def with_noise(self, noise: Noise) -> "Problem":
+    def with_noise(self, noise: Noise) -> "FitProblem":
         """Return the problem with another size of the noise."""
         return replace(self, whitener=self.whitener.with_noise(noise))
 
     def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
-        parts = [slice(k, min(k + PIECE, len(self))) for k in range(0, len(self), PIECE)]
+        parts = [slice(k, min(k + PIECE_SAMPLES, len(self))) for k in range(0, len(self), PIECE_SAMPLES)]
         if len(parts) < 2:
             yield from map(task, parts)
             return
         with ThreadPoolExecutor(THREADS) as pool:
             yield from pool.map(task, parts)
 
-    def linear(self, part: slice, errors: Array) -> Linear:
+    def linear(self, part: slice, errors: Array) -> Linearization:
         """Residuals and rows of one piece about ``errors``, in metres and radians."""
-        if len(self) > PIECE:
+        if len(self) > PIECE_SAMPLES:
             return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
         about = (self.model.parameters_and_fixed, errors.tobytes())
         known = self.memory.linear  # read once: several fits may look at one problem at a time
@@ -133,7 +133,7 @@ class Problem:
             self.memory.context = Context(self.model.rig, self.samples)
         return self.memory.context
 
-    def piece(self, part: slice, errors: Array) -> Piece:
+    def piece(self, part: slice, errors: Array) -> LinearPiece:
         """Linearise one piece about ``errors``, whitened."""
         linear = self.linear(part, errors)
         raw = linear.rows.transpose(2, 1, 0)
@@ -145,13 +145,13 @@ class Problem:
             columns[:, i] *= root[i, i]
             for j in range(i):
                 columns[:, i] += root[j, i] * columns[:, j]
-        return Piece(part, columns)
+        return LinearPiece(part, columns)
 
     def residual(self, errors: Array) -> Array:
         """Reading − prediction of every sample, (n, r) [m, rad]."""
 
         def one(part: slice) -> Array:
-            if len(self) > PIECE:
+            if len(self) > PIECE_SAMPLES:
                 return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
             return self.linear(part, errors).residual
 

@@ -3,9 +3,9 @@
 import numpy as np
 import polars as pl
 
-from planner.identification.types import Calibration
-from planner.run import Run
-from planner.units import Array, to_deg, to_mm
+from planner.common.units import Array, to_deg, to_mm
+from planner.identification.calibration import Calibration
+from planner.runs.run import Run
 
 DECIMALS = 7  # of a millimetre or degree: far below any gauge
 

@@ -1,28 +1,27 @@
-"""The stages of a fit: nothing, the frames, the geometry, then one effect after the other while held-out poses gain."""
+"""The stages of a fit: nominal robot, frames, geometry, then declared effects and compliance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from planner.identification.fit import Fit, fit
-from planner.identification.heldout import held_out
-from planner.identification.problem import Problem
-from planner.identification.seeing import only
-from planner.identification.splits import Split
-from planner.identification.types import Metrics, Stage
-from planner.model import Model
-from planner.repeatable import evenly
-from planner.run import Run
-from planner.units import Array
+from planner.common.determinism import even_positions
+from planner.common.units import MM, Array
+from planner.identification.calibration import Metrics, Stage, TracingResult
+from planner.identification.cross_validation import Split, predict_held_out
+from planner.identification.identifiable_parameters import FittedParameters, parameters_of_groups
+from planner.identification.least_squares import Fit, fit
+from planner.identification.problem import FitProblem
+from planner.model.model import Model
+from planner.runs.run import Run
 
-PART = 24_000  # readings of a long run that are fitted before the last stage
-GAIN = 2.0  # standard errors that the held-out error must fall by before an effect is kept
+STAGE_READINGS = 24_000  # readings of a long run that are fitted before the last stage
+GAIN_ERRORS = 2.0  # standard errors that the held-out error must fall by before an effect is kept
 Judge = Callable[[Fit], Metrics | None]
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedStage:
     """A stage and the fit behind it; ``refitted`` names parameters that only the held-out samples themselves know."""
 
     stage: Stage
@@ -30,7 +29,7 @@ class Fitted:
     refitted: tuple[str, ...]
 
 
-def fitted(
+def fit_stage(
     name: str,
     model: Model,
     run: Run,
@@ -39,7 +38,7 @@ def fitted(
     robust: bool = False,
     before: Fit | None = None,
     whole: bool = False,
-) -> Fitted:
+) -> FittedStage:
     """Fit a model to a run and judge it on held-out poses and on the validation run.
 
     Of a long run only a spread part is fitted unless ``whole``; all of it is judged.
@@ -48,10 +47,10 @@ def fitted(
     factors = None if before is None else _known_factors(model, before)
     noise = None if before is None else before.problem.whitener.noise
     rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    few = None if whole else fitted_part(run, model)
+    few = None if whole else fitted_samples(run, model)
     part = run if few is None else run.take(few)
-    found = fit(Problem.of(model, part, noise, even=rough), robust, start, factors=factors)
-    held = held_out(found, split if few is None else split.take(few))
+    found = fit(FitProblem.of(model, part, noise, even=rough), robust, start, factors=factors)
+    held = predict_held_out(found, split if few is None else split.take(few))
     residual, held_residual = found.problem.residual(found.errors), held.residual
     if few is not None:
         residual, held_residual = _over_all(found, run, held.shift, split)
@@ -66,12 +65,16 @@ def fitted(
         residual,
         held_residual,
     )
-    return Fitted(stage, found, held.refitted)
+    return FittedStage(stage, found, held.refitted)
 
 
-def fitted_part(run: Run, model: Model) -> np.ndarray | None:
+def fitted_samples(run: Run, model: Model) -> np.ndarray | None:
     """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
-    return None if len(run) * model.width <= 2 * PART else evenly(len(run), PART // model.width)
+    return (
+        None
+        if len(run) * model.width <= 2 * STAGE_READINGS
+        else even_positions(len(run), STAGE_READINGS // model.width)
+    )
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
@@ -86,9 +89,9 @@ def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, 
     return residual, held
 
 
-def nominal(model: Model, run: Run, split: Split, judge: Judge) -> Fitted:
+def nominal_stage(model: Model, run: Run, split: Split, judge: Judge) -> FittedStage:
     """Judge the robot as its data sheet has it, the gauge standing where the cell says or where it was placed."""
-    return fitted("nominal", model.subset([]), run, split, judge)
+    return fit_stage("nominal", model.subset([]), run, split, judge)
 
 
 def _start(model: Model, before: Fit) -> Array:
@@ -102,20 +105,20 @@ def _known_factors(model: Model, before: Fit) -> Array:
     return np.array([known.get(p.name, p.prior) / p.prior for p in model.parameters])
 
 
-def gains(before: Stage, after: Stage, split: Split) -> bool:
+def is_gain(before: Stage, after: Stage, split: Split) -> bool:
     """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
     if len(np.unique(split.fine)) < 2:
         return False
-    gain, error = gain_in_errors(before, after, split)
-    return gain > GAIN * error
+    gain, error = held_out_improvement(before, after, split)
+    return gain > GAIN_ERRORS * error
 
 
-def gain_in_errors(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
+def held_out_improvement(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
     """Fall of the held-out squared error from one stage to another, and its standard error, over groups."""
-    return fall_in_errors(before.held_residual, after.held_residual, split)
+    return error_reduction(before.held_residual, after.held_residual, split)
 
 
-def fall_in_errors(before: Array, after: Array, split: Split) -> tuple[float, float]:
+def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, float]:
     """Fall of the squared error between residuals (n, r) of the same samples, and its standard error, over groups.
 
     As a share of the error before, positions and angles each by their own where a probe measures both: 1 is all of it.
@@ -132,4 +135,67 @@ def fall_in_errors(before: Array, after: Array, split: Split) -> tuple[float, fl
 
 def frames_only(model: Model) -> Model:
     """Return the model with only what places the gauge."""
-    return only(model, ("gauge",))
+    return parameters_of_groups(model, ("gauge",))
+
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class FitContext:
+    """What every fit of a run needs: run, split, judge of the validation run, and whether outliers are turned down."""
+
+    run: Run
+    split: Split
+    judge: Callable[[Fit], Metrics | None]
+    robust: bool
+
+    def spare(self, model: Model) -> int:
+        """Number of readings beyond the parameters of a model."""
+        return len(self.run) * model.width - len(model.parameters)
+
+    def fitted(self, name: str, model: Model, before: Fit | None = None, whole: bool = False) -> FittedStage:
+        """Fit a model to the run, from where the fit ``before`` came to rest."""
+        return fit_stage(name, model, self.run, self.split, self.judge, self.robust, before, whole)
+
+
+Tracer = Callable[[FittedStage, FitContext, Progress], tuple[list[FittedStage], TracingResult]]
+"""From the fitted geometry, with what the cell declares beside it, to one stage for each effect, and what was found."""
+
+
+SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
+
+
+def add_declared_stages(
+    stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], bench: FitContext, say: Progress
+) -> tuple[list[FittedStage], list[str]]:
+    """Add a stage for each effect that the cell declares; return what a person should know beside them.
+
+    They are the user's model: they stay whatever held-out samples say, as the plan chose its poses for them.
+    """
+    stages, notes = list(stages), list[str]()
+    kinds = list(dict.fromkeys(effects))
+    for k, kind in enumerate(kinds):
+        model = free.upto(kinds[: k + 1])
+        if len(model.parameters) == len(stages[-1].fit.errors):
+            notes.append(f"{kind} is declared in plan.effects, but this run shows nothing of it: it was left out")
+            continue
+        say(kind)
+        stages.append(bench.fitted(kind, model, stages[-1].fit))
+        before, after = (s.stage.held_out.rms for s in stages[-2:])
+        if after > before:
+            notes.append(
+                f"{kind} is declared in plan.effects and was fitted, but held-out samples came out worse with it, "
+                f"{after / MM:.4f} mm against {before / MM:.4f} mm without: this run says too little of it"
+            )
+    return stages, notes
+
+
+def add_stage_if_gain(
+    stages: list[FittedStage], free: FittedParameters, wider: FittedParameters, kind: str, bench: FitContext
+) -> tuple[list[FittedStage], FittedParameters]:
+    """Add an effect that nobody declared and keep it only if held-out samples gain."""
+    if len(wider.model.parameters) == len(stages[-1].fit.errors) or bench.spare(wider.model) < SPARE_READINGS:
+        return stages, free
+    trial = bench.fitted(kind, wider.model, stages[-1].fit)
+    return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, bench.split) else (stages, free)

@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.effects import ONE
-from planner.effects.combined import Times
-from planner.effects.keys import of_run
-from planner.identification.fit import Fit, fit
-from planner.identification.placed import placed
-from planner.identification.problem import Problem
-from planner.identification.types import Metrics
-from planner.model import Model, Move
-from planner.rig import Rig
-from planner.run import Run
+from planner.cell.setup import MeasurementSetup
+from planner.effects.basis import ONE, Times
+from planner.effects.parameters import ParameterMove
+from planner.effects.phi_keys import depends_on_run
+from planner.identification.calibration import Metrics
+from planner.identification.least_squares import Fit, fit
+from planner.identification.problem import FitProblem
+from planner.identification.run_setup import locate_gauge
+from planner.model.model import Model
+from planner.runs.run import Run
 
 
-def judged(found: Fit, run: Run, bare: Rig) -> Metrics:
+def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
     """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so).
 
     ``bare`` is the rig of that run with nothing placed yet.
@@ -24,15 +24,15 @@ def judged(found: Fit, run: Run, bare: Rig) -> Metrics:
     rig = found.model.rig
     model = _timeless(found)
     if not new_frames(rig, run):
-        problem = Problem.of(model, _renamed(run, rig))
+        problem = FitProblem.of(model, _renamed(run, rig))
         return Metrics.of(problem.residual(np.zeros(0)))
-    model = _with_frames(replace(model, rig=placed(_calibrated_tool(bare, found), run)))
+    model = _with_frames(replace(model, rig=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
-    here = fit(Problem.of(model, run, found.problem.whitener.noise), robust=True)
+    here = fit(FitProblem.of(model, run, found.problem.whitener.noise), robust=True)
     return Metrics.of(here.problem.residual(here.errors))
 
 
-def new_frames(rig: Rig, run: Run) -> bool:
+def new_frames(rig: MeasurementSetup, run: Run) -> bool:
     """Tell whether the run stands in frames that the rig does not know: a plate set down anew, another station."""
     if run.readings.ball is not None:
         return True
@@ -43,8 +43,8 @@ def _timeless(found: Fit) -> Model:
     """Fix the fitted model; what hangs on the run's own clock or sessions stands at its mean over the run."""
     model = found.model.fixing(found.errors)
 
-    def standing(move: Move) -> Move:
-        if not of_run(move.phi.key):
+    def standing(move: ParameterMove) -> ParameterMove:
+        if not depends_on_run(move.phi.key):
             return move
         return replace(move, phi=Times(ONE, float(np.mean(found.problem.context.value(move.phi)))))
 
@@ -52,13 +52,13 @@ def _timeless(found: Fit) -> Model:
     return replace(model, fixed=fixed)
 
 
-def _renamed(run: Run, rig: Rig) -> Run:
+def _renamed(run: Run, rig: MeasurementSetup) -> Run:
     """Number the places of the run as the rig does."""
     order = np.array([rig.place_names.index(name) if name in rig.place_names else 0 for name in run.places])
     return replace(run, samples=replace(run.samples, place=order[run.samples.place]))
 
 
-def _calibrated_tool(bare: Rig, found: Fit) -> Rig:
+def _calibrated_tool(bare: MeasurementSetup, found: Fit) -> MeasurementSetup:
     """Return the rig with the tool points as fitted, so that placing the new frames does not touch them."""
     rig = found.model.rig
     shift = dict(zip(found.model.names, found.errors, strict=True))

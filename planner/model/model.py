@@ -12,20 +12,21 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell import Cell
-from planner.chain import ForwardPass
-from planner.effects import Context, Phi
-from planner.gauge import bar_state
-from planner.model.parameters import Parameter, gauge_parameters, robot_parameters
-from planner.rig import Rig, Targets, rig_of
-from planner.run import Samples
-from planner.units import Array
+from planner.cell.cell import Cell
+from planner.cell.setup import MeasurementSetup, Targets, setup_of
+from planner.common.units import Array
+from planner.effects.basis import Phi
+from planner.effects.context import Context
+from planner.effects.parameters import Parameter, gauge_parameters, robot_parameters
+from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.chain import ForwardPass
+from planner.runs.run import Samples
 
 CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
 
 
 @dataclass(frozen=True)
-class Linear:
+class Linearization:
     """The model about some errors: residuals reading − prediction (n, r) and identification Jacobian (n, r, P)."""
 
     residual: Array
@@ -36,17 +37,17 @@ class Linear:
 class Model:
     """The measurement model of one rig with a list of parameters; ``fixed`` ones stand at the value beside them."""
 
-    rig: Rig
+    rig: MeasurementSetup
     parameters: tuple[Parameter, ...]
     fixed: tuple[tuple[Parameter, float], ...] = ()
 
     @classmethod
     def from_cell(cls, cell: Cell, free: frozenset[str] | None = None) -> "Model":
         """Build the model of a cell with the parameters that its ``[plan] free`` allows."""
-        return cls.of(rig_of(cell), cell.plan.free if free is None else free)
+        return cls.of(setup_of(cell), cell.plan.free if free is None else free)
 
     @classmethod
-    def of(cls, rig: Rig, free: frozenset[str]) -> "Model":
+    def of(cls, rig: MeasurementSetup, free: frozenset[str]) -> "Model":
         """Build the model; parameters stand in the order in which they are preferred when some depend on others.
 
         What places the gauge comes first: it is known worst.
@@ -123,13 +124,13 @@ class Model:
         motion, shown = self._pass(context, errors)
         return np.asarray(self._residual(context, motion, targets) - shown)
 
-    def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linear:
+    def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian of some samples in one forward pass."""
         parts = [
             self.linear_in(Context(self.rig, samples.take(part)), targets.take(part), errors)
             for part in chunks(len(samples))
         ]
-        return Linear(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
+        return Linearization(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Standard deviation of one reading, (n,) [m]: gauge and joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
@@ -163,7 +164,7 @@ class Model:
         shown = np.zeros((len(context.samples), self.width))
         free = () if errors is None else zip(self.parameters, errors, strict=True)
         moved = [(p, float(value)) for p, value in (*free, *self.fixed) if value != 0.0]
-        known = phis([p for p, _ in moved], context)
+        known = basis_values([p for p, _ in moved], context)
         for p, value in moved:
             for m in p.moves:
                 if m.on == "transform":
@@ -172,14 +173,14 @@ class Model:
                     shown[:, m.index] += value * known[m.phi]
         return self.rig.chain.forward(context.theta, delta), shown
 
-    def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linear:
+    def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
         which = self._moved
         projected = self._projected(context, motion, which)
         place = {int(k): i for i, k in enumerate(which)}
-        known = phis(self.parameters, context)
+        known = basis_values(self.parameters, context)
         columns = np.empty((len(self.parameters), self.width, len(context.samples)))  # samples side by side: quick
         for p, column in zip(self.parameters, columns, strict=True):
             first = p.main
@@ -192,7 +193,7 @@ class Model:
                     column += projected[place[m.index]] * known[m.phi]
                 else:
                     column[m.index] += known[m.phi]
-        return Linear(residual, columns.transpose(2, 1, 0))
+        return Linearization(residual, columns.transpose(2, 1, 0))
 
     @cached_property
     def _moved(self) -> np.ndarray:
@@ -222,7 +223,7 @@ class Model:
         return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
 
 
-def phis(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:
+def basis_values(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:
     """Every basis function that the parameters use, (n,) or (1,) each, computed once."""
     return {m.phi: context.value(m.phi) for p in parameters for m in p.moves}
 

@@ -1,4 +1,4 @@
-"""The errors that a simulated robot has: read from ``TRUTH.toml``, or drawn from the prior sizes."""
+"""The true errors and effects of a simulated robot: read from ``TRUTH.toml``, or drawn from their priors."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,38 +8,123 @@ from zlib import crc32
 import numpy as np
 from pydantic import Field, NonNegativeFloat
 
-from planner.cell import Cell
-from planner.errors import InputError, nearest
-from planner.model import Model, Parameter
-from planner.model.parameters import compliance_parameters
-from planner.rig import rig_of
-from planner.run import Samples
-from planner.schema import Strict, read_toml
-from planner.simulation.effects import Effect, EffectFile, effects_of
-from planner.units import DEG, MM, UM, Array, frozen
+from planner.cell.cell import Cell
+from planner.cell.setup import MeasurementSetup, setup_of
+from planner.common.errors import InputError, did_you_mean
+from planner.common.schema import StrictModel, read_toml
+from planner.common.units import DEG, MM, UM, Array, read_only
+from planner.effects.catalogue import catalogue
+from planner.effects.effect import Effect
+from planner.effects.parameters import Parameter, compliance_parameters
+from planner.kinematics.calibration_tables import si_unit
+from planner.model.model import Model
+from planner.runs.run import Samples
 
-SPELLINGS = {
+
+class TruthEffectFile(StrictModel):
+    """``[[effects]]``: a kind of the catalogue, on what it acts, its value (several where it has several parameters).
+
+    ``inner`` is the number inside, for instance a frequency, in the catalogue's unit of it.
+    """
+
+    kind: str
+    on: str | None = None
+    value: float | tuple[float, ...]
+    unit: str
+    inner: float | None = None
+
+
+@dataclass(frozen=True)
+class TrueEffect:
+    """Parameters of one effect with their values in SI units; ``said`` as the file says it."""
+
+    parameters: tuple[Parameter, ...]
+    values: tuple[float, ...]
+    said: str
+
+
+def effects_from_file(
+    path: Path, files: tuple[TruthEffectFile, ...], rig: MeasurementSetup, samples: Samples
+) -> tuple[TrueEffect, ...]:
+    """Return the effects that the file asks for.
+
+    Raises:
+        InputError: a kind that the catalogue does not have, or this run cannot show; a value or unit that does not fit.
+    """
+    if not files:
+        return ()
+    entries = catalogue(rig, samples)
+    return tuple(_read_effect(f"{path}: [[effects]] number {k}", f, entries) for k, f in enumerate(files, start=1))
+
+
+def _read_effect(where: str, file: TruthEffectFile, entries: tuple[Effect, ...]) -> TrueEffect:
+    entry = _find_effect(where, file, entries)
+    if (file.inner is None) != (entry.inner is None):
+        wanted = "takes no 'inner'" if entry.inner is None else f"needs 'inner', its {entry.inner.name}"
+        unit = "" if entry.inner is None else f" [{entry.inner.unit}]"
+        raise InputError(f"{where}: {entry.name} {wanted}{unit}")
+    parameters = entry.make(file.inner)
+    values = file.value if isinstance(file.value, tuple) else (file.value,)
+    if len(values) > len(parameters) or (len(values) < len(parameters) and isinstance(file.value, tuple)):
+        names = ", ".join(p.name for p in parameters)
+        raise InputError(f"{where}: {len(values)} values found, {entry.name} has {len(parameters)} ({names})")
+    values += (0.0,) * (len(parameters) - len(values))
+    factor = _unit_factor(where, file.unit, parameters[0].unit)
+    inner = "" if file.inner is None else f", inner = {file.inner:g}"
+    said = f'{{kind = "{entry.kind}", on = "{entry.on}", value = {file.value}, unit = "{file.unit}"{inner}}}'
+    return TrueEffect(parameters, tuple(v * factor for v in values), said.replace("(", "[").replace(")", "]"))
+
+
+def _find_effect(where: str, file: TruthEffectFile, entries: tuple[Effect, ...]) -> Effect:
+    of_kind = [e for e in entries if e.kind == file.kind]
+    if not of_kind:
+        known = list(dict.fromkeys(e.kind for e in entries))
+        raise InputError(
+            f"{where}: kind = '{file.kind}' is no effect that this run could show{did_you_mean(file.kind, known)} "
+            f"(there are: {', '.join(known)})"
+        )
+    there = [e.on for e in of_kind]
+    if file.on is None and len(of_kind) > 1:
+        raise InputError(f"{where}: the key 'on' is missing; {file.kind} may act on {', '.join(there)}")
+    if file.on is not None and file.on not in there:
+        raise InputError(
+            f"{where}: on = '{file.on}'{did_you_mean(file.on, there)} ({file.kind} acts on {', '.join(there)})"
+        )
+    return of_kind[0 if file.on is None else there.index(file.on)]
+
+
+def _unit_factor(where: str, unit: str, wanted: str) -> float:
+    try:
+        si, factor = si_unit(unit)
+    except ValueError as err:
+        raise InputError(f"{where}: unit = '{unit}': {err}") from err
+    if si != wanted:
+        raise InputError(f"{where}: unit = '{unit}' is {si}, but a value in {wanted} is needed")
+    return factor
+
+
+UNIT_SPELLINGS = {
     "m": {"mm": MM, "um": UM, "m": 1.0},
     "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
     "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
 }  # of a parameter's unit in a key, the first is how it is written
-DIGITS = 9  # of a drawn error as it is written
-EVERYTHING = frozenset({"fixture", "tool", "zero"})
+WRITTEN_DIGITS = 9  # of a drawn error as it is written
+ALL_GAUGE_PARAMETERS = frozenset({"fixture", "tool", "zero"})
 
 
-class NoiseFile(Strict):
+class NoiseFile(StrictModel):
     """``[noise]``: in place of the cell's and the robot's own."""
 
     gauge_um: NonNegativeFloat | None = None
     repeatability_mm: NonNegativeFloat | None = None
 
 
-class TruthFile(Strict):
+class TruthFile(StrictModel):
     """The whole ``TRUTH.toml`` (schema ``edbb-truth/1``)."""
 
     schema_: Literal["edbb-truth/1"] = Field(alias="schema")
     errors: dict[str, float] = {}
-    effects: tuple[EffectFile, ...] = ()
+    effects: tuple[TruthEffectFile, ...] = ()
     noise: NoiseFile = NoiseFile()
 
 
@@ -55,7 +140,7 @@ class Truth:
 
     model: Model
     errors: Array
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[TrueEffect, ...] = ()
 
     def complete(self) -> tuple[Model, Array]:
         """Return the model with the effects among its parameters, and all values."""
@@ -65,7 +150,7 @@ class Truth:
     def lines(self) -> tuple[str, ...]:
         """Say every error that is not zero, every effect and the noise, as keys of ``TRUTH.toml``."""
         pairs = zip(self.model.parameters, self.errors, strict=True)
-        said = [_line(p, float(v)) for p, v in pairs if v != 0.0]
+        said = [_format_error(p, float(v)) for p, v in pairs if v != 0.0]
         rig = self.model.rig
         return (
             *said,
@@ -82,39 +167,39 @@ def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
         InputError: a key that names no error of this cell, or has no unit, or a value that is no number.
     """
     file = read_toml(path, TruthFile)
-    model = _model(_noisy(cell, file.noise))
-    keys = {key: (k, factor) for k, p in enumerate(model.parameters) for key, factor in _keys(p)}
+    model = _truth_model(_with_noise(cell, file.noise))
+    keys = {key: (k, factor) for k, p in enumerate(model.parameters) for key, factor in _error_keys(p)}
     errors = np.zeros(len(model.parameters))
     for key, value in file.errors.items():
         if key not in keys:
-            raise InputError(f"{path}: 'errors.{key}' names no error{_hint(key, model, list(keys))}")
+            raise InputError(f"{path}: 'errors.{key}' names no error{_key_hint(key, model, list(keys))}")
         k, factor = keys[key]
         if errors[k]:
             raise InputError(f"{path}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    return Truth(model, frozen(errors), effects_of(path, file.effects, model.rig, samples))
+    return Truth(model, read_only(errors), effects_from_file(path, file.effects, model.rig, samples))
 
 
-def drawn(cell: Cell, seed: int) -> Truth:
+def draw_truth(cell: Cell, seed: int) -> Truth:
     """Draw every error from its prior size, by its name: one robot in all cells of a seed.
 
     Joints give way in the direction of their load only.
     """
-    model = _model(cell)
+    model = _truth_model(cell)
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
     sizes = np.array(drawn) * model.prior
     gives = np.array([p.group == "joint compliance" for p in model.parameters])
     errors = np.where(gives, np.abs(sizes), sizes)
-    short = [_rounded(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
-    return Truth(model, frozen(short))
+    short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
+    return Truth(model, read_only(short))
 
 
-def _model(cell: Cell) -> Model:
-    rig = rig_of(cell)
-    return Model.of(rig, EVERYTHING).plus(compliance_parameters(rig))
+def _truth_model(cell: Cell) -> Model:
+    rig = setup_of(cell)
+    return Model.of(rig, ALL_GAUGE_PARAMETERS).plus(compliance_parameters(rig))
 
 
-def _noisy(cell: Cell, noise: NoiseFile) -> Cell:
+def _with_noise(cell: Cell, noise: NoiseFile) -> Cell:
     gauge, robot = cell.gauge, cell.robot
     if noise.gauge_um is not None:
         gauge = replace(gauge, noise=noise.gauge_um * UM)
@@ -123,24 +208,24 @@ def _noisy(cell: Cell, noise: NoiseFile) -> Cell:
     return replace(cell, gauge=gauge, robot=robot)
 
 
-def _keys(p: Parameter) -> list[tuple[str, float]]:
-    return [(f"{p.name}_{spelling}", factor) for spelling, factor in SPELLINGS[p.unit].items()]
+def _error_keys(p: Parameter) -> list[tuple[str, float]]:
+    return [(f"{p.name}_{spelling}", factor) for spelling, factor in UNIT_SPELLINGS[p.unit].items()]
 
 
-def _hint(key: str, model: Model, known: list[str]) -> str:
+def _key_hint(key: str, model: Model, known: list[str]) -> str:
     """Return how the error is written where only its unit is wrong, else the nearest key."""
     for p in model.parameters:
         if key == p.name or key.startswith(f"{p.name}_"):
-            return f" with its unit; the {p.what} is written {' or '.join(k for k, _ in _keys(p))}"
-    return nearest(key, known) or f" (there are {', '.join(model.names)}, each with its unit: a2_mm, theta3_deg)"
+            return f" with its unit; the {p.what} is written {' or '.join(k for k, _ in _error_keys(p))}"
+    return did_you_mean(key, known) or f" (there are {', '.join(model.names)}, each with its unit: a2_mm, theta3_deg)"
 
 
-def _rounded(p: Parameter, value: float) -> float:
+def _round_value(p: Parameter, value: float) -> float:
     """Return the value as its line says it."""
-    factor = next(iter(SPELLINGS[p.unit].values()))
-    return round(value / factor, DIGITS) * factor
+    factor = next(iter(UNIT_SPELLINGS[p.unit].values()))
+    return round(value / factor, WRITTEN_DIGITS) * factor
 
 
-def _line(p: Parameter, value: float) -> str:
-    spelling, factor = next(iter(SPELLINGS[p.unit].items()))
-    return f"{p.name}_{spelling} = {round(value / factor, DIGITS)!r}"
+def _format_error(p: Parameter, value: float) -> str:
+    spelling, factor = next(iter(UNIT_SPELLINGS[p.unit].items()))
+    return f"{p.name}_{spelling} = {round(value / factor, WRITTEN_DIGITS)!r}"

@@ -1,26 +1,123 @@
-"""What every part of the study starts from: candidates, what they see, a selection of poses."""
+"""What every part of the study starts from: candidates, what they see, index curves, a selection of poses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from planner.candidates import PoseSet, draw_candidates
-from planner.cell import Cell
-from planner.choice import what_is_seen
-from planner.errors import NoSolutionError
-from planner.model import Model
-from planner.observability import Covariance, Identifiability, covariance
-from planner.selection import exchange
-from planner.study.curves import Curve, index_curves, pick
-from planner.units import Array
+from planner.cell.cell import Cell
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, read_only
+from planner.design.candidates.pool import PoseSet, draw_candidates
+from planner.design.observability.identifiability import Identifiability
+from planner.design.observability.information import INDEX_RULES, Covariance, predict_covariance
+from planner.design.pose_selection import identify_candidates
+from planner.design.selection.certificate import Certificate
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_curves import find_knee
+from planner.model.model import Model
 
-CANDIDATES = 5000  # enough for every finding of the study; the plan itself looks among more
-Say = Callable[[str, int, int], None]
+GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers of poses, in parameters
+WIDTH = 800  # candidates that the last descents look at
+STEPS = 150  # of annealing, for the index that was asked for; the others descend only
+TOLERANCE = 0.02  # relative: a curve is read by eye, its bound is a proof whatever the tolerance
+CurveProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Basis:
+class BoundedCurve:
+    """One index against the number of poses.
+
+    Attributes:
+        index: O1 … O5; ``scaled`` tells the unit-free one (columns times prior sizes) from the raw one.
+        sizes: numbers of poses (k,); ``values`` (k,) what a selection reaches; ``bounds`` (k,) what none can beat.
+        knee: the number of poses where the curve bends.
+    """
+
+    index: str
+    scaled: bool
+    sizes: np.ndarray
+    values: Array
+    bounds: Array
+    knee: int
+
+    @property
+    def at_knee(self) -> float:
+        """The index that a selection reaches at the bend."""
+        return float(self.values[self.sizes == self.knee][0])
+
+    @property
+    def limit_at_knee(self) -> float:
+        """What no set of as many poses as at the bend can beat."""
+        return float(self.bounds[self.sizes == self.knee][0])
+
+
+def compute_index_curves(
+    rows: Array, prior: Array, asked: str, seed: int, say: CurveProgress
+) -> tuple[BoundedCurve, ...]:
+    """Return the curves of O1 … O5, first raw, then unit-free.
+
+    Args:
+        rows: identifiable columns of the candidates, (n, r, p).
+        prior: sizes of the parameters, (p,) [m or rad].
+        asked: the index that is searched for hardest.
+        seed: of the selection.
+        say: told of the progress.
+    """
+    fewest = -(-rows.shape[2] // rows.shape[1])
+    sizes = np.unique([min(len(rows), max(fewest, round(fewest * g))) for g in GROWTH])
+    out: list[BoundedCurve] = []
+    for scaled in (False, True):
+        scene = np.ascontiguousarray(rows * prior) if scaled else rows
+        for index, certificates in _any_size_certificates(scene, seed).items():
+            say("index curves", len(out), 2 * len(INDEX_RULES))
+            out.append(_compute_curve(scene, index, scaled, sizes, certificates, seed, STEPS if index == asked else 0))
+    return tuple(out)
+
+
+def find_curve(curves: tuple[BoundedCurve, ...], index: str, scaled: bool) -> BoundedCurve:
+    """Return the curve of one index."""
+    return next(c for c in curves if c.index == index and c.scaled == scaled)
+
+
+def _any_size_certificates(rows: Array, seed: int) -> dict[str, tuple[Certificate, ...]]:
+    """Proofs for designs of any size: of a single unit of weight for the indices that grow with every pose."""
+    proofs = {
+        index: certify_bound(rows, index, poses, TOLERANCE, seed)
+        for index, poses in (("O1", None), ("O2", None), ("O3", 1), ("O5", 1))
+    }
+    pairs = {index: (proof,) for index, proof in proofs.items()} | {"O4": (proofs["O3"], proofs["O2"])}
+    return {index: pairs[index] for index in INDEX_RULES}
+
+
+def _compute_curve(
+    rows: Array, index: str, scaled: bool, sizes: np.ndarray, proofs: tuple[Certificate, ...], seed: int, steps: int
+) -> BoundedCurve:
+    values = [exchange_poses(rows, int(n), index, 1, seed, proofs[-1], steps, WIDTH).value for n in sizes]
+    bounds = [index_limit(index, proofs, int(n)) for n in sizes]
+    bend = int(find_knee(sizes, np.array(values), index))
+    return BoundedCurve(index, scaled, sizes, read_only(values), read_only(bounds), bend)
+
+
+def index_limit(index: str, proofs: tuple[Certificate, ...], poses: int) -> float:
+    """Return what no set of ``poses`` candidates beats.
+
+    O1 and O2 do not depend on the number; n poses carry at most n times the information of the best unit of
+    weight, so that O3 and O5, which go with the root of it, grow at most with √n; O4 = O3 / O2.
+    """
+    if index in ("O1", "O2"):
+        return proofs[0].value
+    grown = proofs[0].value * float(np.sqrt(poses))
+    return grown / proofs[1].value if index == "O4" else grown
+
+
+CANDIDATES = 5000  # enough for every finding of the study; the plan itself looks among more
+BasisProgress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class StudyBasis:
     """Candidates and chosen poses of the cell as it is.
 
     Attributes:
@@ -43,14 +140,14 @@ class Basis:
     model: Model
     rows: Array
     seen: Identifiability
-    curves: tuple[Curve, ...]
+    curves: tuple[BoundedCurve, ...]
     poses: int
     chosen: np.ndarray
     predicted: Covariance
     noise: float
 
 
-def basis(cell: Cell, index: str, seed: int, say: Say) -> Basis:
+def compute_basis(cell: Cell, index: str, seed: int, say: BasisProgress) -> StudyBasis:
     """Draw candidates, find what they see, and choose as many poses as the cell asks for or the curve suggests.
 
     Raises:
@@ -59,18 +156,18 @@ def basis(cell: Cell, index: str, seed: int, say: Say) -> Basis:
     count = min(CANDIDATES, cell.plan.candidates)
     pool = draw_candidates(cell, count, seed, lambda done, of: say("candidates", done, of))
     say("what is seen", 0, 0)
-    model, seen, rows = what_is_seen(cell, pool)
+    model, seen, rows = identify_candidates(cell, pool)
     if len(pool) < 3 * seen.rank:
         raise NoSolutionError(
             f"only {len(pool)} candidate poses are left for {seen.rank} parameters: "
             "widen the cones, the cable's budget or the clearance"
         )
     whole = Model.from_cell(cell)
-    curves = index_curves(rows, model.prior, index, seed, say)
-    poses = cell.plan.poses or pick(curves, index, scaled=False).knee
-    chosen = exchange(rows, min(max(poses, seen.rank), len(pool)), index, starts=2, seed=seed, steps=300).chosen
+    curves = compute_index_curves(rows, model.prior, index, seed, say)
+    poses = cell.plan.poses or find_curve(curves, index, scaled=False).knee
+    chosen = exchange_poses(rows, min(max(poses, seen.rank), len(pool)), index, starts=2, seed=seed, steps=300).chosen
     noise = model.noise(pool.q, pool.fixture)
-    return Basis(
+    return StudyBasis(
         cell=cell,
         index=index,
         seed=seed,
@@ -83,6 +180,6 @@ def basis(cell: Cell, index: str, seed: int, say: Say) -> Basis:
         curves=curves,
         poses=len(chosen),
         chosen=chosen,
-        predicted=covariance(rows[chosen], noise[chosen, None]),
+        predicted=predict_covariance(rows[chosen], noise[chosen, None]),
         noise=float(np.median(noise)),
     )

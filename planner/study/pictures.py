@@ -4,30 +4,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planner.observability import RULES
-from planner.report.picture import BLUE, GREY, ORANGE, RED
-from planner.report.printed import png, style
-from planner.study.basis import Basis
-from planner.study.curves import Curve, pick
-from planner.study.summary import number
-from planner.study.tables import MDEG, absorbers, effects
-from planner.units import MM, UM
+from planner.common.units import MM, UM
+from planner.design.observability.information import INDEX_RULES
+from planner.report.chart import BLUE, GREY, ORANGE, RED
+from planner.report.matplotlib_backend import figure_png, print_style
+from planner.study.basis import BoundedCurve, StudyBasis, find_curve
+from planner.study.summary import format_number
+from planner.study.tables import MDEG, find_absorbers, prior_size_effects
 
 LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
 ROW = 0.2  # [inch] a parameter's line
 
 
-def identifiability_png(basis: Basis) -> bytes:
+def draw_identifiability(basis: StudyBasis) -> bytes:
     """Singular values with their gap, and each parameter's predicted standard deviation against its prior."""
-    with style():
+    with print_style():
         figure = Figure(figsize=(11.0, 1.6 + ROW * len(basis.whole.names)), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=[1, 1.45])
-        _spectrum(left, basis)
-        _shares(right, basis)
-        return png(figure)
+        _draw_spectrum(left, basis)
+        _draw_shares(right, basis)
+        return figure_png(figure)
 
 
-def _spectrum(ax: Axes, basis: Basis) -> None:
+def _draw_spectrum(ax: Axes, basis: StudyBasis) -> None:
     mu, rank = basis.seen.spectrum / UM, basis.seen.rank
     mu = np.maximum(mu, mu[0] * 1e-17)
     at = np.arange(1, len(mu) + 1)
@@ -40,7 +39,7 @@ def _spectrum(ax: Axes, basis: Basis) -> None:
         ax.vlines(rank + 0.5, mu[rank], mu[rank - 1], color=GREY, linewidth=0.8)
     noise = basis.noise / np.sqrt(basis.poses) / UM
     ax.axhline(noise, color="#666666", linewidth=0.8, linestyle=":")
-    says = f"noise of a reading, mean of {basis.poses}: {number(noise)} µm"
+    says = f"noise of a reading, mean of {basis.poses}: {format_number(noise)} µm"
     ax.annotate(says, (1, noise), (0, -3), textcoords="offset points", va="top", fontsize=8.5, color="#555555")
     ax.set_title(f"{rank} of {len(mu)} directions are seen")
     ax.set_xlabel("direction, strongest first")
@@ -49,24 +48,24 @@ def _spectrum(ax: Axes, basis: Basis) -> None:
     ax.legend(loc="center left")
 
 
-def _shares(ax: Axes, basis: Basis) -> None:
+def _draw_shares(ax: Axes, basis: StudyBasis) -> None:
     names, prior = basis.whole.names, basis.whole.prior
     std = dict(zip(basis.seen.names, basis.predicted.std, strict=True))
     why = {d.name: d.because for d in basis.seen.dropped}
-    carried = absorbers(basis)
+    carried = find_absorbers(basis)
     share = {n: 100 * std[n] / p for n, p in zip(names, prior, strict=True) if n in std}
     least, worst = min(share.values()), max(share.values())
     for k, name in enumerate(names):
         if name in share:
             ax.plot([least / 3, share[name]], [k, k], color="#DDDDDD", linewidth=0.8)
             ax.plot(share[name], k, "o", color=BLUE, markersize=4.5)
-            says = in_unit(std[name], basis.whole.parameters[k].unit)
+            says = format_in_unit(std[name], basis.whole.parameters[k].unit)
             says += ", carries " + ", ".join(carried[name]) if carried[name] else ""
-            _beside(ax, says, (share[name], k), "#555555")
+            _annotate_beside(ax, says, (share[name], k), "#555555")
         else:
             ax.plot(least / 2.6, k, "x", color=RED, markersize=5)
             reason = why[name].split(":")[0].removeprefix(name + " ")
-            _beside(ax, reason, (least / 2.6, k), RED)
+            _annotate_beside(ax, reason, (least / 2.6, k), RED)
     ax.set_xscale("log")
     ax.set_xlim(least / 3, max(200.0, 2 * worst))
     ticks = [t for t in (0.1, 0.3, 1, 3, 10, 30, 100) if t > least / 3]
@@ -82,38 +81,38 @@ def _shares(ax: Axes, basis: Basis) -> None:
     ax.grid(visible=True, axis="x")
 
 
-def _beside(ax: Axes, text: str, at: tuple[float, float], colour: str) -> None:
+def _annotate_beside(ax: Axes, text: str, at: tuple[float, float], colour: str) -> None:
     ax.annotate(text, at, (7, 0), textcoords="offset points", va="center", fontsize=8, color=colour)
 
 
-def in_unit(value: float, unit: str) -> str:
+def format_in_unit(value: float, unit: str) -> str:
     """Return a length in mm or an angle in thousandths of a degree, with two digits."""
     return f"{value / MM:.2g} mm" if unit == "m" else f"{value / MDEG:.2g} mdeg"
 
 
-def curves_png(basis: Basis) -> bytes:
+def draw_curves(basis: StudyBasis) -> bytes:
     """Small multiples: one index a column, raw above, unit-free below."""
-    with style():
+    with print_style():
         figure = Figure(figsize=(14.0, 5.6), layout="constrained")
-        grid = figure.subplots(2, len(RULES), sharex=True)
+        grid = figure.subplots(2, len(INDEX_RULES), sharex=True)
         for row, scaled in zip(grid, (False, True), strict=True):
-            for ax, index in zip(row, RULES, strict=True):
-                _curve(ax, pick(basis.curves, index, scaled))
+            for ax, index in zip(row, INDEX_RULES, strict=True):
+                _draw_curve(ax, find_curve(basis.curves, index, scaled))
         for ax in grid[1]:
             ax.set_xlabel("number of poses")
         grid[0, 0].set_ylabel("raw (m, rad)")
         grid[1, 0].set_ylabel("unit-free (by prior sizes)")
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-        own = pick(basis.curves, basis.index, scaled=False)
-        gap = 100 * RULES[own.index].gap(own.at_knee, own.limit_at_knee)
+        own = find_curve(basis.curves, basis.index, scaled=False)
+        gap = 100 * INDEX_RULES[own.index].gap(own.at_knee, own.limit_at_knee)
         any_set = "any number of poses" if own.index in ("O1", "O2") else f"any {own.knee} poses"
         says = f"{own.index} bends at {own.knee} poses, where it is within {gap:.0f} % of what {any_set} can reach"
         figure.suptitle(says, x=0.01, ha="left")
-        return png(figure)
+        return figure_png(figure)
 
 
-def _curve(ax: Axes, curve: Curve) -> None:
+def _draw_curve(ax: Axes, curve: BoundedCurve) -> None:
     limit = "no set of candidates is better (proven)"
     power = 10.0 ** (3 * np.floor(np.log10(max(curve.values.max(), curve.bounds.max())) / 3))
     power = 1.0 if 1e-3 <= power <= 1.0 and curve.values.max() >= 0.01 else power
@@ -122,10 +121,10 @@ def _curve(ax: Axes, curve: Curve) -> None:
     at = int(np.flatnonzero(curve.sizes == curve.knee)[0])
     bend = curve.values[at] / power
     ax.plot(curve.knee, bend, "o", markersize=9, markerfacecolor="none", color=RED, label="where it bends")
-    best = "higher" if RULES[curve.index].maximise else "lower"
+    best = "higher" if INDEX_RULES[curve.index].maximise else "lower"
     unit = "" if power == 1.0 else f" (10$^{{{round(np.log10(power))}}}$)"
     ax.set_title(f"{curve.index}{unit}, {best} is better", fontsize=9.5)
-    below = (3, -11) if RULES[curve.index].maximise else (5, 6)
+    below = (3, -11) if INDEX_RULES[curve.index].maximise else (5, 6)
     ax.annotate(str(curve.knee), (curve.knee, bend), below, textcoords="offset points", color=RED)
     ax.set_xscale("log")
     ticks = [n for n in (20, 30, 50, 100, 200, 400) if curve.sizes[0] * 0.9 <= n <= curve.sizes[-1] * 1.1]
@@ -134,18 +133,18 @@ def _curve(ax: Axes, curve: Curve) -> None:
     ax.grid(visible=True, axis="y")
 
 
-def sensitivity_png(basis: Basis) -> bytes:
+def draw_sensitivity(basis: StudyBasis) -> bytes:
     """Sorted bars of each parameter's effect on the reading, and the correlations at the chosen poses."""
-    with style():
+    with print_style():
         figure = Figure(figsize=(13.0, 2.0 + ROW * len(basis.whole.names)), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=[1, 1.35])
-        _bars(left, basis)
-        _correlation(figure, right, basis)
-        return png(figure)
+        _draw_bars(left, basis)
+        _draw_correlation(figure, right, basis)
+        return figure_png(figure)
 
 
-def _bars(ax: Axes, basis: Basis) -> None:
-    rms, most = (v / UM for v in effects(basis))
+def _draw_bars(ax: Axes, basis: StudyBasis) -> None:
+    rms, most = (v / UM for v in prior_size_effects(basis))
     order = np.lexsort((np.arange(len(rms)), -np.round(rms, 6)))
     names, seen = [basis.whole.names[k] for k in order], set(basis.seen.names)
     at = np.arange(len(order))
@@ -165,7 +164,7 @@ def _bars(ax: Axes, basis: Basis) -> None:
     ax.legend(loc="lower right", frameon=True, framealpha=1.0, edgecolor="none")
 
 
-def _correlation(figure: Figure, ax: Axes, basis: Basis) -> None:
+def _draw_correlation(figure: Figure, ax: Axes, basis: StudyBasis) -> None:
     rho, names = basis.predicted.correlation, basis.seen.names
     image = ax.imshow(rho, cmap="PuOr", vmin=-1, vmax=1, interpolation="nearest", aspect="auto")
     loud = [(j, k) for j in range(len(names)) for k in range(len(names)) if j != k and abs(rho[j, k]) >= LOUD]

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from planner.observability import RULES, Dropped
-from planner.study.basis import Basis
-from planner.study.curves import pick
-from planner.study.fixture_map import FixtureMap, Place
-from planner.study.fixtures import Fixtures
-from planner.study.places import stands
-from planner.study.tables import absorbers, effects
-from planner.units import MM, UM, Array
+from planner.common.units import MM, UM, Array
+from planner.design.observability.identifiability import DroppedParameter
+from planner.design.observability.information import INDEX_RULES
+from planner.study.basis import StudyBasis, find_curve
+from planner.study.fixture_count import FixtureCount
+from planner.study.fixture_places import FixtureMap, FixturePlace
+from planner.study.fixture_reach import find_stands
+from planner.study.tables import find_absorbers, prior_size_effects
 
 SCHEMA = "edbb-study/1"
 CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
@@ -23,28 +23,28 @@ CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5
 class StudySummary:
     """The findings, and the files that hold them."""
 
-    basis: Basis
+    basis: StudyBasis
     places: FixtureMap
-    fixtures: Fixtures
+    fixtures: FixtureCount
     files: tuple[str, ...]
 
     def text(self) -> str:
         """Return a few lines for the person."""
         b = self.basis
-        own = pick(b.curves, b.index, scaled=False)
-        limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {number(own.limit_at_knee)}"
+        own = find_curve(b.curves, b.index, scaled=False)
+        limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
             *[f"  unseen      {d.because}" for d in b.seen.dropped],
-            f"  poses       {b.index} bends at {own.knee} poses, {number(own.at_knee)}; {limit}",
-            f"  least sure  {', '.join(_shares(b)[:3])}",
-            f"  fixture     {best_in_words(self.places)}{self._stand()}",
-            *[f"  fixtures    {sentence}" for sentence in fixtures_in_words(self.fixtures, b.index)],
+            f"  poses       {b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}",
+            f"  least sure  {', '.join(_least_certain(b)[:3])}",
+            f"  fixture     {describe_best_place(self.places)}{self._stand()}",
+            *[f"  fixtures    {sentence}" for sentence in describe_fixtures(self.fixtures, b.index)],
         ]
         return "\n".join(lines)
 
     def _stand(self) -> str:
-        names = [self.basis.cell.obstacles[k].name for k in stands(self.basis.cell)]
+        names = [self.basis.cell.obstacles[k].name for k in find_stands(self.basis.cell)]
         moved = f"; {' and '.join(names)} moved along, all other obstacles stayed" if names else ""
         more = len(self.basis.cell.fixtures) - 1
         return moved + (f"; fixture {self.basis.cell.fixtures[0].name} alone" if more else "")
@@ -52,7 +52,7 @@ class StudySummary:
     def content(self) -> dict[str, Any]:
         """Return the findings as ``study.json`` holds them; all places in mm, index values raw (m, rad)."""
         b = self.basis
-        rms, most = effects(b)
+        rms, most = prior_size_effects(b)
         return {
             "schema": SCHEMA,
             "robot": b.cell.robot.name,
@@ -63,13 +63,14 @@ class StudySummary:
             "poses": b.poses,
             "parameters": list(b.seen.names),
             "dropped": [{"name": d.name, "because": d.because} for d in b.seen.dropped],
-            "absorbs": {name: carried for name, carried in absorbers(b).items() if carried},
+            "absorbs": {name: carried for name, carried in find_absorbers(b).items() if carried},
             "predicted": [
-                {"name": p.name, "std": sig(std), "prior": sig(p.prior), "unit": p.unit}
+                {"name": p.name, "std": round_significant(std), "prior": round_significant(p.prior), "unit": p.unit}
                 for p, std in zip(b.model.parameters, b.predicted.std, strict=True)
             ],
             "sensitivity_um": {
-                n: {"rms": sig(r / UM), "max": sig(m / UM)} for n, r, m in zip(b.whole.names, rms, most, strict=True)
+                n: {"rms": round_significant(r / UM), "max": round_significant(m / UM)}
+                for n, r, m in zip(b.whole.names, rms, most, strict=True)
             },
             "curves": [
                 {"index": c.index, "scaling": "unit-free" if c.scaled else "raw", "bend": c.knee} for c in b.curves
@@ -86,8 +87,8 @@ class StudySummary:
             "usable": len(m.usable),
             "present": _place(m.present),
             "best": _place(m.best),
-            "moves_along": [cell.obstacles[k].name for k in stands(cell)],
-            "in_words": best_in_words(m),
+            "moves_along": [cell.obstacles[k].name for k in find_stands(cell)],
+            "in_words": describe_best_place(m),
         }
 
     def _fixtures(self) -> dict[str, Any]:
@@ -102,22 +103,22 @@ class StudySummary:
                     "seen": s.seen,
                     "robot_seen": s.robot_seen,
                     "becomes_visible": list(s.becomes),
-                    "value": sig(s.value),
+                    "value": round_significant(s.value),
                 }
                 for s in f.steps
             ],
             "remedies": [{"name": r.name, "shows": list(r.shows)} for r in f.remedies],
             "never": [{"name": d.name, "because": d.because} for d in f.never],
-            "in_words": list(fixtures_in_words(f, self.basis.index)),
+            "in_words": list(describe_fixtures(f, self.basis.index)),
         }
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a value with three significant digits, without exponents where a person would write none."""
     return f"{value:.3g}" if 1e-3 <= abs(value) < 1e3 else f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
-def sig(value: float) -> float | None:
+def round_significant(value: float) -> float | None:
     """Round to six significant digits; ``None`` for what is not finite."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
@@ -126,50 +127,56 @@ def _mm(p: Array) -> list[float]:
     return [round(float(v) / MM, 3) for v in p]
 
 
-def _place(p: Place) -> dict[str, Any]:
-    return {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": sig(p.value)}
+def _place(p: FixturePlace) -> dict[str, Any]:
+    return {
+        "position_mm": _mm(p.p_BX),
+        "status": p.status,
+        "parameters_seen": p.rank,
+        "value": round_significant(p.value),
+    }
 
 
-def _shares(b: Basis) -> list[str]:
+def _least_certain(b: StudyBasis) -> list[str]:
     """Kept parameters from the least certain on, with the part of the prior size that stays unknown."""
     share = b.predicted.std / b.model.prior
     return [f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in np.argsort(-share, kind="stable")]
 
 
-def improvement(index: str, value: float, than: float) -> float:
+def improvement_percent(index: str, value: float, than: float) -> float:
     """Return by how many per cent an index is better than another: its distance as a share of the old value."""
-    sign = 1.0 if RULES[index].maximise else -1.0
+    sign = 1.0 if INDEX_RULES[index].maximise else -1.0
     return sign * 100.0 * (value / than - 1.0)
 
 
-def place_in_words(p: Array) -> str:
+def format_place(p: Array) -> str:
     """Return a place as a person reads it."""
     return "[" + ", ".join(f"{v / MM:.0f}" for v in p) + "] mm"
 
 
-def best_in_words(m: FixtureMap) -> str:
+def describe_best_place(m: FixtureMap) -> str:
     """Say where the fixture stands best, and how much that would gain."""
     best, present = m.best, m.present
     of = f"of {len(m.usable)} usable places on the grid ({len(m.places)} tried)"
     if best is present:
-        return f"the present place is the best {of}: {m.index} {number(present.value)} with {m.poses} poses"
-    gain = improvement(m.index, best.value, present.value)
-    side = "higher" if RULES[m.index].maximise else "lower"
+        return f"the present place is the best {of}: {m.index} {format_number(present.value)} with {m.poses} poses"
+    gain = improvement_percent(m.index, best.value, present.value)
+    side = "higher" if INDEX_RULES[m.index].maximise else "lower"
     head = "" if abs(gain) >= CLEAR else "no place is clearly better than the present one; "
     return (
-        f"{head}best {of} is {place_in_words(best.p_BX)}: {m.index} {number(best.value)} with {m.poses} poses "
-        f"instead of {number(present.value)} at the present {place_in_words(present.p_BX)}, {abs(gain):.0f} % {side}"
+        f"{head}best {of} is {format_place(best.p_BX)}: {m.index} {format_number(best.value)} with {m.poses} poses"
+        f" instead of {format_number(present.value)} at the present {format_place(present.p_BX)}, {abs(gain):.0f} %"
+        f" {side}"
     )
 
 
-def fixtures_in_words(f: Fixtures, index: str) -> tuple[str, ...]:
+def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
     """Say how many fixtures are needed, and what would show the rest."""
     out, steps = [], f.steps
     if f.needed == 1:
         more = ""
         if len(steps) > 1:
-            more = f" (but {index} of the robot's own parameters would go from {number(steps[0].value)} to "
-            more += f"{number(steps[1].value)} with one at {place_in_words(steps[1].place)})"
+            more = f" (but {index} of the robot's own parameters would go from {format_number(steps[0].value)} to "
+            more += f"{format_number(steps[1].value)} with one at {format_place(steps[1].place)})"
         out.append(f"one is enough: no further one makes a parameter visible{more}")
     else:
         shown = "; ".join(f"{', '.join(s.becomes)} with {s.fixtures}" for s in steps if s.becomes)
@@ -179,15 +186,15 @@ def fixtures_in_words(f: Fixtures, index: str) -> tuple[str, ...]:
         fresh = [n for n in r.shows if n not in known]
         known |= set(fresh)
         if fresh:
-            out.append(f"{_listed(fresh)} would be seen with {r.name}")
-    out += [f"{d.name} can never be seen by a length gauge, {_reason(d)}" for d in f.never]
+            out.append(f"{_join_names(fresh)} would be seen with {r.name}")
+    out += [f"{d.name} can never be seen by a length gauge, {_reason_without_name(d)}" for d in f.never]
     return tuple(out)
 
 
-def _reason(d: Dropped) -> str:
+def _reason_without_name(d: DroppedParameter) -> str:
     """The sentence without the name that it begins with."""
     return f"it {d.because.removeprefix(d.name + ' ')}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _join_names(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -2,23 +2,23 @@
 
 import polars as pl
 
-from planner.model import Parameter
-from planner.observability import sensitivity
-from planner.study.basis import Basis
-from planner.study.fixture_map import FixtureMap
-from planner.study.fixtures import Fixtures
-from planner.units import DEG, MM, UM, Array
+from planner.common.units import DEG, MM, UM, Array
+from planner.design.observability.information import rms_sensitivity
+from planner.effects.parameters import Parameter
+from planner.study.basis import StudyBasis
+from planner.study.fixture_count import FixtureCount
+from planner.study.fixture_places import FixtureMap
 
 MDEG = DEG * 1e-3  # [rad]
 DIGITS = 6
 
 
-def _csv(frame: pl.DataFrame) -> str:
+def _to_csv(frame: pl.DataFrame) -> str:
     numbers = [c for c, kind in frame.schema.items() if kind == pl.Float64]
     return frame.with_columns(pl.col(numbers).fill_nan(None).round_sig_figs(DIGITS)).write_csv()
 
 
-def absorbers(basis: Basis) -> dict[str, list[str]]:
+def find_absorbers(basis: StudyBasis) -> dict[str, list[str]]:
     """Return, for each kept parameter, the dropped ones whose error it also carries."""
     out: dict[str, list[str]] = {name: [] for name in basis.seen.names}
     for dropped in basis.seen.dropped:
@@ -28,7 +28,9 @@ def absorbers(basis: Basis) -> dict[str, list[str]]:
     return out
 
 
-def _in_unit(parameters: tuple[Parameter, ...], values: list[float | None], what: str) -> dict[str, list[float | None]]:
+def _columns_in_unit(
+    parameters: tuple[Parameter, ...], values: list[float | None], what: str
+) -> dict[str, list[float | None]]:
     """Two columns, lengths in mm and angles in thousandths of a degree, each empty where the other one holds."""
     pairs = list(zip(parameters, values, strict=True))
     return {
@@ -37,21 +39,21 @@ def _in_unit(parameters: tuple[Parameter, ...], values: list[float | None], what
     }
 
 
-def identifiability_csv(basis: Basis) -> str:
+def identifiability_csv(basis: StudyBasis) -> str:
     """Each parameter: seen or not and why, prior and predicted standard deviation, whose errors it carries."""
     parameters = basis.whole.parameters
     std = dict(zip(basis.seen.names, basis.predicted.std.tolist(), strict=True))
     inflation = dict(zip(basis.seen.names, basis.predicted.inflation.tolist(), strict=True))
-    why, carried = {d.name: d.because for d in basis.seen.dropped}, absorbers(basis)
+    why, carried = {d.name: d.because for d in basis.seen.dropped}, find_absorbers(basis)
     names = [p.name for p in parameters]
     priors: list[float | None] = [p.prior for p in parameters]
-    return _csv(
+    return _to_csv(
         pl.DataFrame(
             {
                 "parameter": names,
                 "seen": [n in std for n in names],
-                **_in_unit(parameters, priors, "prior"),
-                **_in_unit(parameters, [std.get(n) for n in names], "std"),
+                **_columns_in_unit(parameters, priors, "prior"),
+                **_columns_in_unit(parameters, [std.get(n) for n in names], "std"),
                 "std_over_prior": [std[p.name] / p.prior if p.name in std else None for p in parameters],
                 "inflation": [inflation.get(n) for n in names],
                 "carries_the_error_of": [" ".join(carried.get(n, [])) for n in names],
@@ -64,10 +66,10 @@ def identifiability_csv(basis: Basis) -> str:
     )
 
 
-def spectrum_csv(basis: Basis) -> str:
+def spectrum_csv(basis: StudyBasis) -> str:
     """Singular values: the root-mean-square reading per prior size along each direction, the strongest first."""
     mu = basis.seen.spectrum
-    return _csv(
+    return _to_csv(
         pl.DataFrame(
             {
                 "direction": list(range(1, len(mu) + 1)),
@@ -78,9 +80,9 @@ def spectrum_csv(basis: Basis) -> str:
     )
 
 
-def curves_csv(basis: Basis) -> str:
+def curves_csv(basis: StudyBasis) -> str:
     """Index against number of poses, raw (m, rad) and unit-free, with the proven limit and the bend."""
-    return _csv(
+    return _to_csv(
         pl.DataFrame(
             [
                 {
@@ -98,15 +100,15 @@ def curves_csv(basis: Basis) -> str:
     )
 
 
-def effects(basis: Basis) -> tuple[Array, Array]:
+def prior_size_effects(basis: StudyBasis) -> tuple[Array, Array]:
     """Return what one prior size of each parameter changes a reading by, rms and largest, (P,) [m]."""
     change = basis.whole_rows * basis.whole.prior
-    return sensitivity(change), abs(change).max(axis=(0, 1))
+    return rms_sensitivity(change), abs(change).max(axis=(0, 1))
 
 
-def sensitivity_csv(basis: Basis) -> str:
+def sensitivity_csv(basis: StudyBasis) -> str:
     """The effect of one prior size of each parameter on the reading, the largest first."""
-    rms, most = effects(basis)
+    rms, most = prior_size_effects(basis)
     seen = set(basis.seen.names)
     frame = pl.DataFrame(
         {
@@ -116,19 +118,19 @@ def sensitivity_csv(basis: Basis) -> str:
             "max_um": (most / UM).tolist(),
         }
     )
-    return _csv(frame.sort(pl.col("rms_um").round_sig_figs(9), descending=True, maintain_order=True))
+    return _to_csv(frame.sort(pl.col("rms_um").round_sig_figs(9), descending=True, maintain_order=True))
 
 
-def correlation_csv(basis: Basis) -> str:
+def correlation_csv(basis: StudyBasis) -> str:
     """Correlation of the identified parameters at the chosen poses, as a square."""
     rho = basis.predicted.correlation
     columns = {name: rho[:, k].tolist() for k, name in enumerate(basis.seen.names)}
-    return _csv(pl.DataFrame({"parameter": list(basis.seen.names), **columns}))
+    return _to_csv(pl.DataFrame({"parameter": list(basis.seen.names), **columns}))
 
 
 def map_csv(places: FixtureMap) -> str:
     """Each place of the fixture: whether it can be used, what is seen from it, and the index."""
-    return _csv(
+    return _to_csv(
         pl.DataFrame(
             [
                 {
@@ -151,9 +153,9 @@ def map_csv(places: FixtureMap) -> str:
     )
 
 
-def fixtures_csv(fixtures: Fixtures, index: str) -> str:
+def fixtures_csv(fixtures: FixtureCount, index: str) -> str:
     """Fixtures one by one: what becomes visible with each, and the index of the robot's own parameters."""
-    return _csv(
+    return _to_csv(
         pl.DataFrame(
             [
                 {
@@ -175,7 +177,7 @@ def fixtures_csv(fixtures: Fixtures, index: str) -> str:
     )
 
 
-def remedies_csv(fixtures: Fixtures) -> str:
+def remedies_csv(fixtures: FixtureCount) -> str:
     """Each unseen parameter: the least effort that shows it, or why nothing does."""
     last = {d.name: d.because for d in fixtures.never}
     first = fixtures.steps[0].dropped
@@ -185,4 +187,4 @@ def remedies_csv(fixtures: Fixtures) -> str:
         remedy = fixtures.remedy(d.name)
         shown = f"{more[d.name]} fixtures" if d.name in more else remedy.name if remedy else "nothing"
         rows.append({"parameter": d.name, "shown_by": shown, "because": last.get(d.name, d.because)})
-    return _csv(pl.DataFrame(rows, schema={"parameter": pl.String, "shown_by": pl.String, "because": pl.String}))
+    return _to_csv(pl.DataFrame(rows, schema={"parameter": pl.String, "shown_by": pl.String, "because": pl.String}))

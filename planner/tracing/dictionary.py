@@ -9,37 +9,37 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.catalogue import Entry
-from planner.effects import Context
-from planner.identification import Problem
-from planner.model import Model, Move, Parameter
-from planner.model.parameters import transform
-from planner.units import Array
+from planner.common.units import Array
+from planner.effects.context import Context
+from planner.effects.effect import Effect
+from planner.effects.parameters import Parameter, ParameterMove, transform_move
+from planner.identification.problem import FitProblem
+from planner.model.model import Model
 
-Pair = tuple[Entry, float | None]
+EffectAtValue = tuple[Effect, float | None]
 
 
 @dataclass(frozen=True)
-class Item:
+class DictionaryItem:
     """One entry at one inner number, with its parameters and where their columns stand."""
 
-    entry: Entry
+    entry: Effect
     inner: float | None
     parameters: tuple[Parameter, ...]
     columns: slice
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ColumnBlock:
     """All columns on one transform or number of the reading: φ per prior size (n, m), and which columns they are."""
 
-    move: Move
+    move: ParameterMove
     phi: Array
     columns: np.ndarray
 
 
 @dataclass(frozen=True)
-class Dictionary:
+class EffectDictionary:
     """Entries laid out over the samples of a context.
 
     Attributes:
@@ -50,40 +50,40 @@ class Dictionary:
     """
 
     context: Context
-    items: tuple[Item, ...]
-    sheets: tuple[Sheet, ...]
+    items: tuple[DictionaryItem, ...]
+    sheets: tuple[ColumnBlock, ...]
     mixed: tuple[tuple[int, Parameter], ...]
     width: int
 
     @classmethod
-    def of(cls, context: Context, pairs: Sequence[Pair]) -> "Dictionary":
+    def of(cls, context: Context, pairs: Sequence[EffectAtValue]) -> "EffectDictionary":
         """Lay out entries at their inner numbers."""
-        items, mixed = list[Item](), list[tuple[int, Parameter]]()
+        items, mixed = list[DictionaryItem](), list[tuple[int, Parameter]]()
         by_place: dict[tuple[str, int], list[tuple[int, Parameter]]] = {}
         width = 0
         for entry, inner in pairs:
             parameters = entry.make(inner)
-            items.append(Item(entry, inner, parameters, slice(width, width + len(parameters))))
+            items.append(DictionaryItem(entry, inner, parameters, slice(width, width + len(parameters))))
             for k, p in enumerate(parameters):
                 if len(p.moves) == 1:
                     by_place.setdefault((p.main.on, p.main.index), []).append((width + k, p))
                 else:
                     mixed.append((width + k, p))
             width += len(parameters)
-        sheets = tuple(_sheet(context, members) for members in by_place.values())
+        sheets = tuple(_column_block(context, members) for members in by_place.values())
         return cls(context, tuple(items), sheets, tuple(mixed), width)
 
 
-def _sheet(context: Context, members: list[tuple[int, Parameter]]) -> Sheet:
+def _column_block(context: Context, members: list[tuple[int, Parameter]]) -> ColumnBlock:
     n = len(context.samples)
     phi = np.empty((n, len(members)))
     for j, (_, p) in enumerate(members):
         phi[:, j] = p.main.phi(context) * p.prior
-    return Sheet(members[0][1].main, phi, np.array([k for k, _ in members]))
+    return ColumnBlock(members[0][1].main, phi, np.array([k for k, _ in members]))
 
 
 @dataclass(frozen=True)
-class Products:
+class ColumnProducts:
     """Products of all columns with a basis and a residual.
 
     Attributes:
@@ -97,29 +97,31 @@ class Products:
     squares: tuple[Array, ...]
 
 
-def products(dictionary: Dictionary, problem: Problem, errors: Array, basis: Array, residual: Array) -> Products:
+def column_products(
+    dictionary: EffectDictionary, problem: FitProblem, errors: Array, basis: Array, residual: Array
+) -> ColumnProducts:
     """Multiply every column, about the model's ``errors``, with a basis (m, P) and a residual (m,), all whitened."""
     n, r = len(problem), problem.model.width
     about = problem.model.fixing(errors)
-    screws = _screws(dictionary, problem, about)
+    screws = _whitened_screws(dictionary, problem, about)
     Q = basis.reshape(n, r, -1)
     e = residual.reshape(n, r)
     shadow, along = np.zeros((basis.shape[1], dictionary.width)), np.zeros(dictionary.width)
     for sheet, screw in zip(dictionary.sheets, screws, strict=True):
         shadow[:, sheet.columns] = np.einsum("nr,nrp->pn", screw, Q) @ sheet.phi
         along[sheet.columns] = np.einsum("nr,nr->n", screw, e) @ sheet.phi
-    columns = _mixed(dictionary, problem, about)
+    columns = _whitened_mixed_columns(dictionary, problem, about)
     for (k, _), column in zip(dictionary.mixed, columns, strict=True):
         shadow[:, k], along[k] = basis.T @ column, float(column @ residual)
-    return Products(shadow, along, tuple(_squares(dictionary, screws, columns)))
+    return ColumnProducts(shadow, along, tuple(_gram_matrices(dictionary, screws, columns)))
 
 
-def _screws(dictionary: Dictionary, problem: Problem, about: Model) -> list[Array]:
+def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
     """Whitened change of the reading per unit of what each sheet moves, (n, r)."""
     n = len(problem)
     raw = np.zeros((n, problem.model.width, len(dictionary.sheets)))
     turned = [j for j, s in enumerate(dictionary.sheets) if s.move.on == "transform"]
-    moves = [transform(dictionary.sheets[j].move.index) for j in turned]
+    moves = [transform_move(dictionary.sheets[j].move.index) for j in turned]
     single = tuple(Parameter(str(m[0].index), "", 1.0, "", m) for m in moves)
     raw[:, :, turned] = replace(about, parameters=single).linear_in(dictionary.context, None).rows
     for j, sheet in enumerate(dictionary.sheets):
@@ -129,7 +131,7 @@ def _screws(dictionary: Dictionary, problem: Problem, about: Model) -> list[Arra
     return [np.ascontiguousarray(white[:, :, j]) for j in range(raw.shape[2])]
 
 
-def _mixed(dictionary: Dictionary, problem: Problem, about: Model) -> list[Array]:
+def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
     """Whitened columns (m,) of the parameters that move several things."""
     if not dictionary.mixed:
         return []
@@ -139,7 +141,7 @@ def _mixed(dictionary: Dictionary, problem: Problem, about: Model) -> list[Array
     return list(white.reshape(-1, rows.shape[2]).T)
 
 
-def _squares(dictionary: Dictionary, screws: list[Array], mixed: list[Array]) -> list[Array]:
+def _gram_matrices(dictionary: EffectDictionary, screws: list[Array], mixed: list[Array]) -> list[Array]:
     place = {int(c): (s, j) for s, sheet in enumerate(dictionary.sheets) for j, c in enumerate(sheet.columns)}
     where = {k: i for i, (k, _) in enumerate(dictionary.mixed)}
     power = [np.einsum("nr,nr->n", w, w) for w in screws]

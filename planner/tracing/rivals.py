@@ -4,26 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.model import Parameter
-from planner.tracing.again import open_to, plain
-from planner.tracing.dictionary import Dictionary
-from planner.tracing.masses import GROUP, KIND
-from planner.tracing.ranking import apart
-from planner.tracing.screen import Shade, scored
-from planner.tracing.softness import with_weights
-from planner.tracing.state import Held, State
+from planner.effects.parameters import Parameter
+from planner.tracing.auxiliary_parameters import COMPLIANCE, LINK_MASSES
+from planner.tracing.dictionary import EffectDictionary
+from planner.tracing.ranking import is_distinct, with_link_masses
+from planner.tracing.score_test import ScoreTest, score_effects
+from planner.tracing.state import FittedEffect, SearchState, base_kind, may_join
 
-MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
-ALIKE = 0.98  # share of a finding's gain that makes another a rival however sure the run is: no model is that exact
+RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
+# share of a finding's gain that makes another a rival however sure the run is: no model is that exact
+RIVAL_SHARE = 0.98
 
 
-def without(shade: Shade, state: State, held: Held) -> Shade:
+def without_effect(shade: ScoreTest, state: SearchState, held: FittedEffect) -> ScoreTest:
     """Return the fitted model less one effect, its inner number and what wrong weights do through it, about the fit."""
     names = {p.name for p in held.entry.make(held.inner)} | {held.slope_name}
-    where = {m.index for p in held.entry.make(held.inner) for m in p.moves} if held.entry.kind == KIND else set[int]()
+    where = (
+        {m.index for p in held.entry.make(held.inner) for m in p.moves} if held.entry.kind == COMPLIANCE else set[int]()
+    )
     kept, errors = list[Parameter](), list[float]()
     for p, value in zip(shade.problem.model.parameters, shade.errors, strict=True):
-        moves = tuple(m for m in p.moves if m.index not in where) if p.group == GROUP else p.moves
+        moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
         if p.name not in names and moves:
             kept.append(replace(p, moves=moves))
             errors.append(float(value))
@@ -36,20 +37,22 @@ def without(shade: Shade, state: State, held: Held) -> Shade:
     return replace(shade, basis=Q, residual=residual - Q @ (Q.T @ residual))
 
 
-def rivals(shade: Shade, state: State, held: Held, dictionary: Dictionary) -> tuple[str, ...]:
+def find_rivals(
+    shade: ScoreTest, state: SearchState, held: FittedEffect, dictionary: EffectDictionary
+) -> tuple[str, ...]:
     """Names of the entries that would explain what ``held`` explains, within uncertainty, the likeliest first."""
-    bare = without(shade, state, held)
-    own = with_weights(bare, scored(bare, bare.lay_out([(held.entry, held.inner)])))[0]
+    bare = without_effect(shade, state, held)
+    own = with_link_masses(bare, score_effects(bare, bare.lay_out([(held.entry, held.inner)])))[0]
     variance = shade.variance / shade.worth
     rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
-    own_name = f"{plain(held.entry.kind)}, {held.entry.on}"
+    own_name = f"{base_kind(held.entry.kind)}, {held.entry.on}"
     best: dict[str, float] = {}
-    for s in with_weights(bare, scored(bare, dictionary)):
-        if s.entry.name == own_name or not open_to(s.entry, rest) or not apart(s, rest):
+    for s in with_link_masses(bare, score_effects(bare, dictionary)):
+        if s.entry.name == own_name or not may_join(s.entry, rest) or not is_distinct(s, rest):
             continue
         # more parameters explain more by chance alone
         score = s.gain / variance - 2 * s.size
         best[s.entry.name] = max(best.get(s.entry.name, -np.inf), score)
-    least = min(own.gain / variance - 2 * own.size - MARGIN, ALIKE * own.gain / variance)
+    least = min(own.gain / variance - 2 * own.size - RIVAL_MARGIN, RIVAL_SHARE * own.gain / variance)
     near = [(name, score) for name, score in best.items() if score > least and score > 0]
     return tuple(name for name, _ in sorted(near, key=lambda pair: -pair[1]))

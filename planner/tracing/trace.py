@@ -2,24 +2,71 @@
 
 import numpy as np
 
-from planner.catalogue import catalogue
-from planner.identification import Bench, Finding, Traced
-from planner.identification.stages import Fitted
-from planner.tracing.again import plain
-from planner.tracing.hunt import Say
-from planner.tracing.judging import own_gains, wald_log_p
-from planner.tracing.limits import limits
-from planner.tracing.memory import inflation, quick_memory
-from planner.tracing.rivals import rivals
-from planner.tracing.screen import Shade
-from planner.tracing.search import Trace, search
-from planner.tracing.sentence import sized
-from planner.tracing.state import Held, State
+from planner.common.units import Array
+from planner.effects.catalogue import catalogue
+from planner.effects.effect import Effect
+from planner.identification.calibration import Finding, TracingResult
+from planner.identification.stages import FitContext, FittedStage
+from planner.tracing.detection_limits import detection_limits
+from planner.tracing.gear_curve import GEAR_CURVE_KIND as CURVE
+from planner.tracing.gear_curve import dominant_waves
+from planner.tracing.rivals import find_rivals
+from planner.tracing.score_test import ScoreTest
+from planner.tracing.search import SearchResult, search
+from planner.tracing.search_steps import Progress
+from planner.tracing.significance import own_gains, screening_correlation_time, variance_inflation, wald_log_p
+from planner.tracing.state import FittedEffect, SearchState, base_kind
+
+DISPLAY_UNITS = {
+    "rad": ("µrad", 1e6),
+    "m": ("µm", 1e6),
+    "rad/Nm": ("µrad/Nm", 1e6),
+    "m/N": ("µm/N", 1e6),
+    "s": ("ms", 1e3),
+    "1": ("µm/m", 1e6),
+    "1/K": ("µm/m/K", 1e6),
+    "m/K": ("µm/K", 1e6),
+    "rad/K": ("µrad/K", 1e6),
+    "m/s": ("µm/h", 3.6e9),
+    "rad/s": ("µrad/h", 3.6e9),
+    "rad/rad": ("µrad/rad", 1e6),
+}
+NONLINEAR_UNITS = {"1/turn": ("", 1.0), "s": ("s", 1.0), "m": ("mm", 1e3), "rad": ("µrad", 1e6)}
+
+
+def describe_effect(
+    entry: Effect, value: float, std: float, unit: str, inner: float | None, inner_std: float | None, sizes: Array
+) -> str:
+    """Fill the entry's sentence with its size, its inner number, and the periods of a curve."""
+    size = format_value(abs(value), std, *DISPLAY_UNITS.get(unit, (unit, 1.0)))
+    number = ""
+    if inner is not None and entry.inner is not None:
+        number = format_value(inner, inner_std, *NONLINEAR_UNITS.get(entry.inner.unit, (entry.inner.unit, 1.0)))
+    sentence = entry.sentence.format(size=size, inner=number)
+    if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
+        sentence = sentence.replace(" grow ", " shrink ")
+    if entry.kind == CURVE:
+        *others, last = [f"{f:.0f}" for f in dominant_waves(entry.make(None), sizes)]
+        sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"
+    return sentence
+
+
+def format_value(value: float, std: float | None, unit: str, factor: float) -> str:
+    """``182 ± 6 µrad``: the uncertainty to two digits at most, the value no finer than that."""
+    value *= factor
+    if std is None or not np.isfinite(std) or std <= 0:
+        return f"{value:.3g} {unit}".strip()
+    std *= factor
+    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
+    if std >= 3:
+        digits = 0
+    return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()
+
 
 HIDDEN = ("link mass",)  # shows through joints that yield only, and is fitted along with them
 
 
-def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Traced]:
+def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list[FittedStage], TracingResult]:
     """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
 
     A kind of effect that is in the model already is not looked for again.
@@ -27,28 +74,28 @@ def trace(geometry: Fitted, bench: Bench, say: Say) -> tuple[list[Fitted], Trace
     offered = catalogue(geometry.fit.model.rig, bench.run.samples)
     there = {*HIDDEN, *geometry.stage.effects}
     entries = tuple(e for e in offered if e.kind not in there)
-    start = State(geometry.fit.model, (), geometry)
+    start = SearchState(geometry.fit.model, (), geometry)
     found = search(start, entries, bench, say)
     last = found.last
-    shade = Shade.of(last.fit, quick_memory(last, bench.run.continuous))
+    shade = ScoreTest.of(last.fit, screening_correlation_time(last, bench.run.continuous))
     say("rivals")
     gains = own_gains(last, bench)
     findings = tuple(
-        _finding(found, h, own.fall, rivals(shade, last, h, found.dictionary))
+        _finding(found, h, own.fall, find_rivals(shade, last, h, found.dictionary))
         for h, own in zip(last.effects, gains, strict=True)
     )
     say("detection limits")
     taken = last.names
-    silent = tuple(limits(shade, [e for e in entries if e.name not in taken], found.tried))
-    return [s.fitted for s in found.path[1:]], Traced(findings, silent, found.rejected, found.tried)
+    silent = tuple(detection_limits(shade, [e for e in entries if e.name not in taken], found.tried))
+    return [s.fitted for s in found.path[1:]], TracingResult(findings, silent, found.rejected, found.tried)
 
 
-def _finding(found: Trace, held: Held, gain: float, others: tuple[str, ...]) -> Finding:
+def _finding(found: SearchResult, held: FittedEffect, gain: float, others: tuple[str, ...]) -> Finding:
     last = found.last
     which = last.positions(held)
     root = last.fit.solution.root(last.fit.problem.prior)[which]
     sizes = last.fit.errors[which]
-    wide = inflation(last, held)
+    wide = variance_inflation(last, held)
     value = float(np.linalg.norm(sizes))
     # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
     std = value * np.sqrt(wide / max(float(sizes @ np.linalg.solve(root @ root.T, sizes)), 1e-300))
@@ -61,7 +108,7 @@ def _finding(found: Trace, held: Held, gain: float, others: tuple[str, ...]) -> 
         spread = float(np.linalg.norm(row) * np.sqrt(wide))
     unit = held.entry.make(held.inner)[0].unit
     return Finding(
-        effect=plain(held.entry.kind),
+        effect=base_kind(held.entry.kind),
         on=held.entry.on,
         value=signed,
         std=std,
@@ -73,5 +120,5 @@ def _finding(found: Trace, held: Held, gain: float, others: tuple[str, ...]) -> 
         log_p=wald_log_p(last, held, found.tried, wide),
         held_out_gain=gain,
         rivals=others,
-        note=sized(held.entry, signed, std, unit, held.inner, spread, sizes),
+        note=describe_effect(held.entry, signed, std, unit, held.inner, spread, sizes),
     )

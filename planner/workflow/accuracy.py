@@ -5,17 +5,26 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.accuracy import Mastering, Repeats, Validation, groups_of, mastering, repeats_of_run, validated
-from planner.accuracy.results import accuracy_text, errors_csv, precision_content, validation_content
-from planner.cell import Cell, load_cell
-from planner.errors import InputError
-from planner.files import write_bytes, write_text
-from planner.plan import PlanFile, read_plan
-from planner.run import Run, load_runs
-from planner.run.beside import beside
-from planner.workflow.planning import Stages
-from planner.workflow.suspecting import check_unit
-from planner.workflow.writing import drafted, move_all
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import write_bytes, write_text
+from planner.instruments.accuracy.precision import (
+    Mastering,
+    RepeatedCentrings,
+    check_mastering,
+    repeat_groups,
+    repeated_centrings,
+)
+from planner.instruments.accuracy.results import accuracy_text, errors_csv, precision_content, validation_content
+from planner.instruments.accuracy.validation import Validation, validate_robot
+from planner.runs.loader import load_runs
+from planner.runs.reference_readings import read_reference_readings
+from planner.runs.run import Run
+from planner.session.bar_planning import Stages
+from planner.session.plan_file import PlanFile, read_plan
+from planner.workflow.unit_checks import check_unit
+from planner.workflow.writing import draft_folder, move_all
 
 USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
 
@@ -25,13 +34,13 @@ class Centrings:
     """Repeated centrings, the checks of the master ball where the run has any, and what a person should know."""
 
     run: Run
-    repeats: Repeats
+    repeats: RepeatedCentrings
     master: Mastering | None
     notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class AccuracyCheck:
     """What was judged, and the cell that it stands in."""
 
     cell: Cell
@@ -48,7 +57,7 @@ class Accuracy:
 
 def check_accuracy(
     path: Path, cell: str, stages: Stages, plan: Path | None = None, model: Path | None = None
-) -> Accuracy:
+) -> AccuracyCheck:
     """Judge a robot by a tracker's run, or a head of indicators by the centrings that it repeated.
 
     With a plan only its validation poses are judged; which centrings belong together stands in the plan.
@@ -58,7 +67,7 @@ def check_accuracy(
     """
     where = load_cell(cell, planning=False)
     with stages.stage("reading"):
-        run, said = load_runs([path], where.robot.n_joints), beside(path)
+        run, said = load_runs([path], where.robot.n_joints), read_reference_readings(path)
         _check_kind(where, run)
         known = None if plan is None else read_plan(plan)
         if plan is not None and known is not None:
@@ -66,25 +75,26 @@ def check_accuracy(
     with stages.stage("judging"):
         if where.gauge.kind == "tracker":
             check_unit(run, where)
-            part, others = (run, None) if known is None else _by_role(run, known)
-            return Accuracy(where, validated(where, part, said, model, others))
+            part, others = (run, None) if known is None else _split_by_role(run, known)
+            return AccuracyCheck(where, validate_robot(where, part, said, model, others))
         if plan is None:
             raise InputError(f"{run.name}: which centrings belong together stands in the plan: give it with --plan")
         notes = ("a calibrated model changes nothing of repeated centrings: it was not used",) if model else ()
-        return Accuracy(
-            where, Centrings(run, repeats_of_run(where, run, groups_of(plan)), mastering(where, said), notes)
+        return AccuracyCheck(
+            where,
+            Centrings(run, repeated_centrings(where, run, repeat_groups(plan)), check_mastering(where, said), notes),
         )
 
 
-def write_accuracy(done: Accuracy, folder: Path, stages: Stages) -> list[Path]:
+def write_accuracy(done: AccuracyCheck, folder: Path, stages: Stages) -> list[Path]:
     """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
-    from planner.report.accuracy import (
+    from planner.report.accuracy_report import (
         precision_report,
-        validation_report,
-    )  # plotting: other commands start quicker without
+        validation_report,  # plotting: other commands start quicker without
+    )
 
     title = done.cell.robot.title
-    with drafted(folder) as draft, stages.stage("report"):
+    with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "accuracy.json", accuracy_text(done.content))
         if isinstance(done.found, Validation):
             write_text(draft / "errors.csv", errors_csv(done.found))
@@ -124,7 +134,7 @@ def _check_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> None:
         raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
 
 
-def _by_role(run: Run, plan: PlanFile) -> tuple[Run, Run | None]:
+def _split_by_role(run: Run, plan: PlanFile) -> tuple[Run, Run | None]:
     """The poses that the plan validates with and those it calibrates with; all, where the run does not say which is."""
     if run.samples.pose is None:
         return run, None

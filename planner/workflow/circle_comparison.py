@@ -10,18 +10,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell import Cell
-from planner.circular import CircularPlan
-from planner.circular.inverse import held, tool_frames
-from planner.errors import NoSolutionError
-from planner.gauge import bar_state
-from planner.model import Model
-from planner.plan import Plan
-from planner.rig import Targets
-from planner.run import Samples
-from planner.simulation import RATE, drawn
-from planner.units import MM, Array, frozen
-from planner.workflow.circle_reading import circle_samples
+from planner.cell.cell import Cell
+from planner.cell.setup import Targets
+from planner.common.errors import NoSolutionError
+from planner.common.units import MM, Array, read_only
+from planner.instruments.circular.inverse_kinematics import solve_ik, tool_frames
+from planner.instruments.circular.plan import CircularPlan
+from planner.kinematics.bar_geometry import bar_state
+from planner.model.model import Model
+from planner.runs.run import Samples
+from planner.session.plan_types import Plan
+from planner.simulation.measurement import SAMPLE_RATE
+from planner.simulation.truth import draw_truth
+from planner.workflow.plan_reading import circle_samples
 
 ROUNDS = 60
 APART = ("fixture_", "zero")  # errors that are the set-up's, not the robot's or the tool's
@@ -36,51 +37,51 @@ class Ranges:
 
 
 @dataclass(frozen=True)
-class Compared:
+class CircleAndPath:
     """One simulated robot on both."""
 
     circle: Ranges
     path: Ranges
 
 
-PAPER = Compared(Ranges(2.45 * MM, 2.36 * MM), Ranges(156.32 * MM, 8.28 * MM))
+PAPER = CircleAndPath(Ranges(2.45 * MM, 2.36 * MM), Ranges(156.32 * MM, 8.28 * MM))
 """Published: one Comau NJ-130, with the error of following the path in the lengths."""
 
 
-def circle_and_path(circles: CircularPlan, path: Plan, seeds: Iterable[int]) -> tuple[Compared, ...]:
+def compare_circle_and_path(circles: CircularPlan, path: Plan, seeds: Iterable[int]) -> tuple[CircleAndPath, ...]:
     """Drive a circular test and an error-sensitive path with one simulated robot a seed.
 
     The two plans must be of the same robot, tool and fixture; lengths are without the gauge's noise.
     """
-    on_path = driven_samples(path)
-    return compared(circles.cell, circle_samples(circles, ways=False), on_path, seeds)
+    on_path = sample_plan(path)
+    return compare_samples(circles.cell, circle_samples(circles, ways=False), on_path, seeds)
 
 
-def compared(cell: Cell, circle: Samples, path: Samples, seeds: Iterable[int]) -> tuple[Compared, ...]:
+def compare_samples(cell: Cell, circle: Samples, path: Samples, seeds: Iterable[int]) -> tuple[CircleAndPath, ...]:
     """Do the same for any two sets of samples about the cell's fixtures."""
     out = []
     for seed in seeds:
-        truth = drawn(cell, seed)
-        errors = placed_by_robot(cell, truth.model, np.array(truth.errors))
-        out.append(Compared(*(_ranges(cell, truth.model, samples, errors) for samples in (circle, path))))
+        truth = draw_truth(cell, seed)
+        errors = place_fixtures_by_robot(cell, truth.model, np.array(truth.errors))
+        out.append(CircleAndPath(*(_ranges(cell, truth.model, samples, errors) for samples in (circle, path))))
     return tuple(out)
 
 
-def driven_samples(plan: Plan) -> Samples:
+def sample_plan(plan: Plan) -> Samples:
     """The joint angles of an error-sensitive plan as it is driven, ``RATE`` times a second."""
-    motions = [d.trajectory.sample(1.0 / RATE) for d in plan.drives]
+    motions = [d.trajectory.sample(1.0 / SAMPLE_RATE) for d in plan.drives]
     place = np.repeat([d.fixture for d in plan.drives], [len(m.t) for m in motions])
-    return Samples(q=frozen(np.concatenate([m.q for m in motions])), place=place)
+    return Samples(q=read_only(np.concatenate([m.q for m in motions])), place=place)
 
 
-def placed_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
+def place_fixtures_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
     """Return errors (P,) with every fixture where the robot's measured point truly comes when told to go there."""
     own = [k for k, p in enumerate(model.parameters) if not p.name.startswith(APART)]
     position = replace(model.subset(own), rig=replace(model.rig, kind="position"))
     out = errors.copy()
     out[[k for k, p in enumerate(model.parameters) if p.name.startswith(APART)]] = 0.0
     for fixture in cell.fixtures:
-        q = pointing(cell, fixture.p_BX)
+        q = solve_fixture_pose(cell, fixture.p_BX)
         true = -position.residual(Samples(q, np.zeros(1, dtype=int)), Targets(position=np.zeros((1, 3))), errors[own])[
             0
         ]
@@ -89,13 +90,13 @@ def placed_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
     return out
 
 
-def pointing(cell: Cell, p_BX: Array) -> Array:
+def solve_fixture_pose(cell: Cell, p_BX: Array) -> Array:
     """A state (1, N) [rad] with the measured point on the fixture, the tool turned as at home or as little off it."""
     _, R, _ = tool_frames(cell, cell.home[None])
     for turn in np.deg2rad([0, 90, -90, 180]):
         for tilt in np.deg2rad([0, 20, -20, 40, -40]):
             wanted = Rotation.from_euler("xz", [tilt, turn]).as_matrix() @ R
-            q, good = held(cell, cell.home[None], p_BX[None], wanted, ROUNDS)
+            q, good = solve_ik(cell, cell.home[None], p_BX[None], wanted, ROUNDS)
             if good[0]:
                 return q
     raise NoSolutionError(

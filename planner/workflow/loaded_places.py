@@ -6,24 +6,26 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cell import Cell, load_cell
+from planner.cell.cell import Cell
 from planner.cell.file import CellFile
-from planner.errors import InputError
-from planner.files import write_bytes, write_text
-from planner.plan import read_plan
-from planner.schema import validate
-from planner.study.softness import Both, Candidate, Places, places_study, predicted_both
-from planner.study.softness.circles import own_circle
-from planner.study.softness.results import places_csv, places_text
-from planner.units import Array, from_deg, from_mm, to_mm
-from planner.workflow.planning import Stages
-from planner.workflow.writing import cell_text, drafted, move_all
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import write_bytes, write_text
+from planner.common.schema import validate
+from planner.common.units import Array, from_deg, from_mm, to_mm
+from planner.session.bar_planning import Stages
+from planner.session.plan_file import read_plan
+from planner.study.compliance_design.circle_candidates import CirclePlace, own_circle
+from planner.study.compliance_design.common_fit import CommonFit, predict_common_fit
+from planner.study.compliance_design.place_selection import CirclePlaceChoice, study_circle_places
+from planner.study.compliance_design.results import places_csv, places_text
+from planner.workflow.writing import cell_text, draft_folder, move_all
 
 MOST = 6
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 
-def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell, Places]:
+def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell, CirclePlaceChoice]:
     """Study the places of a cell's loaded circle.
 
     Raises:
@@ -32,14 +34,14 @@ def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell
     """
     where = load_cell(cell)
     with stages.stage("places"):
-        found = places_study(where, max(count, MOST), seed)
+        found = study_circle_places(where, max(count, MOST), seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
     return where, found
 
 
 @dataclass(frozen=True)
-class Unloaded:
+class UnloadedPoses:
     """Poses of a plan without load: its cell, controller angles q (n, N) [rad], fixture of each (n,) int."""
 
     cell: Cell
@@ -47,7 +49,7 @@ class Unloaded:
     fixture: np.ndarray
 
 
-def unloaded_plan(plan: Path) -> Unloaded:
+def load_unloaded_poses(plan: Path) -> UnloadedPoses:
     """Read what a plan without load measures for the fit: mounting and validation poses left out.
 
     Raises:
@@ -64,27 +66,31 @@ def unloaded_plan(plan: Path) -> Unloaded:
         where = f"'{name}'" + (f", tool point '{point}'" if point else "")
         raise InputError(f"{plan}: measures at fixture {where}, which {free.path} does not have")
     which = np.array([places.index((p.fixture, p.point)) for p in poses])
-    return Unloaded(free, from_deg([p.q_deg for p in poses]), which)
+    return UnloadedPoses(free, from_deg([p.q_deg for p in poses]), which)
 
 
-def beside_plan(cell: Cell, found: Places, count: int, plan: Path) -> Both:
+def predict_beside_plan(cell: Cell, found: CirclePlaceChoice, count: int, plan: Path) -> CommonFit:
     """Predict what the best ``count`` circles and the poses of a plan without load know in one fit.
 
     Raises:
         InputError: the plan or its cell.toml is wrong, or of another robot.
     """
-    free = unloaded_plan(plan)
-    return predicted_both(free.cell, free.q, free.fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]])
+    free = load_unloaded_poses(plan)
+    return predict_common_fit(
+        free.cell, free.q, free.fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]]
+    )
 
 
 def write_places(
-    cell: Cell, found: Places, count: int, folder: Path, stages: Stages, both: Both | None = None
+    cell: Cell, found: CirclePlaceChoice, count: int, folder: Path, stages: Stages, both: CommonFit | None = None
 ) -> list[Path]:
     """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best ``count`` circles."""
-    from planner.report.printed import picture_png
-    from planner.study.softness.pictures import place_pictures  # plotting: other commands start quicker without
+    from planner.report.matplotlib_backend import chart_png as picture_png
 
-    with drafted(folder) as draft, stages.stage("report"):
+    # plotting: other commands start quicker without
+    from planner.study.compliance_design.pictures import draw_places as place_pictures
+
+    with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "places.json", places_text(found, cell.robot.name, both))
         write_text(draft / "places.csv", places_csv(found))
         write_text(draft / "cell.toml", cell_text(with_places(cell, found, count), draft))
@@ -94,12 +100,12 @@ def write_places(
         return move_all(draft, folder)
 
 
-def with_places(cell: Cell, found: Places, count: int) -> Cell:
+def with_places(cell: Cell, found: CirclePlaceChoice, count: int) -> Cell:
     """Return the cell with the fixtures and circles of the best set of ``count`` places."""
     return with_circles(cell, [found.pool[int(i)] for i in found.sets[count - 1]])
 
 
-def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
+def with_circles(cell: Cell, places: Sequence[CirclePlace]) -> Cell:
     """Return the cell with fixtures and circles P1 … at these places, each driven and loaded as the cell's own."""
     content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
     own = own_circle(cell)
@@ -112,7 +118,7 @@ def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
         for n, p in zip(names, places, strict=True)
     ]
     content["circles"] = [
-        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre), "tool_axis": _against(p)}
+        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre), "tool_axis": _tool_axis(p)}
         for n, p in zip(names, places, strict=True)
     ]
     fixtures = [
@@ -127,7 +133,7 @@ def with_circles(cell: Cell, places: Sequence[Candidate]) -> Cell:
     return replace(cell, file=file, fixtures=tuple(fixtures), circles=tuple(circles))
 
 
-def _against(place: Candidate) -> list[float]:
+def _tool_axis(place: CirclePlace) -> list[float]:
     """Direction of the tool that was looked at: against the circle's normal."""
     return [float(v) for v in np.round(-place.axis_B, 6) + 0.0]
 

@@ -1,220 +1,34 @@
-"""``plan()``: from a cell to a robot program, in the order of the picture in the README."""
+"""``plan()`` for every kind of gauge."""
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 
-import numpy as np
-
-from planner.candidates import PoseSet, draw_candidates
-from planner.cell import Aim, Cell
-from planner.choice import Choice, choose, refined, taken
-from planner.errors import InputError, NoSolutionError
-from planner.foresight import Foresight, foresee
-from planner.observability import index_value
-from planner.plan import Drive, Plan, identity, is_continuous
-from planner.program import ProgramFile, info, write_program
-from planner.repeatable import single_threaded
-from planner.selection import CurveInBackground
-from planner.separating import Identified, Separated, enough, read_identified, separate
-from planner.tour import Method, demand_concorde
-from planner.units import Array
-from planner.workflow.driving import Stop, Unreachable, drive
-from planner.workflow.mount import reachable, with_mounts
-from planner.workflow.notes import bar_notes, session_notes
-from planner.workflow.replacing import joinable, replaced
-from planner.workflow.separation import separation_driven, separation_notes
-from planner.workflow.session import session
-
-REPLACEMENTS = 20
-DRIVEN_SAMPLES = 2000
-Say = Callable[[str, int, int], None]
+from planner.cell.cell import Cell
+from planner.design.free_parameters import check_effects
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.bar_planning import plan_bar as plan_with_bar
+from planner.session.option_checks import check_point_options
+from planner.session.plan_types import Plan
+from planner.session.point_planning import plan_points
 
 
-@dataclass
-class Stages:
-    """Says what is going on and keeps the seconds of each stage."""
-
-    say: Say
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
-        """Time one stage; yields a callback for its progress (done, of)."""
-        start = time.perf_counter()
-        self.say(name, 0, 0)
-        yield lambda done, of: self.say(name, done, of)
-        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
-
-
-@dataclass(frozen=True)
-class Options:
-    """What the command line may change; ``None`` leaves it to the cell."""
-
-    poses: int | None = None
-    index: str | None = None
-    seed: int = 0
-    dialects: tuple[str, ...] = ()
-    tsp: Method = "auto"
-    separate: Path | None = None
-    fixtures: int | None = None
-    aim: Aim | None = None
-
-    def for_tracing(self, cell: Cell) -> bool:
-        """Tell whether the poses are to show what nobody has declared.
-
-        Raises:
-            InputError: they are to tell rivals apart as well.
-        """
-        wanted = (self.aim or cell.plan.aim) == "tracing"
-        if wanted and self.separate:
-            raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
-        return wanted
-
-    def known_dialects(self, cell: Cell) -> tuple[str, ...]:
-        """The dialects to write; an unknown one, or a solver that is not there, is told before a minute's work.
-
-        Raises:
-            InputError: there is no such dialect.
-            MissingProgramError: Concorde was asked for and is not there.
-        """
-        if self.tsp == "concorde":
-            _ = demand_concorde()
-        dialects = self.dialects or cell.controller.dialects
-        for name in dialects:
-            _ = info(name)
-        return dialects
-
-
-@single_threaded
-def plan(cell: Cell, options: Options, stages: Stages) -> Plan:
-    """Plan a measuring session.
+def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
+    """Plan a measuring session with a bar, at the balls of an artifact, or for a tracker.
 
     Raises:
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
-    dialects = options.known_dialects(cell)
-    _ = options.for_tracing(cell)
-    robot = cell.robot
-    rivals = read_identified(options.separate, robot.name, robot.n_joints) if options.separate else None
-    with stages.stage("candidates") as progress:
-        cell = with_mounts(cell, options.seed)
-        pool = draw_candidates(cell, cell.plan.candidates, options.seed, progress)
-    index, poses = options.index or cell.plan.index, options.poses or cell.plan.poses
-    with stages.stage("roadmap"):
-        pool, apart = reachable(cell, pool, index, poses, options.seed)
-    chosen = _chosen(cell, pool, poses, index, options, rivals, stages)
-    choice, curve, parted, ahead = chosen.choice, chosen.curve, chosen.parted, chosen.ahead
-    with curve, stages.stage("refinement"):
-        choice, swapped = joinable(cell, pool, choice, options.seed)
-        choice = choice if parted or ahead else refined(cell, choice, options.seed)
-    with curve, stages.stage("path"):
-        drives, choice, notes = _driven(cell, pool, choice, options)
-    with stages.stage("index curve"):
-        points = curve.result()
-    with stages.stage("programs"):
-        driven = index_value(choice.index, _driven_rows(cell, choice, drives))
-        told = separation_driven(cell, parted, drives) if parted else None
-        notes = apart + swapped + notes + bar_notes(cell, drives) + separation_notes(cell, told, choice, drives)
-        notes += (f"the poses are chosen by the error that is foreseen; {index} does not judge them",) if ahead else ()
-        ahead = replace(ahead, left=ahead.with_poses(choice.q, choice.fixture)) if ahead else None
-        bare = Plan("0" * 12, cell, options.seed, pool, choice, points, drives, driven, (), notes, told, ahead)
-        named = replace(bare, plan_id=identity(bare))
-        more = session_notes(cell, (d.course for d in drives), named.plan_id, dialects)
-        return replace(
-            named, programs=tuple((name, programs(named, name)) for name in dialects), notes=(*named.notes, *more)
-        )
+    check_effects(cell)
+    if not cell.gauge.is_bar:
+        check_point_options(cell, options)
+        return plan_points(cell, options, stages)
+    if options.fixtures is None:
+        return plan_with_bar(cell, options, stages)
+    # matplotlib: other plans start quicker without
+    from planner.study.fixture_addition import add_fixtures as with_fixtures
+    from planner.study.fixture_addition import describe_added_fixtures as built
 
-
-@dataclass(frozen=True)
-class _Chosen:
-    """The poses, the index curve that is still being computed, and what they were chosen for beside the index."""
-
-    choice: Choice
-    curve: CurveInBackground
-    parted: Separated | None = None
-    ahead: Foresight | None = None
-
-
-def _chosen(
-    cell: Cell,
-    pool: PoseSet,
-    poses: int | None,
-    index: str,
-    options: Options,
-    rivals: Identified | None,
-    stages: Stages,
-) -> _Chosen:
-    """Choose the poses by the index, for telling rivals apart, or for what nobody has declared."""
-    if options.for_tracing(cell):
-        with stages.stage("foresight") as progress:
-            ahead = foresee(cell, pool, poses, progress)
-        with stages.stage("selection"):
-            return _Chosen(*taken(cell, pool, ahead.chosen, index, options.seed), ahead=ahead)
-    with stages.stage("selection"):
-        poses = enough(cell, pool) if rivals and poses is None else poses
-        choice, curve = choose(cell, pool, poses, index, options.seed)
-    if not rivals:
-        return _Chosen(choice, curve)
-    with curve, stages.stage("separation"):
-        parted = separate(cell, pool, choice, rivals, options.seed)
-    return _Chosen(parted.choice, curve, parted)
-
-
-def programs(plan: Plan, dialect: str) -> tuple[ProgramFile, ...]:
-    """Write the session of a plan in one dialect; it is read back and compared before it is returned."""
-    program = session(plan.cell, (d.course for d in plan.drives), plan.plan_id, info(dialect).wants_dense_path)
-    return write_program(program, dialect, f"{plan.cell.robot.name}_{plan.cell.name.rpartition('/')[2]}")
-
-
-def _driven(
-    cell: Cell, pool: PoseSet, choice: Choice, options: Options
-) -> tuple[tuple[Drive, ...], Choice, tuple[str, ...]]:
-    """Drive the tour of every fixture; a pose that no path joins is replaced after all, and told."""
-    checks = _validation(cell, pool, choice, options.seed)
-    bare = f"{cell.robot.name} has no collision bodies: only the bar and the tool were checked against the surroundings"
-    notes = [] if cell.robot.bodies else [bare]
-    repeats = cell.plan.repeat if cell.motion.measure == "static" else 0
-    drives: list[Drive] = []
-    for fixture in range(len(cell.fixtures)):
-        for _ in range(REPLACEMENTS):
-            mine = np.flatnonzero(choice.fixture == fixture)
-            sides = choice.approach
-            stops = [Stop(choice.q[k], "calibrate", None if sides is None else sides[k]) for k in mine]
-            stops += [Stop(pool.q[k], "validate") for k in checks if pool.fixture[k] == fixture]
-            try:
-                first = sum(len(d.visits) for d in drives)
-                drives.append(drive(cell, fixture, stops, repeats, pool, options.tsp, options.seed, first))
-                break
-            except Unreachable as lost:
-                if lost.which < len(mine):
-                    choice = replaced(pool, choice, int(mine[lost.which]))
-                else:
-                    checks = np.delete(checks, lost.which - len(mine))
-                notes.append(f"a pose that no path could join was replaced (fixture {cell.place_name(fixture)})")
-        else:
-            raise NoSolutionError(
-                f"{REPLACEMENTS} poses in a row could not be joined to the tour: the shell is split by obstacles"
-            )
-    notes += [note for d in drives for note in d.tour.notes]
-    return tuple(drives), choice, tuple(notes)
-
-
-def _validation(cell: Cell, pool: PoseSet, choice: Choice, seed: int) -> np.ndarray:
-    """Poses for checking the fit that it never sees: drawn blindly from the pool, none of them chosen."""
-    others = np.setdiff1d(np.arange(len(pool)), choice.chosen)
-    count = min(cell.plan.validate, len(others))
-    return np.sort(np.random.default_rng(seed).choice(others, count, replace=False))
-
-
-def _driven_rows(cell: Cell, choice: Choice, drives: tuple[Drive, ...]) -> Array:
-    """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
-    rows = []
-    for d in drives:
-        t = np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)
-        q = d.trajectory.at(t).q if is_continuous(cell) else np.array([v.q for v in d.visits if v.role == "calibrate"])
-        rows.append(choice.model.jacobian(q, d.fixture))
-    return np.vstack(rows)
+    with stages.stage("fixtures"):
+        cell = with_fixtures(cell, options.fixtures, options.seed, stages.say)
+    made = plan_with_bar(cell, options, stages)
+    return replace(made, notes=(*built(cell), *made.notes))

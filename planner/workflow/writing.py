@@ -8,16 +8,20 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import tomli_w
 
-from planner.cell import Cell
-from planner.errors import InputError
-from planner.files import write_text
-from planner.plan import Plan, plan_text
-from planner.program import ProgramFile
-from planner.resources import folder as data_folder
-from planner.trajectory import table, table_csv
-from planner.workflow.planning import Stages
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.files import data_folder, write_text
+from planner.instruments.circular.plan import CircularPlan, circular_text
+from planner.motion.timing.trajectory import trajectory_csv as table_csv
+from planner.motion.timing.trajectory import trajectory_table
+from planner.programs.rendering import ProgramFile
+from planner.session.bar_planning import Stages
+from planner.session.plan_file import plan_text
+from planner.session.plan_types import Plan
 
 Programs = Iterable[tuple[str, tuple[ProgramFile, ...]]]
 SAMPLE = 0.05  # [s] of trajectory.csv
@@ -28,18 +32,18 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
 
     Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
     """
-    from planner.report import write_report  # matplotlib and plotly: other commands start quicker without
+    from planner.report.plan_report import write_report  # matplotlib and plotly: other commands start quicker without
 
-    with drafted(folder) as draft:
+    with draft_folder(folder) as draft:
         with stages.stage("report"):
             write_driven(plan.cell, plan.programs, trajectory_csv(plan), draft)
             write_report(plan, draft)
             write_text(draft / "plan.json", plan_text(plan))
-        return timed(stages, draft, folder)
+        return write_timings(stages, draft, folder)
 
 
 @contextmanager
-def drafted(folder: Path) -> Iterator[Path]:
+def draft_folder(folder: Path) -> Iterator[Path]:
     """A folder beside ``folder`` in which to write what is moved there once all of it is right."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
@@ -55,7 +59,7 @@ def write_driven(cell: Cell, programs: Programs, trajectory: str, draft: Path) -
     write_text(draft / "cell.toml", cell_text(cell, draft))
 
 
-def timed(stages: Stages, draft: Path, folder: Path) -> list[Path]:
+def write_timings(stages: Stages, draft: Path, folder: Path) -> list[Path]:
     """Write ``timings.json``, the last file, and move all of a draft into its folder."""
     write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
     return move_all(draft, folder)
@@ -103,7 +107,7 @@ def trajectory_csv(plan: Plan) -> str:
     texts = []
     for drive in plan.drives:
         length = partial(plan.cell.bar_length, fixture=drive.fixture)
-        texts.append(table_csv(table(drive.trajectory, SAMPLE, length)))
+        texts.append(table_csv(trajectory_table(drive.trajectory, SAMPLE, length)))
     head = texts[0].split("\n", 1)[0] + "\n"
     return head + "".join(t.split("\n", 1)[1] for t in texts)
 
@@ -115,3 +119,31 @@ def cell_text(cell: Cell, folder: Path) -> str:
         shutil.copyfile(cell.robot.path, folder / cell.robot.path.name)
         content["robot"] = cell.robot.path.name
     return tomli_w.dumps(content)
+
+
+def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
+
+    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
+    """
+    # matplotlib: other commands start quicker without
+    from planner.report.circular_plan_report import write_plan_report
+
+    with draft_folder(folder) as draft:
+        with stages.stage("report"):
+            write_driven(plan.cell, plan.programs, circular_trajectory_csv(plan), draft)
+            write_plan_report(plan, draft)
+            write_text(draft / "plan.json", circular_text(plan))
+        return write_timings(stages, draft, folder)
+
+
+def circular_trajectory_csv(plan: CircularPlan) -> str:
+    """All passes one after the other, as they are driven with the bar on: t_s, q1_deg …, length_mm."""
+    frames, start = [], 0.0
+    for drive in plan.drives:
+        length = partial(plan.cell.bar_length, fixture=drive.fixture)
+        for one in drive.passes:
+            frame = trajectory_table(one.trajectory, SAMPLE, length)
+            frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
+            start += one.trajectory.duration_s + SAMPLE
+    return table_csv(pl.concat(frames))

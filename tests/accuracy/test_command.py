@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from planner.cell import load_cell
+from planner.cell.reading import load_cell
 from tests.accuracy.worlds import NAME, calibrated, poses, tracker_run, world
 from tests.workflow.test_identify import edbb
 

@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.accuracy import stand_of, validated
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.run import Readings, Run, Samples, load_run, run_text
-from planner.run.beside import Beside, beside
-from planner.simulation import drawn, simulate
-from planner.units import MM, UM
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.units import MM, UM
+from planner.instruments.accuracy.reference_frame import nest_frame
+from planner.instruments.accuracy.validation import validate_robot
+from planner.runs.loader import load_run
+from planner.runs.reference_readings import ReferenceReadings, read_reference_readings
+from planner.runs.run import Readings, Run, Samples
+from planner.runs.writer import run_text
+from planner.simulation.measurement import simulate
+from planner.simulation.truth import draw_truth
 from tests.accuracy.worlds import NAME, calibrated, loaded, poses, tracker_run, world
 
 
@@ -28,7 +32,7 @@ def run_file(tmp_path_factory):
 
 
 def judged(cell, path, model=None):
-    return validated(cell, load_run(path, 6), beside(path), model)
+    return validate_robot(cell, load_run(path, 6), read_reference_readings(path), model)
 
 
 def test_before_is_the_data_sheets_arm_where_the_cell_has_it(cell, run_file):
@@ -70,7 +74,7 @@ def test_a_bars_calibration_is_placed_by_poses_that_nothing_is_judged_by(cell, r
     assert alone.after.figures.mean > 1 * MM
     assert any("says nothing of where the nests stand" in n for n in alone.notes)
     others = loaded(tracker_run(poses(30, seed=8), noise=5e-6))
-    found = validated(cell, load_run(run_file, 6), beside(run_file), model, others)
+    found = validate_robot(cell, load_run(run_file, 6), read_reference_readings(run_file), model, others)
     assert found.after.figures.mean < 100 * UM
     assert any("30 poses of the plan to calibrate with placed robot and reflector" in n for n in found.notes)
     assert any("calibrated with a tool of 1.3 kg, judged with one of 6 kg" in n for n in found.notes)
@@ -86,11 +90,11 @@ def test_the_simulated_tracker_reads_its_nests_as_well(cell, tmp_path):
     """The chain's own simulation: errors of base and robot come back through the lines above its columns."""
     q = poses(40)
     samples = Samples(q, np.zeros(len(q), dtype=int))
-    truth = drawn(cell, 4)
+    truth = draw_truth(cell, 4)
     run = simulate(cell, "0" * 12, samples, replace(truth, errors=0 * truth.errors), 4)
     path = tmp_path / "s.csv"
     path.write_text(run.comments() + run_text(run))
-    said = beside(path)
+    said = read_reference_readings(path)
     assert [n for n, _ in said.nests] == ["N1", "N2", "N3"]
     found = judged(cell, path)
     assert found.frame.misses.max() < 5 * cell.gauge.noise
@@ -102,22 +106,22 @@ def test_a_tracker_that_moved_between_its_nests_and_the_poses_is_not_hidden(cell
     model = calibrated(tmp_path)
     run = load_run(run_file, 6)
     moved = replace(run, readings=Readings(position=run.readings.position + np.array([5e-4, 0.0, 0.0])))
-    found = validated(cell, moved, beside(run_file), model)
+    found = validate_robot(cell, moved, read_reference_readings(run_file), model)
     assert found.after.figures.mean == pytest.approx(5e-4, abs=2e-5)
 
 
 def test_the_floor_is_what_a_true_model_shows(cell):
     """Nests and points read with noise, over and over, by an arm without errors: the rms of what is seen."""
     q, noise, turn = poses(), 15e-6, np.diag([-1.0, -1.0, 1.0])
-    home, p_BG = stand_of(cell).p_BW, np.array([2.5, 0.0, 0.4])
+    home, p_BG = nest_frame(cell).p_BW, np.array([2.5, 0.0, 0.4])
     x, nests, rng = cell.map_position(q), np.array([n.p_WN for n in cell.nests]), np.random.default_rng(3)
     square = []
     for _ in range(200):
         read = (nests + home - p_BG) @ turn + noise * rng.standard_normal((3, 3))
         ready = replace(cell, nests=tuple(replace(n, p_GN=p) for n, p in zip(cell.nests, read, strict=True)))
         seen = (x - p_BG) @ turn + noise * rng.standard_normal(x.shape)
-        found = validated(
-            ready, Run("made", Samples(q, np.zeros(len(q), dtype=int)), Readings(position=seen)), Beside()
+        found = validate_robot(
+            ready, Run("made", Samples(q, np.zeros(len(q), dtype=int)), Readings(position=seen)), ReferenceReadings()
         )
         square.append((found.before.error**2).sum(axis=1).mean())
     floor = found.floor
@@ -138,7 +142,7 @@ def test_what_cannot_be_judged_is_told(cell, run_file, tmp_path):
     with pytest.raises(InputError, match=r"short: 5 poses are too few.* at least 10"):
         judged(cell, short)
     with pytest.raises(InputError, match="needs the tracker's x_mm"):
-        validated(cell, loaded(world().made.run_csv), beside(run_file))
+        validate_robot(cell, loaded(world().made.run_csv), read_reference_readings(run_file))
     with pytest.raises(InputError, match=r"model of comau-nj130, but .* has the robot kuka-kr6-r700"):
         judged(cell, run_file, load_cell("comau-nj130/edbb").robot.path)
     strange = tmp_path / "strange.csv"

@@ -8,13 +8,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.calibrated import calibrated_files
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.identification.results import identification_text
-from planner.residuals import leftover
-from planner.run import load_run
-from tests.generator import catalogue, runs
+import tests.generator.catalogue as catalogue
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.calibrated_robot import calibrated_files
+from planner.identification.document import document_text
+from planner.identification.pipeline import identify
+from planner.identification.residual_tests import diagnose_residual
+from planner.runs.loader import load_run
 from tests.generator.arm import Arm
 from tests.generator.benches import BALLS_MM, BENCHES
 from tests.generator.course import course
@@ -108,7 +109,10 @@ def calibrated(folder, gauge="trical"):
     else:
         text = w.made.run_csv if gauge == "trical" else tracker_run(poses(60, seed=7), noise=5e-6)
     found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"))
-    for name, text in (*calibrated_files(found), ("identification.json", identification_text(found, leftover(found)))):
+    for name, text in (
+        *calibrated_files(found),
+        ("identification.json", document_text(found, diagnose_residual(found))),
+    ):
         (folder / name).write_text(text)
     return folder / "robot.toml"
 

@@ -18,13 +18,15 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from planner.cell import load_cell
-from planner.identification import Problem, fit, identify
-from planner.identification.seeing import seen_by
-from planner.model import Model
-from planner.model.parameters import compliance_parameters
-from planner.rig import rig_of
-from planner.run import Readings, Run, Samples
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
+from planner.effects.parameters import compliance_parameters
+from planner.identification.identifiable_parameters import identifiable_subset
+from planner.identification.least_squares import fit
+from planner.identification.pipeline import identify
+from planner.identification.problem import FitProblem
+from planner.model.model import Model
+from planner.runs.run import Readings, Run, Samples
 
 GOALS = {"small": 20e-3, "seconds": 20.0, "gigabytes": 2.0}
 PLACES = (
@@ -61,7 +63,7 @@ def cell_with(places: int):
 
 
 def whole(cell) -> Model:
-    model = Model.of(rig_of(cell), cell.plan.free)
+    model = Model.of(setup_of(cell), cell.plan.free)
     return model.plus(compliance_parameters(model.rig))
 
 
@@ -103,12 +105,12 @@ def timed(call, repeats=1):
 def small() -> None:
     rng, places, wanted = np.random.default_rng(1), 6, 42
     samples = poses(places, 200, rng)
-    model = seen_by(whole(cell_with(places)), samples)[0]
+    model = identifiable_subset(whole(cell_with(places)), samples)[0]
     model = model.subset(list(range(len(model.names)))[-wanted:])
     run = measured(model, samples, rng)
     print(f"\n{len(model.names)} parameters on {len(run)} lengths")
-    found, first, first_cpu = timed(lambda: fit(Problem.of(model, run)))
-    _, wall, cpu = timed(lambda: fit(Problem.of(model, run)), 9)
+    found, first, first_cpu = timed(lambda: fit(FitProblem.of(model, run)))
+    _, wall, cpu = timed(lambda: fit(FitProblem.of(model, run)), 9)
     print(f"  fit, first after import       {first * 1e3:8.1f} ms ({first_cpu * 1e3:.1f} cpu)")
     print(
         f"  fit, best of nine             {wall * 1e3:8.1f} ms ({cpu * 1e3:.1f} cpu); goal {GOALS['small'] * 1e3:.0f}"
@@ -131,11 +133,11 @@ def large(rows: int, what: str) -> None:
     rng, places = np.random.default_rng(2), 3
     cell = cell_with(places)
     samples = path(places, rows, rng)
-    model = seen_by(whole(cell), samples)[0]
+    model = identifiable_subset(whole(cell), samples)[0]
     run = measured(model, samples, rng)
     before = peak()
     if what == "fit":
-        out, wall, cpu = timed(lambda: fit(Problem.of(model, run)))
+        out, wall, cpu = timed(lambda: fit(FitProblem.of(model, run)))
         count = len(out.errors)
     elif what == "identify":
         out, wall, cpu = timed(lambda: identify(run, cell))

@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell, shipped_cells
-from planner.choice import what_is_seen
-from planner.selection import bound, exchange
+from planner.cell.reading import load_cell, shipped_cells
+from planner.design.candidates.pool import draw_candidates
+from planner.design.pose_selection import identify_candidates
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.exchange_search import exchange_poses
 
 
 def run_plan(cell, folder, *words, threads="1"):
@@ -73,9 +74,9 @@ def growth():
         marks = [time.perf_counter()]
         pool = draw_candidates(cell, n)
         marks.append(time.perf_counter())
-        _, _, rows = what_is_seen(cell, pool)
+        _, _, rows = identify_candidates(cell, pool)
         marks.append(time.perf_counter())
-        bound(rows, "O2", 35)
+        certify_bound(rows, "O2", 35)
         marks.append(time.perf_counter())
         step = np.diff(marks)
         seconds.append(step)
@@ -89,8 +90,8 @@ def growth():
     counts, spent = (30, 60, 120, 250, 500), []
     for n in counts:
         start = time.perf_counter()
-        certificate = bound(few, "O2", n)
-        found = exchange(few, n, "O2", starts=1, certificate=certificate)
+        certificate = certify_bound(few, "O2", n)
+        found = exchange_poses(few, n, "O2", starts=1, certificate=certificate)
         spent.append(time.perf_counter() - start)
         print(f"{n:>5} {spent[-1]:9.2f} s   gap {100 * (found.value / certificate.value - 1):.2f} %")
     print(f"  exponent {np.polyfit(np.log(counts), np.log(spent), 1)[0]:.2f}")

@@ -12,7 +12,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from planner.run import Run, load_run, load_runs, save_run, speeds
+from planner.runs.joint_motion import joint_speeds
+from planner.runs.loader import load_run, load_runs
+from planner.runs.run import Run
+from planner.runs.writer import save_run
 
 
 def write_logs(folder: Path, n: int) -> None:
@@ -49,7 +52,7 @@ def main() -> None:
         timed("Parquet", lambda: load_run(folder / "run.parquet", 6))
         timed("gauge and controller apart", lambda: load_runs([folder / "gauge.csv", folder / "axes.csv"], 6))
         run = load_run(folder / "run.parquet", 6)
-        timed("joint speeds", lambda: speeds(run.samples))
+        timed("joint speeds", lambda: joint_speeds(run.samples))
         timed("save as CSV", lambda: save_run(run, folder / "saved.csv"))
         timed("save as Parquet", lambda: save_run(run, folder / "saved.parquet"))
 

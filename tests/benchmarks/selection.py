@@ -17,9 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.observability import identifiable, index_value
-from planner.selection import bound, detmax, exchange, index_curve, prune, refine
-from tests.observability import dh_arm
+import tests.observability.dh_arm as dh_arm
+from planner.design.observability.identifiability import find_identifiable
+from planner.design.observability.information import index_value
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.d_optimal import detmax
+from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_curves import compute_index_curve
+from planner.design.selection.pruning import prune_poses
+from planner.design.selection.refinement import refine_off_grid
 from tests.observability.dh_arm import NJ130
 
 CELLS = {"paper": ((), ()), "edbb": ((2,), ("fixture", "tool", "zero"))}
@@ -35,7 +41,7 @@ def timed(function, *args, **settings):
 def rows_of(cell, q):
     """Identifiable columns of a cell's length rows (n, 1, P)."""
     beta, free = CELLS[cell]
-    kept = identifiable(dh_arm.rows(NJ130, q[:4_000], beta, free), dh_arm.names(NJ130, beta, free)).kept
+    kept = find_identifiable(dh_arm.rows(NJ130, q[:4_000], beta, free), dh_arm.names(NJ130, beta, free)).kept
     return dh_arm.rows(NJ130, q, beta, free)[..., list(kept)]
 
 
@@ -46,9 +52,9 @@ def gaps(q, pools, sizes):
         for count in pools:
             rows = rows_of(cell, q[:count])
             for n in sizes:
-                c, wall, cpu = timed(bound, rows, "O2", n)
-                s, wall_s, cpu_s = timed(exchange, rows, n, "O2", certificate=c, starts=4 if n < 60 else 2)
-                pruned = index_value("O2", rows[prune(rows, n)])
+                c, wall, cpu = timed(certify_bound, rows, "O2", n)
+                s, wall_s, cpu_s = timed(exchange_poses, rows, n, "O2", certificate=c, starts=4 if n < 60 else 2)
+                pruned = index_value("O2", rows[prune_poses(rows, n)])
                 head = f"| {cell} | {count} | {rows.shape[2]} | {n} | {c.value:.3f} | {c.slack:.1e} "
                 print(
                     f"{head}| {wall:.1f} ({cpu:.1f}) | {s.value:.3f} | {100 * s.gap:.2f} % "
@@ -59,8 +65,8 @@ def gaps(q, pools, sizes):
 
 def refinement(q):
     rows = rows_of("paper", q)
-    s = exchange(rows, 35, starts=1)
-    kept = list(identifiable(dh_arm.rows(NJ130, q[:4_000]), dh_arm.names(NJ130)).kept)
+    s = exchange_poses(rows, 35, starts=1)
+    kept = list(find_identifiable(dh_arm.rows(NJ130, q[:4_000]), dh_arm.names(NJ130)).kept)
     low, high = np.radians(NJ130.lower), np.radians(NJ130.upper)
 
     def valid(t):
@@ -68,13 +74,13 @@ def refinement(q):
         inside = ((t >= low) & (t <= high)).all(axis=1)
         return inside & (reading > NJ130.shell[0]) & (reading < NJ130.shell[1])
 
-    r, wall, cpu = timed(refine, q[s.chosen], lambda t: dh_arm.rows(NJ130, t)[..., kept], valid)
+    r, wall, cpu = timed(refine_off_grid, q[s.chosen], lambda t: dh_arm.rows(NJ130, t)[..., kept], valid)
     print(f"\nrefinement of 35 poses off the grid: {r.before:.3f} to {r.value:.3f} in {wall:.1f} s ({cpu:.1f} cpu)")
 
 
 def curve(q):
     sizes = [22, 25, 30, 35, 45, 60, 80, 120, 200]
-    c, wall, cpu = timed(index_curve, rows_of("paper", q), sizes)
+    c, wall, cpu = timed(compute_index_curve, rows_of("paper", q), sizes)
     print(f"\nindex curve over {len(q)} candidates in {wall:.1f} s ({cpu:.1f} cpu), bends at {c.knee}")
     for n, value, least in zip(c.sizes, c.values, c.bounds, strict=True):
         print(f"  {n:4d} poses  O2 {value:7.3f}  bound {least:7.3f}  gap {100 * (value / least - 1):5.2f} %")
@@ -86,15 +92,15 @@ def growth(q, counts, sizes):
     for count in counts:
         pool = np.resize(q, (count, q.shape[1])) if count <= len(q) else dh_arm.shell_poses(NJ130, count, seed=9)
         rows = rows_of("paper", pool)
-        c, _, table["bound", count] = timed(bound, rows, "O2", 60)
-        _, _, table["exchange", count] = timed(exchange, rows, 60, certificate=c, starts=1)
+        c, _, table["bound", count] = timed(certify_bound, rows, "O2", 60)
+        _, _, table["exchange", count] = timed(exchange_poses, rows, 60, certificate=c, starts=1)
         _, _, table["detmax", count] = timed(detmax, rows, 60, starts=1)
-        _, _, table["prune", count] = timed(prune, rows, 60)
+        _, _, table["prune", count] = timed(prune_poses, rows, 60)
     rows = rows_of("paper", q[:20_000])
     by_size = {}
     for n in sizes:
-        c, _, by_size["bound", n] = timed(bound, rows, "O2", n)
-        _, _, by_size["exchange", n] = timed(exchange, rows, n, certificate=c, starts=1)
+        c, _, by_size["bound", n] = timed(certify_bound, rows, "O2", n)
+        _, _, by_size["exchange", n] = timed(exchange_poses, rows, n, certificate=c, starts=1)
         _, _, by_size["detmax", n] = timed(detmax, rows, n, starts=1)
     _growth_table("candidates (60 poses)", table, counts)
     _growth_table("poses (20 000 candidates)", by_size, sizes)
@@ -146,7 +152,7 @@ def peer(q):
         tall = rows[chosen, 0] / scale
         return float(np.exp(np.linalg.slogdet(tall.T @ tall)[1] / rows.shape[2]))
 
-    best = bound(rows / scale, "O1", n).value ** 2 * n
+    best = certify_bound(rows / scale, "O1", n).value ** 2 * n
     print(f"\n500 candidates, 60 poses, {rows.shape[2]} parameters: det^(1/P), no set above {best:.4f}")
     with tempfile.TemporaryDirectory() as folder:
         np.savez(Path(folder) / "rows.npz", rows=rows / scale)
@@ -166,7 +172,7 @@ def peer(q):
                 f"  FIGAROH {kind} (seed {seed})  {reached:.4f}  {found['wall']:.2f} s ({found['cpu']:.2f} cpu)"
                 f"  {len(set(found['chosen']))} distinct poses"
             )
-    ours = {"detmax": lambda: detmax(rows, n), "exchange": lambda: exchange(rows, n, "O1", starts=1).chosen}
+    ours = {"detmax": lambda: detmax(rows, n), "exchange": lambda: exchange_poses(rows, n, "O1", starts=1).chosen}
     for name, call in ours.items():
         chosen, wall, cpu = timed(call)
         print(

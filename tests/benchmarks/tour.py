@@ -11,8 +11,9 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from planner.tour import Tour, slowest_axis_cost, solve_tour
-from planner.units import Array
+from planner.common.units import Array
+from planner.motion.tour.instance import slowest_axis_cost
+from planner.motion.tour.solve import Tour, solve_tour
 
 SPEED = np.deg2rad([156.0, 156.0, 156.0, 330.0, 330.0, 420.0])  # [rad/s] of the KR 6 class, rounded
 LOW, HIGH = np.deg2rad([-170, -120, -60, -180, -120, -180]), np.deg2rad([170, 60, 150, 180, 120, 180])

@@ -6,15 +6,15 @@ import tempfile
 import time
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.run import load_runs
-from planner.tracing import trace
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
 from tests.generator.arm import Arm
 from tests.generator.draw import as_in_a_real_arm, random_run
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def timed(name, made):

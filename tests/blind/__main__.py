@@ -7,11 +7,12 @@ import sys
 import traceback
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 from tests.blind.plan import PARTS, tasks
 from tests.blind.table import table
 from tests.blind.trial import Outcome, Task, tried
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 RUNS = {"single": 200, "arm": 30, "clean": 500, "outside": 100}
 

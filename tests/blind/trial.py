@@ -5,13 +5,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.identification.splits import split
-from planner.run import load_runs
-from planner.tracing import trace
+import tests.generator.catalogue as catalogue
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.cross_validation import split_run
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
 from tests.catalogue.naming import joint_of, named
-from tests.generator import catalogue, runs
 from tests.generator.arm import Arm
 from tests.generator.draw import USUAL, as_in_a_real_arm, random_run
 from tests.generator.made import Made
@@ -122,7 +123,7 @@ def tried(task: Task) -> Outcome:
         Named(k, on, rivals, any(right(e, n) for e in effects for n in (f"{k}, {on}", *rivals)), note, p)
         for k, on, rivals, note, p in names
     )
-    folds = split(measured).fold[run.rows]
+    folds = split_run(measured).fold[run.rows]
     return Outcome(
         task,
         planted,

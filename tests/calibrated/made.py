@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from planner.identification.estimates import estimates
-from planner.model import Model, Parameter
-from planner.model.parameters import compliance_parameters, robot_parameters, transform
-from planner.rig import Rig, Targets
-from planner.robot import load_robot
-from planner.run import Samples
+from planner.cell.setup import MeasurementSetup, Targets
+from planner.effects.parameters import Parameter, compliance_parameters, robot_parameters, transform_move
+from planner.identification.estimates import estimate_parameters
+from planner.kinematics.robot_reader import load_robot
+from planner.model.model import Model
+from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
 
 PANDA = Path(__file__).resolve().parents[3] / "shared" / "data" / "panda-ball" / "panda.urdf"
@@ -29,7 +29,7 @@ def gravity(tilt):
 def rig_of(robot):
     one = np.ones(1)
     eye, zero = np.eye(3)[None], np.zeros((1, 3))
-    return Rig(
+    return MeasurementSetup(
         robot, "position", zero, eye, zero, zero, eye, zero, ("",), ("",), one, 1.0, 1.0, 1e-6, 1e-6, 0.0,
         gravity(TILT), MASS, COM,
     )  # fmt: skip
@@ -51,7 +51,7 @@ def calibration(robot, seed, effects=()):
 
 def estimates_of(calibration):
     """The table of parameters, as identification makes it."""
-    return estimates(calibration.fit.model, calibration.fit, (), np.eye(len(calibration.fit.errors)))
+    return estimate_parameters(calibration.fit.model, calibration.fit, (), np.eye(len(calibration.fit.errors)))
 
 
 def compliances(robot):
@@ -80,7 +80,7 @@ def robot_called(name, folder):
 
 
 def parameter(robot, name, unit, on, phi, group="made"):
-    return Parameter(name, unit, 1e-3, name, transform(rig_of(robot).chain.index(on), phi), group)
+    return Parameter(name, unit, 1e-3, name, transform_move(rig_of(robot).chain.index(on), phi), group)
 
 
 def write(folder, files):

@@ -4,21 +4,28 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.calibrated import CalibratedRobot, calibrated_files, calibrated_meshes
-from planner.calibrated.uncorrected import CAUSES, uncorrected
-from planner.effects import basis, heat
-from planner.effects.keys import FORMS, is_static, phi_of
-from planner.rig import Targets
-from planner.robot import RobotEffect, load_robot, shipped_robots
-from planner.run import Samples
-from tests.calibrated import made as making
+import planner.effects.basis as basis
+import planner.effects.thermal as heat
+import tests.calibrated.made as making
+from planner.cell.setup import Targets
+from planner.effects.phi_keys import KEY_PATTERNS, is_static, phi_from_key
+from planner.identification.calibrated_robot import (
+    CAUSES,
+    CalibratedRobot,
+    calibrated_files,
+    calibrated_meshes,
+    uncorrected_text,
+)
+from planner.kinematics.robot import RobotEffect
+from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.runs.run import Samples
 from tests.calibrated.made import calibration, compliances, parameter, poses, predicted, robot_called, write
 from tests.calibrated.test_keys import KEYS
 from tests.cell.test_robots import urdf_text
 
 NO_PANDA = pytest.mark.skipif(not making.PANDA.is_file(), reason=f"{making.PANDA} is not on this machine")
 URDFS = [pytest.param("panda", marks=NO_PANDA), "slanted"]
-EVERY = [*shipped_robots(), *URDFS]
+EVERY = [*list_robots(), *URDFS]
 
 
 def turned(rpy):
@@ -238,7 +245,7 @@ def test_the_same_calibration_gives_the_same_bytes():
 def test_what_is_called_static_needs_nothing_but_angles_and_loads(tmp_path):
     """Each is tried on samples that carry nothing else."""
     robot = load_robot("ur10")
-    on = [parameter(robot, f"p{i}", "rad", "theta2", phi_of(k)) for i, k in enumerate(KEYS) if is_static(k)]
+    on = [parameter(robot, f"p{i}", "rad", "theta2", phi_from_key(k)) for i, k in enumerate(KEYS) if is_static(k)]
     assert len(on) > 8
     made = calibration(robot, 12, on)
     made.fit.errors[:] *= 1e-3
@@ -262,13 +269,13 @@ def test_what_programs_are_not_corrected_for_is_told_by_cause_and_place():
         effect("theta1", "times:0.5:speed-sign:1"),
         effect("theta2", "approach:2"),
     ]
-    assert uncorrected(effects) == (
+    assert uncorrected_text(effects) == (
         "not corrected: warming up (base; links 2, 3), play (joints 2, 3), what depends on the sense of "
         "motion (joint 1): it depends on more than joint angles and loads"
     )
-    assert uncorrected([]) is None
+    assert uncorrected_text([]) is None
 
 
 def test_every_effect_that_programs_are_not_corrected_for_has_a_cause():
-    own = {f.word for f in FORMS if not f.static and not f.gauge}
+    own = {f.word for f in KEY_PATTERNS if not f.static and not f.gauge}
     assert own == set(CAUSES)

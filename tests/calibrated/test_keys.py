@@ -5,10 +5,10 @@ import pkgutil
 
 import pytest
 
-from planner import effects
-from planner.effects import basis
-from planner.effects.keys import FORMS, is_static, needs_loads, phi_of
-from planner.errors import InputError
+import planner.effects.basis as basis
+from planner import effects as effects
+from planner.common.errors import InputError
+from planner.effects.phi_keys import KEY_PATTERNS, is_static, needs_loads, phi_from_key
 
 
 def basis_functions():
@@ -18,17 +18,17 @@ def basis_functions():
 
 
 EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1", "NUMBER": "1.5"}
-KEYS = [":".join(({"PHI": "moment:2:0"} | EXAMPLE).get(w, w) for w in f.pattern.split(":")) for f in FORMS]
+KEYS = [":".join(({"PHI": "moment:2:0"} | EXAMPLE).get(w, w) for w in f.pattern.split(":")) for f in KEY_PATTERNS]
 
 
 @pytest.mark.parametrize("key", [*KEYS, "times:-2e-05:twist:0:1:2:sin:6:12.25"])
 def test_a_key_is_read_back(key):
-    assert phi_of(key, 6).key == key
-    assert phi_of(phi_of(key, 6).key) == phi_of(key, 6)
+    assert phi_from_key(key, 6).key == key
+    assert phi_from_key(phi_from_key(key, 6).key) == phi_from_key(key, 6)
 
 
 def test_every_basis_function_has_a_key_that_is_known():
-    assert {type(phi_of(k)) for k in KEYS} == basis_functions()
+    assert {type(phi_from_key(k)) for k in KEYS} == basis_functions()
 
 
 def test_what_is_in_another_key_counts():
@@ -57,4 +57,4 @@ def test_what_is_in_another_key_counts():
 )
 def test_a_wrong_key_says_what_is_allowed(key, words):
     with pytest.raises(InputError, match=words):
-        phi_of(key, 6)
+        phi_from_key(key, 6)

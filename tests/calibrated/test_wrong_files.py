@@ -2,9 +2,9 @@
 
 import pytest
 
-from planner.calibrated import CalibratedRobot
-from planner.errors import InputError
-from planner.robot import load_robot
+from planner.common.errors import InputError
+from planner.identification.calibrated_robot import CalibratedRobot
+from planner.kinematics.robot_reader import load_robot
 
 EFFECT = """
 [[effects]]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.candidates import draw_candidates
-from planner.candidates.shell import box, sample_shell, sobol
-from planner.cell import load_cell, shipped_cells
-from planner.collision import CollisionWorld
-from planner.errors import InputError, NoSolutionError
+from planner.cell.reading import load_cell, shipped_cells
+from planner.common.errors import InputError, NoSolutionError
+from planner.design.candidates.pool import draw_candidates
+from planner.design.candidates.shell import sample_shell, sampling_box, sobol_sequence
+from planner.motion.collision.engines import CollisionWorld
 
 
 def cell_with(tmp_path, *changes):
@@ -47,8 +47,8 @@ def test_every_candidate_passes_every_filter(name):
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
-    sample = sample_shell(cell, 0, sobol(cell, 3).random(1 << 15))
-    lower, upper = box(cell)
+    sample = sample_shell(cell, 0, sobol_sequence(cell, 3).random(1 << 15))
+    lower, upper = sampling_box(cell)
     blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
     length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)
     inside = blind[(length > cell.gauge.length_min) & (length < cell.gauge.length_max)]
@@ -74,7 +74,7 @@ def test_same_seed_same_candidates_other_seed_others():
 def test_the_papers_joint_grid(tmp_path):
     cell = cell_with(tmp_path, ("[plan]", "[plan]\ngrid_step_deg = 25"))
     pool = draw_candidates(cell, 100_000)
-    lower, upper = box(cell)
+    lower, upper = sampling_box(cell)
     steps = (pool.q - (lower + upper) / 2) / np.deg2rad(25)
     assert np.allclose(steps * 2, np.round(steps * 2), atol=1e-9)  # whole or half steps from the middle
     assert 20 < len(pool) < pool.funnel.workspace < pool.funnel.joint_limits <= pool.funnel.sampled
@@ -102,7 +102,7 @@ def test_a_grid_too_fine_is_refused(tmp_path):
     ],
 )
 def test_an_empty_pool_says_which_filter_and_what_would_help(tmp_path, monkeypatch, change, words):
-    monkeypatch.setattr("planner.candidates.pool.ROUNDS", 2)
+    monkeypatch.setattr("planner.design.candidates.pool.ROUNDS", 2)
     cell = cell_with(tmp_path, change)
     if not words:
         assert len(draw_candidates(cell, 50)) <= 50  # the other way round the tool is merely hard to reach

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.run import speeds
+from planner.runs.joint_motion import joint_speeds
 
 
 def reversals(q, last=8):
@@ -26,7 +26,7 @@ def seen(samples, readings=None, moving=False):
     """Samples with these columns."""
     return replace(
         samples,
-        speed=speeds(samples) if moving else samples.speed,
+        speed=joint_speeds(samples) if moving else samples.speed,
         length=None if readings is None else readings.length,
         reversals=reversals(samples.q),
     )

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.catalogue import catalogue
-from planner.identification import Problem, fit
-from planner.identification.placed import placed, rig_for
-from planner.identification.seeing import seen_by
-from planner.model import Model
+from planner.effects.catalogue import catalogue
+from planner.identification.identifiable_parameters import identifiable_subset
+from planner.identification.least_squares import fit
+from planner.identification.problem import FitProblem
+from planner.identification.run_setup import locate_gauge, run_rig
+from planner.model.model import Model
 from tests.catalogue.columns import seen
 from tests.catalogue.naming import inner, joint_of, named
 from tests.generator.catalogue import KINDS
@@ -51,14 +52,14 @@ def planted(kind, name="comau-nj130"):
 def measured(made):
     """Run, rig and the model of the geometry that the run shows."""
     run, cell = loaded(made)
-    rig = placed(rig_for(cell, run), run)
+    rig = locate_gauge(run_rig(cell, run), run)
     run = replace(run, samples=seen(run.samples, run.readings, run.continuous))
-    return run, rig, seen_by(Model.of(rig, cell.plan.free), run.samples)[0]
+    return run, rig, identifiable_subset(Model.of(rig, cell.plan.free), run.samples)[0]
 
 
 def left(model, run):
     """RMS [m] that a fit leaves, and its parameters."""
-    found = fit(Problem.of(model, run))
+    found = fit(FitProblem.of(model, run))
     return rms(found.problem.residual(found.errors)), dict(zip(found.model.names, found.errors, strict=True))
 
 
@@ -77,7 +78,7 @@ def test_planted_effect_is_explained_by_its_entry(kind):
     run, rig, model = measured(made)
     entries = {(e.kind, e.on): e for e in catalogue(rig, run.samples)}
     entry = entries[named(effect)]
-    more = seen_by(model.plus(list(entry.make(inner(effect)))), run.samples)[0]
+    more = identifiable_subset(model.plus(list(entry.make(inner(effect)))), run.samples)[0]
     oracle = made.oracle()[0]
     after, values = left(more, run)
     assert left(model, run)[0] > 4 * oracle
@@ -100,7 +101,7 @@ def test_no_entry_of_the_catalogue_explains_what_has_no_entry():
     for kind in NO_ENTRY:
         run, rig, model = measured(planted(kind))
         alike = next(e for e in catalogue(rig, run.samples) if e.kind == "encoder once a turn")
-        more = seen_by(model.plus(list(alike.make(None))), run.samples)[0]
+        more = identifiable_subset(model.plus(list(alike.make(None))), run.samples)[0]
         assert left(more, run)[0] > 0.5 * left(model, run)[0]
 
 

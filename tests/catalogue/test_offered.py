@@ -6,9 +6,9 @@ from string import Formatter
 import numpy as np
 import pytest
 
-from planner.catalogue import catalogue
+import tests.identification.rigs as rigs
+from planner.effects.catalogue import catalogue
 from tests.catalogue.test_phis import everything
-from tests.identification import rigs
 
 NEEDS = {
     "temperature": {"link growth", "thermal drift", "gauge growth"},

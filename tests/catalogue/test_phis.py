@@ -6,23 +6,33 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.catalogue import catalogue
-from planner.catalogue.site import twisting
-from planner.effects import Context
+import tests.identification.rigs as rigs
+from planner.effects.backlash import ApproachDirection, Hysteresis, SettlingError, SpeedLag, SpeedSign
 from planner.effects.basis import ONE
-from planner.effects.gauge import BarAlong, Growth, LengthLag, LengthPower, PointLag, Ray, RayGrowth, Refraction, Sag
-from planner.effects.heat import Elapsed, Remounted, Warmth, WarmUp
-from planner.effects.keys import phi_of
-from planner.effects.loads import DriveTorque, LoadMoment, PayloadTorque, TipMoment, TorqueSign, WeightTorque
-from planner.effects.motion import Approach, Behind, Hysteresis, SpeedSign, Unsettled
-from planner.effects.waves import Angle, Cosine, Sine
-from planner.model import Model, Parameter
-from planner.model.parameters import transform
-from planner.run import Samples
+from planner.effects.catalogue import catalogue
+from planner.effects.context import Context
+from planner.effects.effect import twist_moves
+from planner.effects.gauge_functions import (
+    BallOffset,
+    BarSag,
+    BeamRefraction,
+    GaugeRay,
+    LengthGrowth,
+    LengthLag,
+    LengthPower,
+    PointLag,
+    RayGrowth,
+)
+from planner.effects.gears import Angle, Cosine, Sine
+from planner.effects.load_functions import DriveTorque, LoadMoment, PayloadTorque, TipMoment, TorqueSign, WeightTorque
+from planner.effects.parameters import Parameter, transform_move
+from planner.effects.phi_keys import phi_from_key
+from planner.effects.thermal import ElapsedTime, MountedAnew, TemperatureRise, WarmUp
+from planner.model.model import Model
+from planner.runs.run import Samples
 from tests.generator.arm import Arm
 from tests.generator.benches import BENCHES
 from tests.generator.scene import Scene
-from tests.identification import rigs
 from tests.identification.test_jacobian import agreeing
 
 
@@ -86,7 +96,7 @@ def test_keys_tell_functions_apart_and_lead_back_to_them():
     phis |= {TipMoment(0), TipMoment(1)}
     keys = {phi.key for phi in phis}
     assert len(keys) == len(phis) > 150
-    assert all(phi_of(phi.key, 6) == phi for phi in phis)
+    assert all(phi_from_key(phi.key, 6) == phi for phi in phis)
 
 
 def context(name="comau-nj130", kind="length", n=40, seed=5):
@@ -129,8 +139,8 @@ def test_a_twist_is_the_transform_it_stands_for():
     """alpha1 … alpha5 turn about the x axis of the next joint's frame: the same columns."""
     c = context("comau-nj130", "pose")
     for link in range(1, 6):
-        direct = Parameter("direct", "rad", 1e-3, "", transform(c.rig.chain.index(f"alpha{link}")))
-        twist = Parameter("twist", "rad", 1e-3, "", twisting(link + 1, 0, ONE))
+        direct = Parameter("direct", "rad", 1e-3, "", transform_move(c.rig.chain.index(f"alpha{link}")))
+        twist = Parameter("twist", "rad", 1e-3, "", twist_moves(link + 1, 0, ONE))
         rows = Model(c.rig, (direct, twist)).rows(c.samples)
         assert np.allclose(rows[..., 0], rows[..., 1], atol=1e-12)
 
@@ -186,20 +196,20 @@ def test_plain_formulas():
         Cosine(2, 12.5): np.cos(12.5 * q[:, 2]),
         Angle(1, 0.3): q[:, 1] - 0.3,
         SpeedSign(3): np.where(s.speed[:, 3] > 0, 0.5, -0.5),
-        Approach(3): s.direction[:, 3] / 2,
-        Behind(4): -theta_speed[:, 4],
-        Unsettled(0): (s.q_cmd - s.q_read)[:, 0] * c.rig.robot.sense_matrix[0, 0],
+        ApproachDirection(3): s.direction[:, 3] / 2,
+        SpeedLag(4): -theta_speed[:, 4],
+        SettlingError(0): (s.q_cmd - s.q_read)[:, 0] * c.rig.robot.sense_matrix[0, 0],
         DriveTorque(1): -s.torque[:, 1] * c.rig.robot.sense_matrix[1, 1],
         TorqueSign(1): np.sign(c.load_torque[:, 1]) / 2,
-        Warmth(21.0): s.temperature - 21.0,
-        Elapsed(5.0): s.t - 5.0,
+        TemperatureRise(21.0): s.temperature - 21.0,
+        ElapsedTime(5.0): s.t - 5.0,
         WarmUp(5.0, 600.0): 1 - np.exp(-(s.t - 5.0) / 600.0),
-        Remounted(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
+        MountedAnew(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
         LengthPower(0.4, 0.1, 3): ((s.length - 0.4) / 0.1) ** 3,
-        Growth(20.0): (s.temperature - 20.0) * s.length,
-        BarAlong("fixture", 1): e[:, 1],
-        BarAlong("tool", 2): np.einsum("nij,ni->nj", R_BF, e)[:, 2],
-        Sag(0.4): (s.length / 0.4) ** 3 * horizontal**2,
+        LengthGrowth(20.0): (s.temperature - 20.0) * s.length,
+        BallOffset("fixture", 1): e[:, 1],
+        BallOffset("tool", 2): np.einsum("nij,ni->nj", R_BF, e)[:, 2],
+        BarSag(0.4): (s.length / 0.4) ** 3 * horizontal**2,
     }
     for phi, expected in both.items():
         assert np.allclose(phi(c), expected, atol=1e-12), phi
@@ -209,9 +219,9 @@ def test_plain_formulas_of_a_tracker():
     c = context(kind="position")
     ray = c.motion.x.T - c.rig.p_BG[c.samples.place]
     up = -c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
-    assert np.allclose(Ray(1)(c), ray[:, 1])
+    assert np.allclose(GaugeRay(1)(c), ray[:, 1])
     assert np.allclose(RayGrowth(2, 20.0)(c), (c.samples.temperature - 20.0) * ray[:, 2])
-    assert np.allclose(Refraction(0)(c), up[0] * np.linalg.norm(ray, axis=1) ** 2)
+    assert np.allclose(BeamRefraction(0)(c), up[0] * np.linalg.norm(ray, axis=1) ** 2)
     R_BF, at = np.moveaxis(c.stations.R[-1], 2, 0), c.stations.p[-1].T
     moment = np.einsum("nij,ni->nj", R_BF, np.cross(c.motion.x.T - at, c.rig.gravity_B))
     assert np.allclose(TipMoment(1)(c), moment[:, 1])

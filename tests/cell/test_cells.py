@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.cell import load_cell, shipped_cells
-from planner.errors import InputError
+from planner.cell.reading import load_cell, shipped_cells
+from planner.common.errors import InputError
 
 TEXT = load_cell("comau-nj130/edbb").path.read_text()
 

@@ -4,11 +4,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.cell import load_cell, shipped_cells
-from planner.chain import Chain
-from planner.robot import load_robot, shipped_robots
+from planner.cell.reading import load_cell, shipped_cells
+from planner.kinematics.chain import Chain
+from planner.kinematics.robot_reader import list_robots, load_robot
 
-ROBOTS = shipped_robots()
+ROBOTS = list_robots()
 
 
 def states(robot, count, seed=0):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell, shipped_cells
-from planner.choice import what_is_seen
-from planner.model import Model
+from planner.cell.reading import load_cell, shipped_cells
+from planner.design.candidates.pool import draw_candidates
+from planner.design.pose_selection import identify_candidates
+from planner.model.model import Model
 
 
 @pytest.mark.parametrize("name", [n for n in shipped_cells() if load_cell(n).gauge.is_bar])
@@ -48,7 +48,7 @@ def test_what_the_bar_sees_of_the_nj130(cell_name, free, beta, columns, rank):
 
 def test_the_paper_drops_d3_and_the_last_angle_and_says_why():
     cell = load_cell("comau-nj130/paper")
-    _, seen, rows = what_is_seen(cell, draw_candidates(cell, 1500))
+    _, seen, rows = identify_candidates(cell, draw_candidates(cell, 1500))
     assert rows.shape[2] == seen.rank == 22
     reasons = {d.name: d.because for d in seen.dropped}
     assert set(reasons) == {"d3", "theta6"}

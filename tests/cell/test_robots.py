@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.resources import folder
-from planner.robot import load_robot, shipped_robots
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import data_folder
+from planner.kinematics.robot_reader import list_robots, load_robot
 
 TOPICS = ("kinematics", "limits", "speeds", "accelerations", "jerks", "bodies")
 
@@ -35,7 +35,7 @@ def urdf_text(axes, mesh=None):
     return URDF.format(links=links, joints=joints + tip + '<origin xyz="0 0.1 0.2" rpy="0.4 0 0"/></joint>')
 
 
-@pytest.mark.parametrize("name", shipped_robots())
+@pytest.mark.parametrize("name", list_robots())
 def test_every_robot_gives_its_sources(name):
     robot = load_robot(name)
     topics = " ".join(topic for topic, _ in robot.sources)
@@ -155,7 +155,7 @@ def test_a_urdf_with_joints_that_do_not_match_its_rows(tmp_path):
 
 
 def test_a_robot_for_identification_needs_no_limits_but_planning_says_which_is_missing(tmp_path):
-    text = (folder("robots") / "ur10" / "robot.toml").read_text()
+    text = (data_folder("robots") / "ur10" / "robot.toml").read_text()
     bare = re.sub(r"(?m)^(limit_deg|speed_deg_s|acceleration_deg_s2|jerk_deg_s3) = .*\n", "", text)
     (tmp_path / "bare.toml").write_text(bare)
     robot = load_robot(str(tmp_path / "bare.toml"))

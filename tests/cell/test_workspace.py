@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell, shipped_cells
-from planner.chain import Chain
-from planner.workspace import STAGES, Workspace, axis_reach, swing
+from planner.cell.reading import load_cell, shipped_cells
+from planner.cell.workspace import STAGES, Workspace, axis_reach, parallel_transport
+from planner.design.candidates.pool import draw_candidates
+from planner.kinematics.chain import Chain
 
 DRAWN = [n for n in shipped_cells() if load_cell(n).gauge.head is None]
 
@@ -59,7 +59,7 @@ def test_axis_reach_bounds_every_lever(name):
 
 
 def test_axis_reach_of_random_chains():
-    from planner.chain import Transform
+    from planner.kinematics.chain import Transform
 
     rng = np.random.default_rng(7)
     for _ in range(30):
@@ -91,7 +91,7 @@ def test_spin_is_the_turn_of_the_tool_about_the_bar():
     b = Rotation.from_euler("xyz", [0.4, -0.9, 0.2]).apply(a)
     turn = Rotation.from_rotvec(np.cross(a, b)[0] / np.linalg.norm(np.cross(a, b)) * np.arccos((a @ b.T).item()))
     v = np.array([[0.3, -0.5, 0.8]])
-    np.testing.assert_allclose(swing(v, a, b), turn.apply(v), atol=1e-12)
+    np.testing.assert_allclose(parallel_transport(v, a, b), turn.apply(v), atol=1e-12)
 
 
 def test_spin_counts_the_last_axis_where_the_bar_lies_along_it():

@@ -5,16 +5,18 @@ from contextlib import ExitStack
 
 import pytest
 
-from planner.centring import (
-    Bench,
-    Stop,
-    open_indicators,
-    open_link,
-    open_session,
-    protocol,
-    run_session,
+from planner.instruments.centring.indicators import open_indicators
+from planner.instruments.centring.protocols import find_protocol
+from planner.instruments.centring.robot_link import open_link
+from planner.instruments.centring.session import CentringBench, open_session, run_session
+from planner.instruments.centring.settings import (
+    CentringSettings,
+    HeadSettings,
+    MoveSettings,
+    RestSettings,
+    RobotSettings,
 )
-from planner.centring.settings import HeadFile, MovesFile, RestFile, RobotFile, Settings
+from planner.instruments.centring.stop import StopRequest
 from tests.centring.devices import Controller, indicator
 from tests.centring.world import World
 from tests.centring.world import plan as plan_of
@@ -23,11 +25,11 @@ OFFSETS = {1: (3.0, -2.0, 1.5), 3: (-2.8, 2.9, -2.9), 5: (0.4, 0.02, -0.7), 7: (
 
 
 def settings(head=None, rest=None, moves=None, robot=None):
-    return Settings(
-        head=HeadFile(**({"timeout_s": 0.2} | (head or {}))),
-        rest=RestFile(**({"settle_s": 0.0} | (rest or {}))),
-        moves=MovesFile(**(moves or {})),
-        robot=RobotFile(**({"answer_s": 1.0, "poll_s": 0.002, "move_s": 5.0} | (robot or {}))),
+    return CentringSettings(
+        head=HeadSettings(**({"timeout_s": 0.2} | (head or {}))),
+        rest=RestSettings(**({"settle_s": 0.0} | (rest or {}))),
+        moves=MoveSettings(**(moves or {})),
+        robot=RobotSettings(**({"answer_s": 1.0, "poll_s": 0.002, "move_s": 5.0} | (robot or {}))),
     )
 
 
@@ -43,7 +45,7 @@ class Cell:
         self.terminals = [indicator(self.world, k, lose=lose, seed=k) for k in range(3)]
         self.ports = [t.port for t in self.terminals]
         self.controller = Controller(self.world, **(faults or {}))
-        self.stop, self.said = Stop(), []
+        self.stop, self.said = StopRequest(), []
         for device in (*self.terminals, self.controller):
             stack.callback(device.close)
 
@@ -52,17 +54,17 @@ class Cell:
         self.controller.close()
         self.controller = Controller(self.world, **faults)
         self.stack.callback(self.controller.close)
-        self.stop = Stop()
+        self.stop = StopRequest()
 
     def run(self, how=None, follow=False):
         how = how or settings()
         with ExitStack() as opened:
             session = open_session(self.plan, self.output)
-            head = open_indicators(self.ports, protocol(how.head.protocol), how.head, self.stop)
+            head = open_indicators(self.ports, find_protocol(how.head.protocol), how.head, self.stop)
             opened.callback(head.close)
             link = open_link(self.controller.address, 6, how.robot, self.stop, follow)
             opened.callback(link.close)
-            run_session(session, Bench(head, link, how, self.stop, self.said.append), follow)
+            run_session(session, CentringBench(head, link, how, self.stop, self.said.append), follow)
         return session
 
 

@@ -10,8 +10,8 @@ import tty
 
 import numpy as np
 
-from planner.centring import centring_program
-from planner.centring.settings import RobotFile
+from planner.instruments.centring.robot_link import centring_program
+from planner.instruments.centring.settings import RobotSettings
 from tests.centring.krl import Program, text_of, value_of
 from tests.centring.world import pose, shifted
 
@@ -89,7 +89,7 @@ class Controller:
 
     def __init__(self, world, **faults):
         self.world, self.faults = world, faults
-        files = centring_program(RobotFile(silence_s=faults.get("silence", 3.0)))
+        files = centring_program(RobotSettings(silence_s=faults.get("silence", 3.0)))
         own = faults.get("program", "")  # of the plan, which calls CENTRE
         self.krl = Program(files["EDBB_CENTRE.src"] + own, files["EDBB_CENTRE.dat"], self)
         self.values = self.krl.values

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from planner.cli.app import app
-from planner.errors import InputError
-from planner.run import load_run
+from planner.common.errors import InputError
+from planner.runs.loader import load_run
 from tests.centring.test_session import angles, rows_of
 
 QUICK = """

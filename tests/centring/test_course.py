@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from planner.centring.course import Visit, Way
+from planner.instruments.centring.path import BallVisit, PlannedPath
 
-BALLS = (Visit(1, "1", 1), Visit(2, "3", 4))
+BALLS = (BallVisit(1, "1", 1), BallVisit(2, "3", 4))
 
 
 def way(*points):
-    return Way("0123456789ab", "r", np.array(points, float)[:, None], BALLS)
+    return PlannedPath("0123456789ab", "r", np.array(points, float)[:, None], BALLS)
 
 
 def test_a_ball_is_approached_from_the_side_that_one_comes_from():

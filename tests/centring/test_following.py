@@ -2,7 +2,7 @@
 
 import pytest
 
-from planner.centring.errors import LinkError, StoppedError
+from planner.instruments.centring.stop import LinkError, StoppedError
 from tests.centring.conftest import settings
 from tests.centring.test_session import angles, rows_of
 

@@ -5,9 +5,9 @@ import threading
 
 import pytest
 
-from planner.centring import kukavarproxy
-from planner.centring.errors import LinkError
-from planner.centring.kukavarproxy import VarProxy
+import planner.instruments.centring.kukavarproxy as kukavarproxy
+from planner.instruments.centring.kukavarproxy import VarProxy
+from planner.instruments.centring.stop import LinkError
 from tests.centring.test_session import angles, rows_of
 
 

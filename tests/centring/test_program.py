@@ -6,14 +6,14 @@ import time
 import numpy as np
 import pytest
 
-from planner.centring import centring_program
-from planner.centring.settings import RobotFile
+from planner.instruments.centring.robot_link import centring_program
+from planner.instruments.centring.settings import RobotSettings
 from tests.centring.krl import Program, declared
 
 
 @pytest.fixture(scope="module")
 def files():
-    return centring_program(RobotFile(tool=3, speed_mm_s=8.0, silence_s=2.5))
+    return centring_program(RobotSettings(tool=3, speed_mm_s=8.0, silence_s=2.5))
 
 
 def test_form(files):

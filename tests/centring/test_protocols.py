@@ -5,11 +5,11 @@ import time
 
 import pytest
 
-from planner.centring import open_indicators, protocol
-from planner.centring.protocols import Refused
-from planner.centring.settings import HeadFile
-from planner.centring.stopping import Stop
-from planner.errors import InputError
+from planner.common.errors import InputError
+from planner.instruments.centring.indicators import open_indicators
+from planner.instruments.centring.protocols import RefusedReadingError, find_protocol
+from planner.instruments.centring.settings import HeadSettings
+from planner.instruments.centring.stop import StopRequest
 from tests.centring.devices import Terminal
 
 
@@ -30,14 +30,14 @@ from tests.centring.devices import Terminal
     ],
 )
 def test_sylvac(answer, millimetres):
-    value = protocol("sylvac").value(answer, 1)
+    value = find_protocol("sylvac").value(answer, 1)
     assert value == (None if millimetres is None else pytest.approx(millimetres * 1e-3, abs=1e-12))
-    assert protocol("sylvac").request(1) == b"?\r"
+    assert find_protocol("sylvac").request(1) == b"?\r"
 
 
 def test_sylvac_says_what_is_wrong():
-    with pytest.raises(Refused, match="out of its measuring range"):
-        protocol("sylvac").value(b"ERR3", 1)
+    with pytest.raises(RefusedReadingError, match="out of its measuring range"):
+        find_protocol("sylvac").value(b"ERR3", 1)
 
 
 @pytest.mark.parametrize(
@@ -52,19 +52,19 @@ def test_sylvac_says_what_is_wrong():
     ],
 )
 def test_mitutoyo(answer, channel, millimetres):
-    value = protocol("mitutoyo").value(answer, channel)
+    value = find_protocol("mitutoyo").value(answer, channel)
     assert value == (None if millimetres is None else pytest.approx(millimetres * 1e-3, abs=1e-12))
-    assert protocol("mitutoyo").request(channel) == b"%d\r" % channel
+    assert find_protocol("mitutoyo").request(channel) == b"%d\r" % channel
 
 
 def test_mitutoyo_without_an_indicator():
-    with pytest.raises(Refused, match="error 911"):
-        protocol("mitutoyo").value(b"911", 1)
+    with pytest.raises(RefusedReadingError, match="error 911"):
+        find_protocol("mitutoyo").value(b"911", 1)
 
 
 def test_an_unknown_protocol_names_the_nearest():
     with pytest.raises(InputError, match="no indicator protocol 'silvac'; did you mean \"sylvac\""):
-        protocol("silvac")
+        find_protocol("silvac")
 
 
 @pytest.mark.parametrize(
@@ -78,12 +78,12 @@ def test_an_unknown_protocol_names_the_nearest():
 )
 def test_ports_that_cannot_be(ports, says):
     with pytest.raises(InputError, match=says):
-        open_indicators(ports, protocol("sylvac"), HeadFile(), Stop())
+        open_indicators(ports, find_protocol("sylvac"), HeadSettings(), StopRequest())
 
 
 def test_what_was_sent_unasked_is_not_taken_for_the_answer():
     terminals = [Terminal(lambda request: b"+00.0100\r") for _ in range(3)]
-    head = open_indicators([t.port for t in terminals], protocol("sylvac"), HeadFile(), Stop())
+    head = open_indicators([t.port for t in terminals], find_protocol("sylvac"), HeadSettings(), StopRequest())
     try:
         for terminal in terminals:
             os.write(terminal.master, b"+03.0000\r+0")  # somebody pressed its button, and began to again

@@ -6,10 +6,10 @@ import threading
 
 import pytest
 
-from planner.centring import open_session
-from planner.centring.errors import LinkError, StoppedError
-from planner.errors import InputError
-from planner.run import load_run
+from planner.common.errors import InputError
+from planner.instruments.centring.session import open_session
+from planner.instruments.centring.stop import LinkError, StoppedError
+from planner.runs.loader import load_run
 from tests.centring.test_session import rows_of
 
 

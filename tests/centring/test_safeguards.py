@@ -6,7 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from planner.centring.errors import (
+from planner.common.errors import InputError, NoSolutionError
+from planner.instruments.centring.stop import (
     ContactError,
     DivergingError,
     LinkError,
@@ -16,7 +17,6 @@ from planner.centring.errors import (
     StuckError,
     UnsettledError,
 )
-from planner.errors import InputError, NoSolutionError
 from tests.centring.conftest import OFFSETS, settings
 from tests.centring.test_session import angles, rows_of
 from tests.centring.world import pose

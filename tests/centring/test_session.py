@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from planner.run import load_run
+from planner.runs.loader import load_run
 from tests.centring.conftest import OFFSETS, settings
 from tests.centring.devices import multiplexer
 from tests.centring.world import pose, turn

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from planner.centring.errors import DivergingError, StuckError
-from planner.centring.safeguards import Watch
-from planner.centring.settings import MovesFile
+from planner.instruments.centring.procedure import FollowingCheck
+from planner.instruments.centring.settings import MoveSettings
+from planner.instruments.centring.stop import DivergingError, StuckError
 
 MM = 1e-3
 
 
 def watch(*readings, moves, to_tool=None):
     """A watch that has seen the readings [mm], with the moves [mm] between them."""
-    made = Watch(np.eye(3) if to_tool is None else np.array(to_tool), MovesFile())
+    made = FollowingCheck(np.eye(3) if to_tool is None else np.array(to_tool), MoveSettings())
     for k, reading in enumerate(readings):
         if k:
             made.moved(np.array(moves[k - 1]) * MM)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from planner.cell import load_cell
-from planner.workflow import Options, Stages
-from planner.workflow.circling import plan_circles
+from planner.cell.reading import load_cell
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.workflow.circle_planning import plan_circles
 
 ARC = """
 [[circles]]
@@ -43,4 +43,4 @@ def planned(tmp_path_factory):
         '\n[[circles]]\nname = "round"\nradius_mm = 350\nstart_deg = 180\nspeed_mm_s = 100\novershoot_deg = 10\n' + ARC
     )
     path = cell_file(tmp_path_factory.mktemp("cell"), circles)
-    return plan_circles(load_cell(str(path)), Options(dialects=("krl", "rapid", "din66025", "bnr")), quiet())
+    return plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl", "rapid", "din66025", "bnr")), quiet())

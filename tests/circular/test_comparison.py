@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from planner.candidates import draw_candidates
-from planner.rig import Targets
-from planner.run import Samples
-from planner.simulation import drawn
-from planner.workflow.circle_comparison import PAPER, compared, placed_by_robot, pointing
-from planner.workflow.circle_reading import circle_samples
+from planner.cell.setup import Targets
+from planner.design.candidates.pool import draw_candidates
+from planner.runs.run import Samples
+from planner.simulation.truth import draw_truth
+from planner.workflow.circle_comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
+from planner.workflow.plan_reading import circle_samples
 
 
 def test_published_numbers():
@@ -19,7 +19,7 @@ def test_published_numbers():
 def test_a_circle_uses_and_shows_less(planned):
     poses = draw_candidates(planned.cell, 300, 0).q
     shell = Samples(q=poses, place=np.zeros(len(poses), dtype=int))
-    found = compared(planned.cell, circle_samples(planned, ways=False), shell, range(4))
+    found = compare_samples(planned.cell, circle_samples(planned, ways=False), shell, range(4))
     for one in found:
         assert 0.0 < one.circle.length < 20e-3 < 150e-3 < one.path.length
         # the planned length does not change on a circle: all that the bar does there is deviation
@@ -30,11 +30,11 @@ def test_a_circle_uses_and_shows_less(planned):
 def test_the_fixture_stands_where_the_robot_put_it(planned):
     """Driven onto its fixture again, in that very state, the robot finds the ball: the bar has no length."""
     cell = planned.cell
-    truth = drawn(cell, 3)
-    errors = placed_by_robot(cell, truth.model, np.array(truth.errors))
+    truth = draw_truth(cell, 3)
+    errors = place_fixtures_by_robot(cell, truth.model, np.array(truth.errors))
     moved = errors[[truth.model.names.index(f"fixture_A_{a}") for a in "xyz"]]
     assert 1e-4 < np.linalg.norm(moved) < 2e-2
-    q = pointing(cell, cell.fixtures[0].p_BX)
+    q = solve_fixture_pose(cell, cell.fixtures[0].p_BX)
     assert np.abs(cell.map_position(q)[0] - cell.fixtures[0].p_BX).max() < 1e-9
     length = -truth.model.residual(Samples(q, np.zeros(1, dtype=int)), Targets(length=np.zeros(1)), errors)
     assert np.abs(length).max() < 1e-9

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from planner.circular.concentric import fitted, narrowest
-from planner.circular.figures import circle_figures
-from planner.circular.measured import Ring, Trace
-from planner.circular.reversal import reversals
+from planner.instruments.circular.figures import circle_figures, fit_circle, minimum_zone
+from planner.instruments.circular.reversal import find_reversals
+from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
 
 R = 0.350
 UM = 1e-6
@@ -15,7 +14,7 @@ UM = 1e-6
 
 def ring(sweep=2 * np.pi, start=0.0, fixture=(0.0, 0.0, 0.0)):
     axes = np.eye(3)[:2]
-    return Ring("XY", "XY", 0, np.zeros(3), np.array(fixture), axes, R, start, sweep, ())
+    return MeasuredCircle("XY", "XY", 0, np.zeros(3), np.array(fixture), axes, R, start, sweep, ())
 
 
 def joints(angle):
@@ -31,7 +30,7 @@ def trace(radial, direction=1, sweep=2 * np.pi, offset=(0.0, 0.0), n=4000, start
     across = np.hypot(*offset) ** 2 - shift**2
     wanted = R + radial(angle)
     length = np.hypot(shift + np.sqrt(wanted**2 - across), height)
-    return Trace(0, direction, 0, angle, length, np.full(n, np.hypot(R, height)), joints(angle), None)
+    return Sweep(0, direction, 0, angle, length, np.full(n, np.hypot(R, height)), joints(angle), None)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (8e-4, -5e-4)])
@@ -96,7 +95,7 @@ def test_minimum_zone_against_brute_force():
     bump = 30 * UM * np.exp(-(((angle - 1.0) / 0.2) ** 2))
     r = R + 12 * UM * np.cos(3 * angle + 0.3) + bump + rng.normal(scale=2 * UM, size=len(angle))
     points = r[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) + [2e-4, 1e-4]
-    about = fitted(points)
+    about = fit_circle(points)
 
     def zone(shift):
         return np.ptp(np.linalg.norm(points - about.centre - shift * UM, axis=1)) / UM
@@ -105,7 +104,7 @@ def test_minimum_zone_against_brute_force():
         (minimize(zone, s, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-6, "maxiter": 4000}).fun)
         for s in rng.normal(scale=5.0, size=(6, 2))
     )
-    assert narrowest(points, about) / UM == pytest.approx(best, abs=0.02)
+    assert minimum_zone(points, about) / UM == pytest.approx(best, abs=0.02)
     assert best < zone(np.zeros(2)) - 0.2  # the least-squares centre is not the best one
 
 
@@ -116,7 +115,7 @@ def test_a_reversal_and_its_jump(direction):
     angle = np.linspace(0.0, np.pi, 9000)[::direction]
     after = (angle > 1.0) if direction == 1 else (angle < 1.0)
     radial = 200 * UM * np.sin(2 * angle) + 8 * UM * after + rng.normal(scale=0.3 * UM, size=len(angle))
-    (found,) = reversals(angle, joints(angle), radial, direction)
+    (found,) = find_reversals(angle, joints(angle), radial, direction)
     assert found.joints == (0,)  # the other joint stands still
     assert found.angle == pytest.approx(1.0, abs=np.deg2rad(0.3))
     assert found.step == pytest.approx(8 * UM, abs=0.6 * UM)
@@ -127,5 +126,5 @@ def test_where_nothing_jumps_the_reversal_says_so():
     rng = np.random.default_rng(6)
     angle = np.linspace(0.0, np.pi, 9000)
     wander = np.cumsum(rng.normal(scale=0.05 * UM, size=len(angle)))
-    (found,) = reversals(angle, joints(angle), wander, 1)
+    (found,) = find_reversals(angle, joints(angle), wander, 1)
     assert abs(found.step) < 4 * found.std

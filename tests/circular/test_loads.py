@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.program import Pause
-from planner.workflow import Options
-from planner.workflow.circle_reading import circle_samples
-from planner.workflow.circle_session import circle_session
-from planner.workflow.circling import plan_circles
+from planner.cell.reading import load_cell
+from planner.programs.instructions import Pause
+from planner.session.bar_planning import PlanOptions
+from planner.workflow.circle_planning import circle_program, plan_circles
+from planner.workflow.plan_reading import circle_samples
 from tests.circular.conftest import quiet
 
 CIRCLE = """
@@ -28,7 +27,7 @@ def loaded(tmp_path_factory):
     text = load_cell("abb-irb6700/ldbb").path.read_text().split("[[circles]]")[0]
     path = tmp_path_factory.mktemp("loaded") / "ldbb.toml"
     path.write_text(text + CIRCLE)
-    return plan_circles(load_cell(str(path)), Options(dialects=("krl",)), quiet())
+    return plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl",)), quiet())
 
 
 def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):
@@ -49,7 +48,7 @@ def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):
 
 
 def test_the_operator_sets_every_load_once(loaded):
-    said = [i.message for i in circle_session(loaded, dense=False).instructions if isinstance(i, Pause)]
+    said = [i.message for i in circle_program(loaded, dense=False).instructions if isinstance(i, Pause)]
     assert said[1:3] == ["set the load to 125 N", "set the load to 250 N"]
     assert len(said) == 4  # attach and take off beside them
 

@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.circular import circular_text, evaluate_circles, read_circular_plan
-from planner.circular.results import circular_test_content
-from planner.errors import InputError
-from planner.run import Readings, Run
-from planner.workflow.circle_reading import circle_samples
+from planner.common.errors import InputError
+from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
+from planner.instruments.circular.plan import circular_text, read_circular_plan
+from planner.runs.run import Readings, Run
+from planner.workflow.plan_reading import circle_samples
 
 PLAY = 6e-5  # [rad] of joint 1
 SHIFT = np.array([2e-4, -3e-4, 0.0])  # [m] of the fixture

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.circular import plan_arc, read_circular_plan
-from planner.errors import InputError, NoSolutionError
-from planner.workflow import Options
-from planner.workflow.circling import plan_circles
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError, NoSolutionError
+from planner.instruments.circular.arc import plan_arc
+from planner.instruments.circular.plan import read_circular_plan
+from planner.session.bar_planning import PlanOptions
+from planner.workflow.circle_planning import plan_circles
 from tests.circular.conftest import ARC, cell_file, quiet
 
 ROUND = "\n[[circles]]\nradius_mm = 350\n"
@@ -99,7 +100,7 @@ def test_something_in_the_way(tmp_path):
 
 def test_no_circle_to_plan(tmp_path):
     with pytest.raises(InputError, match="at least one"):
-        plan_circles(load(tmp_path, ""), Options(), quiet())
+        plan_circles(load(tmp_path, ""), PlanOptions(), quiet())
 
 
 def test_a_plan_of_another_kind(tmp_path):

@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 
-from planner.cli.verbs import VERBS
+from planner.cli.app import VERBS
 from tests.workflow.conftest import edbb
 
 HEAVY = {"ompl", "fcl", "polars", "matplotlib", "plotly", "scipy.stats", "scipy.optimize"}

@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from planner.cell import Cell, load_cell
-from planner.collision import CollisionWorld, FclJudge
-from planner.path.distances import CoalPairs, FclPairs
-from planner.units import Array
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.common.units import Array
+from planner.motion.collision.engines import CoalPairs, CollisionWorld, FclPairs, FclWorld
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
 
@@ -94,7 +94,7 @@ def closest(a: Array, b: Array) -> float:
 def test_capsule_distances_are_those_of_numeric_minimisation(name: str) -> None:
     w, q = world(name), states(name, 6)
     ends, radii = segments(w, q)
-    coal, fcl = w.distances(q), FclJudge(w.scene).distances(q)
+    coal, fcl = w.distances(q), FclWorld(w.scene).distances(q)
     pairs = [k for k, (a, b) in enumerate(w.scene.pairs) if not np.isnan(ends[0, [a, b]]).any()]
     rng, compared = np.random.default_rng(0), 0
     for i in range(len(q)):
@@ -114,7 +114,7 @@ def test_capsule_distances_are_those_of_numeric_minimisation(name: str) -> None:
 @pytest.mark.parametrize("name", CELLS)
 def test_engines_agree_on_random_states(name: str) -> None:
     w, q = world(name), states(name, 1500)
-    coal, fcl = w.distances(q), FclJudge(w.scene).distances(q)
+    coal, fcl = w.distances(q), FclWorld(w.scene).distances(q)
     clear = np.abs(coal) > 1e-5
     np.testing.assert_array_equal((coal > 0.0)[clear], (fcl > 0.0)[clear])
     round_ = np.broadcast_to(round_pairs(w), coal.shape) & (coal > 0.0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.collision import CollisionWorld, FclJudge
-from planner.errors import InputError
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.motion.collision.engines import CollisionWorld, FclWorld
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
 FACES = [
@@ -54,7 +54,7 @@ def test_a_mesh_keeps_the_distances_of_its_box(tmp_path):
         world = CollisionWorld.from_cell(cell_with(tmp_path, obstacle))
         pairs = [k for k in range(len(world.scene.pairs)) if "block" in world.scene.pair_name(k)]
         assert pairs
-        found.append((world.distances(q)[:, pairs], world.collides(q), FclJudge(world.scene).distances(q)[:, pairs]))
+        found.append((world.distances(q)[:, pairs], world.collides(q), FclWorld(world.scene).distances(q)[:, pairs]))
     mesh, box = found
     apart = box[0] > 1e-3
     np.testing.assert_allclose(mesh[0][apart], box[0][apart], atol=1e-5)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from planner.chain import Chain
-from planner.robot import load_robot
-from planner.robot.model import elementary
+from planner.kinematics.chain import Chain
+from planner.kinematics.robot import elementary_placement
+from planner.kinematics.robot_reader import load_robot
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def pin_flange(bent_robot, q):
     theta, delta = robot.theta(q[None])[0], bent_robot.values(q[None])
     T = pin.SE3.Identity()
     for t, d in zip(robot.transforms, delta, strict=True):
-        T = T * elementary(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint]))
+        T = T * elementary_placement(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint]))
     return T.homogeneous
 
 

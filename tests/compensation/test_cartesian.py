@@ -8,9 +8,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from planner.compensation import Frames, compensate_file
-from planner.errors import InputError
-from planner.robot.model import elementary
+from planner.common.errors import InputError
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.targets import ToolAndBase
+from planner.kinematics.robot import elementary_placement
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
 
 TOOL = np.array([30.0, -20.0, 180.0, 10.0, -35.0, 90.0])  # X Y Z [mm] A B C [deg]
@@ -139,7 +140,7 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     with pytest.raises(InputError, match=r"part\.dat:2: the file does not say the tool and base .*\$config\.dat"):
         compensate_file(path, robot, real)
     table = f"TOOL_DATA[3]={frame_text(TOOL)}\nBASE_DATA[2]={frame_text(BASE)}\n"
-    done = compensate_file(path, robot, real, frames=Frames(data=table))
+    done = compensate_file(path, robot, real, frames=ToolAndBase(data=table))
     closes(robot, real, q, done.text.replace("DECL E6POS XP1=", "PTP "))
 
 
@@ -191,7 +192,7 @@ def pin_flange_of_axis(robot, q, joint):
     for t in robot.transforms:
         if t.joint == joint:
             return T.homogeneous
-        T = T * elementary(t, t.nominal + (0.0 if t.joint is None else theta[t.joint]))
+        T = T * elementary_placement(t, t.nominal + (0.0 if t.joint is None else theta[t.joint]))
     raise AssertionError
 
 

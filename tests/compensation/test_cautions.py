@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.compensation import Frames, compensate_file
-from planner.errors import InputError, NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.targets import ToolAndBase
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import BASE, TOOL, frame_text, krl, matrix, poses_in
 
@@ -126,5 +127,5 @@ def test_frames_that_are_not_said_name_the_options(kuka, tmp_path):
     (tmp_path / "p.src").write_text(text)
     with pytest.raises(InputError, match=r"\(--frames\), or name them yourself \(--tool, --base\)"):
         compensate_file(tmp_path / "p.src", robot, real)
-    done = compensate_file(tmp_path / "p.src", robot, real, frames=Frames(matrix(TOOL), matrix(BASE)))
+    done = compensate_file(tmp_path / "p.src", robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
     assert done.report.poses == 1

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.compensation import compensate_file
-from planner.errors import InputError, NoSolutionError
-from planner.program import dialects, read_back, write_program
-from planner.robot import load_robot
+import tests.program.sessions as sessions
+from planner.common.errors import InputError, NoSolutionError
+from planner.compensation.compensated_file import compensate_file
+from planner.kinematics.robot_reader import load_robot
+from planner.programs.program_files import dialects, read_back, write_program
 from tests.compensation.robots import BentRobot, bent, exact, regular_angles, unlimited
-from tests.program import sessions
 
 HALF = np.radians(0.5)
 NAMES = [d.name for d in dialects()]

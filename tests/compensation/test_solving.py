@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.chain import Transform
-from planner.compensation import NominalPoser, corrected_joints
-from planner.compensation.poser import flange_jacobian
-from planner.units import frozen
+from planner.common.units import read_only
+from planner.compensation.correction import NominalPoser, correct_joints, flange_jacobian
+from planner.kinematics.chain import Transform
 from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regular_angles
 
 ROBOTS = ["comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120"]
@@ -18,7 +17,7 @@ ROBOTS = ["comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120"]
 def test_a_thousand_targets_close_below_a_micrometre(name):
     robot, real = bent(name)
     q = regular_angles(robot, 1000)
-    done = corrected_joints(robot, NominalPoser(robot), real, q)
+    done = correct_joints(robot, NominalPoser(robot), real, q)
     assert done.solved.all()
     assert done.within.all()
     (p, R), (p_new, R_new) = NominalPoser(robot).flange(q), real.flange(done.q)
@@ -32,7 +31,7 @@ def test_a_thousand_targets_close_below_a_micrometre(name):
 def test_the_loop_closes_for_pinocchio_too(name):
     robot, real = bent(name, seed=1)
     q = regular_angles(robot, 20, seed=1)
-    done = corrected_joints(robot, NominalPoser(robot), real, q)
+    done = correct_joints(robot, NominalPoser(robot), real, q)
     for wanted, corrected in zip(q, done.q, strict=True):
         T, T_new = pin_flange(exact(robot), wanted), pin_flange(real, corrected)
         assert np.abs(T - T_new).max() < 1e-6
@@ -55,7 +54,7 @@ def test_a_known_error_of_a_zero_position_is_undone():
     robot, _ = bent("comau-nj130")
     delta = np.array([0.01 if t.joint == 2 else 0.0 for t in robot.transforms])
     q = regular_angles(robot, 50)
-    done = corrected_joints(robot, NominalPoser(robot), BentRobot(robot, delta), q)
+    done = correct_joints(robot, NominalPoser(robot), BentRobot(robot, delta), q)
     expected = np.linalg.solve(robot.sense_matrix, np.eye(6)[2] * -0.01)
     np.testing.assert_allclose(done.moved, np.tile(expected, (50, 1)), atol=1e-8)
 
@@ -65,8 +64,8 @@ def test_targets_that_cannot_be_corrected_are_marked():
     q = np.radians([[0, -90, 90, 0, 0, 0], [10, -70, 100, 20, 40, 349.999], [10, -70, 100, 20, 40, 30]])
     sign = -np.sign(robot.sense_matrix[5, 5])
     turned = BentRobot(robot, np.array([sign * 0.01 if t.joint == 5 else 0.0 for t in robot.transforms]))
-    assert corrected_joints(robot, NominalPoser(robot), turned, q).within.tolist() == [True, False, True]
-    done = corrected_joints(robot, NominalPoser(robot), real, q)
+    assert correct_joints(robot, NominalPoser(robot), turned, q).within.tolist() == [True, False, True]
+    done = correct_joints(robot, NominalPoser(robot), real, q)
     assert done.good.tolist()[0] is False  # a straight wrist: the lost direction cannot be corrected
     assert done.good.tolist()[2] is True
 
@@ -77,7 +76,7 @@ def test_seven_joints_move_as_little_as_possible():
     q = np.hstack([regular_angles(robot, 100), np.full((100, 1), 0.3)])
     rng = np.random.default_rng(2)
     arm = BentRobot(seven, rng.normal(0, 1e-4, len(seven.transforms)))
-    done = corrected_joints(seven, NominalPoser(seven), arm, q)
+    done = correct_joints(seven, NominalPoser(seven), arm, q)
     assert done.solved.all()
     J = flange_jacobian(seven, q)
     null = np.linalg.svd(J)[2][:, -1]
@@ -91,7 +90,7 @@ def test_five_joints_keep_position_and_axis():
     rng = np.random.default_rng(3)
     arm = BentRobot(five, rng.normal(0, 1e-4, len(five.transforms)))
     q = regular_angles(robot, 300)[:, :5]
-    done = corrected_joints(five, NominalPoser(five), arm, q)
+    done = correct_joints(five, NominalPoser(five), arm, q)
     assert done.solved.mean() > 0.95
     (p, R), (p_new, R_new) = NominalPoser(five).flange(q), arm.flange(done.q)
     assert np.abs(p - p_new)[done.solved].max() < 1e-6
@@ -113,14 +112,14 @@ def five_joints(robot):
 
 def _with_joints(robot, transforms, n):
     def cut(v, fill):
-        return frozen(np.append(v, fill)[:n])
+        return read_only(np.append(v, fill)[:n])
 
     A = np.eye(7)
     A[:6, :6] = robot.sense_matrix
     return replace(
         robot,
         transforms=transforms,
-        sense_matrix=frozen(A[:n, :n]),
+        sense_matrix=read_only(A[:n, :n]),
         theta_zero=cut(robot.theta_zero, 0.0),
         q_lower=cut(robot.q_lower, -3.0),
         q_upper=cut(robot.q_upper, 3.0),

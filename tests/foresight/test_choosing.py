@@ -5,15 +5,21 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell
-from planner.errors import NoSolutionError
-from planner.foresight import foresee, foreseen
-from planner.foresight.bound import least_error
-from planner.foresight.choosing import FEWEST, errors_after, exchanged, greedy
-from planner.foresight.posterior import Posterior
-from planner.selection import detmax
-from planner.workflow.mount import with_mounts
+from planner.cell.reading import load_cell
+from planner.common.errors import NoSolutionError
+from planner.design.bayesian_design import (
+    FEWEST,
+    BayesianPosterior,
+    bound_tool_error,
+    describe_bayesian_design,
+    errors_after,
+    exchange_by_gain,
+    select_bayesian_poses,
+    select_greedily,
+)
+from planner.design.candidates.pool import draw_candidates
+from planner.design.selection.d_optimal import detmax
+from planner.session.mount import with_mounts
 
 
 def drawn(seed, n=12, size=5):
@@ -31,7 +37,7 @@ def left(white, weight, which):
 @pytest.mark.parametrize("seed", range(5))
 def test_what_is_known_is_kept_up_to_date(seed):
     white, weight = drawn(seed)
-    known = Posterior.before(white, weight)
+    known = BayesianPosterior.before(white, weight)
     for k in (3, 7, 1, 9):
         gain = known.gains[k]
         before = known.square
@@ -49,19 +55,19 @@ def test_what_is_known_is_kept_up_to_date(seed):
 def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
     white, weight = drawn(seed)
     best = min(left(white, weight, which) for which in combinations(range(len(white)), 4))
-    known = Posterior.before(white, weight)
-    chosen = exchanged(known, greedy(known, 4, 0.0))
+    known = BayesianPosterior.before(white, weight)
+    chosen = exchange_by_gain(known, select_greedily(known, 4, 0.0))
     assert len(set(chosen)) == 4
     found = left(white, weight, chosen)
     assert known.square == pytest.approx(found)
-    assert least_error(white, weight, chosen) ** 2 <= best * (1 + 1e-9)
+    assert bound_tool_error(white, weight, chosen) ** 2 <= best * (1 + 1e-9)
     assert best * (1 - 1e-9) <= found < 1.6 * best
 
 
 def test_the_bound_meets_the_error_where_all_candidates_are_taken():
     white, weight = drawn(3)
     everything = np.arange(len(white))
-    assert least_error(white, weight, everything) == pytest.approx(errors_after(white, weight)[-1], rel=1e-6)
+    assert bound_tool_error(white, weight, everything) == pytest.approx(errors_after(white, weight)[-1], rel=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +78,7 @@ def kuka():
 
 def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka):
     cell, pool = kuka
-    ahead = foresee(cell, pool, 120)
+    ahead = select_bayesian_poses(cell, pool, 120)
     assert len(set(ahead.chosen)) == 120
     assert ahead.with_poses(pool.q[ahead.chosen], pool.fixture[ahead.chosen]) == pytest.approx(ahead.left, rel=1e-6)
     assert ahead.bound < ahead.left < ahead.unknown.untraced
@@ -84,20 +90,20 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     by_chance = np.random.default_rng(0).choice(len(pool), 120, replace=False)
     for others in (by_index, by_chance):
         assert ahead.with_poses(pool.q[others], pool.fixture[others]) > 1.08 * ahead.left
-    assert f"{1e3 * ahead.left:.3f} mm" in foreseen(ahead)
+    assert f"{1e3 * ahead.left:.3f} mm" in describe_bayesian_design(ahead)
 
 
 def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     white, weight = drawn(5, n=60)
     whole = np.sqrt(np.trace(weight))
-    few = greedy(Posterior.before(white, weight), 60, 0.3 * whole)
+    few = select_greedily(BayesianPosterior.before(white, weight), 60, 0.3 * whole)
     after = errors_after(white[few], weight)
     assert after[-1] <= 0.3 * whole < after[-2]
     many = np.tile(white, (10, 1)) * 1e-6  # readings that say nothing
-    assert len(greedy(Posterior.before(many, weight), 600, 0.3 * whole)) == FEWEST
+    assert len(select_greedily(BayesianPosterior.before(many, weight), 600, 0.3 * whole)) == FEWEST
 
 
 def test_more_poses_than_candidates_are_refused(kuka):
     cell, pool = kuka
     with pytest.raises(NoSolutionError, match="only 1500 candidates"):
-        foresee(cell, pool, 2000)
+        select_bayesian_poses(cell, pool, 2000)

@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.generator import effects_gauge, effects_heat, effects_joint, effects_load
+import tests.generator.effects_gauge as effects_gauge
+import tests.generator.effects_heat as effects_heat
+import tests.generator.effects_joint as effects_joint
+import tests.generator.effects_load as effects_load
 from tests.generator.scene import total
 
 # what the identifier may call an effect, at the same joint or link; besides the names in the tables of kinds

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from tests.generator import catalogue, oracle
+import tests.generator.catalogue as catalogue
+import tests.generator.oracle as oracle
 from tests.generator.scene import Scene, total
 from tests.generator.station import Station
 from tests.generator.truth import Truth

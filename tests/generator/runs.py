@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.generator import catalogue, made, writing
+import tests.generator.catalogue as catalogue
+import tests.generator.made as made
+import tests.generator.writing as writing
 from tests.generator.benches import BALLS_MM, BENCHES
 from tests.generator.course import course, every_pose
 from tests.generator.made import Made

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.generator import oracle
+import tests.generator.oracle as oracle
 from tests.generator.catalogue import KINDS
 from tests.generator.made import MANY, change, columns
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.generator import oracle
+import tests.generator.oracle as oracle
 from tests.generator.catalogue import KINDS
 from tests.generator.draw import as_in_a_real_arm, random_effect, random_run, random_truth, shown_by
 from tests.generator.made import change

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tests.generator import oracle
+import tests.generator.oracle as oracle
 from tests.generator.benches import BALLS_MM, BENCHES
 from tests.generator.draw import random_effect, random_run
 from tests.generator.made import change, with_effects

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from tests.generator import oracle
+import tests.generator.oracle as oracle
 from tests.generator.benches import BENCHES
 from tests.generator.catalogue import KINDS
 from tests.generator.draw import random_effect

@@ -5,24 +5,25 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell import load_cell
-from planner.model import Model
-from planner.model.parameters import compliance_parameters
-from planner.rig import Rig, Targets, rig_of
-from planner.robot import Robot, load_robot
-from planner.run import Readings, Samples
+from planner.cell.reading import load_cell
+from planner.cell.setup import MeasurementSetup, Targets, setup_of
+from planner.effects.parameters import compliance_parameters
+from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import load_robot
+from planner.model.model import Model
+from planner.runs.run import Readings, Samples
 
 KINDS = ("length", "position", "pose", "sockets")
 PLACES, POINTS, SOCKETS = 3, 2, 4
 ROBOTS = ("comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120", "abb-irb6700")
 
 
-def rig(robot_name: str, kind: str, rng: np.random.Generator) -> Rig:
+def rig(robot_name: str, kind: str, rng: np.random.Generator) -> MeasurementSetup:
     """A rig with several places and points, its base and everything on it anyhow in space."""
     robot = load_robot(robot_name)
     turned = Rotation.random(PLACES, random_state=rng).as_matrix()
     down = Rotation.random(random_state=rng).as_matrix()[2]
-    base = rig_of(load_cell("ur10/edbb"))
+    base = setup_of(load_cell("ur10/edbb"))
     return replace(
         base,
         robot=robot,
@@ -57,12 +58,12 @@ def samples(robot: Robot, n: int, rng: np.random.Generator, force: bool = True) 
     )
 
 
-def whole_model(r: Rig) -> Model:
+def whole_model(r: MeasurementSetup) -> Model:
     """Every parameter there is: gauge, geometry, compliance."""
     return Model.of(r, frozenset({"fixture", "tool", "zero"})).plus(compliance_parameters(r))
 
 
-def readings(r: Rig, kind: str, s: Samples, rng: np.random.Generator) -> Readings:
+def readings(r: MeasurementSetup, kind: str, s: Samples, rng: np.random.Generator) -> Readings:
     """Readings near what the nominal robot gives, off by millimetres and milliradians."""
     n = len(s)
     motion = r.chain.forward(r.robot.theta(s.q), r.offsets(s))
@@ -80,6 +81,6 @@ def readings(r: Rig, kind: str, s: Samples, rng: np.random.Generator) -> Reading
     return Readings(position=p_GM, rotation=np.swapaxes(r.R_BG[s.place], 1, 2) @ off @ R_BM)
 
 
-def targets(r: Rig, kind: str, s: Samples, rng: np.random.Generator) -> Targets:
+def targets(r: MeasurementSetup, kind: str, s: Samples, rng: np.random.Generator) -> Targets:
     """The same in the base frame."""
     return r.targets(s, readings(r, kind, s, rng))

@@ -6,15 +6,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from planner.calibrated import CalibratedRobot, calibrated_files
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.identification.anywhere import known_worse
-from planner.identification.gauge_frames import gauge_frames
-from planner.identification.types import Metrics
-from planner.robot import load_robot
-from planner.run import load_runs
-from tests.generator import catalogue, runs
+import tests.generator.catalogue as catalogue
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.artifact_pose import gauge_frames
+from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.identification.calibration import Metrics
+from planner.identification.covariance import workspace_warning
+from planner.identification.pipeline import identify
+from planner.kinematics.robot_reader import load_robot
+from planner.runs.loader import load_runs
 from tests.generator.benches import BENCHES
 from tests.generator.course import course
 from tests.generator.kinds import Effect
@@ -52,13 +53,13 @@ def _judged(gauge, poses, seed):
     x = scene.points(total(truth.of_arm(arm), catalogue.motions(scene, truth.effects)))
     p, R = robot.flange(q)
     left = aligned(x, p + R @ gauge_frames(fit).points[0][1])
-    return float((left**2).sum(axis=1).mean()), fit.known_anywhere
+    return float((left**2).sum(axis=1).mean()), fit.workspace_error
 
 
 def test_a_reader_is_told_where_held_out_samples_promise_more_than_the_fit_knows():
     held_out = Metrics(rms=1e-4, mean=8e-5, largest=2e-4)
-    assert not known_worse(2.9e-4, held_out, 3)
-    (said,) = known_worse(3.1e-4, held_out, 3)
+    assert not workspace_warning(2.9e-4, held_out, 3)
+    (said,) = workspace_warning(3.1e-4, held_out, 3)
     assert "0.310 mm" in said
-    assert not known_worse(3.1e-4, held_out, 1)  # a bar reads one of three axes
-    assert known_worse(5.3e-4, held_out, 1)
+    assert not workspace_warning(3.1e-4, held_out, 1)  # a bar reads one of three axes
+    assert workspace_warning(5.3e-4, held_out, 1)

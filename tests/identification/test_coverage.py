@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.identification.seeing import seen_by
-from planner.model import Model
+from planner.identification.identifiable_parameters import identifiable_subset
+from planner.model.model import Model
 from tests.generator.truth import draw_errors
 from tests.identification.worlds import Trials, covered, declared, trials, world
 
@@ -64,7 +64,7 @@ def test_left_out_directions_are_what_regrouping_needs():
     """The planner's own null directions regroup small errors as the generator's projection does, to first order."""
     w = world("comau-nj130", 80)
     whole = Model.of(w.model.rig, w.cell.plan.free)
-    seen = seen_by(whole, w.run.samples)[1]
+    seen = identifiable_subset(whole, w.run.samples)[1]
     assert seen.names == w.names
     errors = draw_errors(w.arm, np.random.default_rng(3), 1e-6, 1e-6, 1e-6, 1e-6)
     moved = {n: errors.get(n, 0.0) for n in whole.names}

@@ -10,22 +10,24 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.candidates import draw_at_balls
-from planner.cell import load_cell
-from planner.choice import what_is_seen
-from planner.errors import InputError
-from planner.identification import identify
-from planner.identification.solve import solve
-from planner.model import Model
-from planner.observability import covariance
-from planner.report.calibration.data import Told
-from planner.report.calibration.loop import in_short
-from planner.report.words import sized
-from planner.run import Samples, load_run
-from planner.selection import detmax
-from planner.simulation import drawn, simulate
-from planner.tracing import trace
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.design.candidates.balls import draw_ball_candidates
+from planner.design.observability.information import predict_covariance
+from planner.design.pose_selection import identify_candidates
+from planner.design.selection.d_optimal import detmax
+from planner.identification.least_squares import solve
+from planner.identification.pipeline import identify
+from planner.model.model import Model
+from planner.report.calibration_data import CalibrationFacts
+from planner.report.calibration_text import findings_summary
+from planner.report.formatting import significant_text
+from planner.runs.loader import load_run
+from planner.runs.run import Samples
+from planner.simulation.measurement import simulate
+from planner.simulation.truth import draw_truth
+from planner.tracing.trace import trace
 from tests.generator.benches import BENCHES
 from tests.generator.kinds import Effect
 from tests.generator.truth import Noise, Truth
@@ -53,8 +55,8 @@ def as_identified():
 @cache
 def planned():
     """Model of the plan, and 24 poses (n, N) [rad] out of a small pool with their balls (n,)."""
-    pool = draw_at_balls(cell(), 400)
-    model, seen, rows = what_is_seen(cell(), pool)
+    pool = draw_ball_candidates(cell(), 400)
+    model, seen, rows = identify_candidates(cell(), pool)
     chosen = detmax(rows, 24, group=pool.ball)
     return model, seen, pool.q[chosen]
 
@@ -64,7 +66,7 @@ def identified(traced=False):
     """The calibration from a run at the planned poses."""
     q = planned()[2]
     samples = Samples(q, np.zeros(len(q), dtype=int), pose=np.arange(len(q)))
-    run = simulate(cell(), "0" * 12, samples, drawn(cell(), 3), 3)
+    run = simulate(cell(), "0" * 12, samples, draw_truth(cell(), 3), 3)
     return identify(run, as_identified(), tracer=trace if traced else None)
 
 
@@ -118,7 +120,7 @@ def test_the_declared_effect_is_a_stage_behind_the_geometry_and_is_not_sought_ag
 def test_predicted_and_found_standard_deviations_agree():
     """Up to the size of the noise, which the fit learns from the run: one factor for all parameters."""
     model, _, q = planned()
-    predicted = covariance(model.jacobian(q), model.noise(q)[:, None] * np.ones(3), model.prior)
+    predicted = predict_covariance(model.jacobian(q), model.noise(q)[:, None] * np.ones(3), model.prior)
     found = identified()
     plain = np.linalg.norm(found.fit.solution.root(found.fit.problem.prior), axis=1)  # what the tool adds left aside
     std = dict(zip(found.fit.model.names, plain, strict=True))
@@ -177,10 +179,16 @@ def test_an_effect_that_nobody_knows_is_refused():
 
 def test_the_report_tells_the_declared_effect_with_its_values():
     found = identified(True)
-    (sentence,) = [s for s in in_short(Told(found)) if s.startswith("Fitted beside the geometry: joint compliance")]
+    (sentence,) = [
+        s
+        for s in findings_summary(CalibrationFacts(found))
+        if s.startswith("Fitted beside the geometry: joint compliance")
+    ]
     for e in found.estimates:
         if e.group == "joint compliance" and e.identifiable:
-            assert f"{e.name} {sized(1e6 * e.value)} ± {sized(1e6 * e.std, 2)} µrad/Nm" in sentence
+            assert (
+                f"{e.name} {significant_text(1e6 * e.value)} ± {significant_text(1e6 * e.std, 2)} µrad/Nm" in sentence
+            )
 
 
 def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs_from_them():

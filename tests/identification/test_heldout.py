@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.identification import Problem, Split, fit, identify, split
-from planner.identification.heldout import held_out, held_out_without
-from planner.identification.solve import solve
-from planner.run import Readings, Run, Samples
+from planner.identification.cross_validation import Split, predict_held_out, predict_held_out_without, split_run
+from planner.identification.least_squares import fit, solve
+from planner.identification.pipeline import identify
+from planner.identification.problem import FitProblem
+from planner.runs.run import Readings, Run, Samples
 from tests.generator.runs import balls, edbb_continuous, edbb_static, tracker
 from tests.generator.truth import draw_errors
 from tests.identification.worlds import arm_of, declared, loaded, world
@@ -44,7 +45,7 @@ def grouped_runs():
 @pytest.mark.parametrize(("run", "by"), [(r, b) for _, r, b in grouped_runs()], ids=[n for n, _, _ in grouped_runs()])
 def test_groups_are_never_torn_apart(run, by):
     for seed in range(5):
-        s = split(run, 0.2, seed)
+        s = split_run(run, 0.2, seed)
         assert s.by == by
         assert never_torn(s)
         assert s.folds == 5
@@ -61,7 +62,7 @@ def test_groups_are_what_they_are_called():
         "pose again, unnumbered": np.unique(runs["pose again, unnumbered"].samples.q, axis=0, return_inverse=True)[1],
     }
     for name, label in same.items():
-        group = split(runs[name]).group
+        group = split_run(runs[name]).group
         assert (
             len(np.unique(group)) == len(np.unique(label)) == len(np.unique(np.stack([group, label.ravel()]), axis=1).T)
         )
@@ -73,7 +74,7 @@ def test_of_few_sessions_every_fold_holds_some_of_each():
     session = np.arange(300) // 100
     q = rng.normal(size=(300, 6))
     q[[7, 150]] = q[[41, 260]]
-    s = split(made_run(300, rng, session=session, q=q))
+    s = split_run(made_run(300, rng, session=session, q=q))
     assert (s.by, s.folds) == ("block", 5)
     assert s.groups >= 20
     for a, b in ((7, 41), (150, 260)):
@@ -88,7 +89,7 @@ def test_a_pose_that_is_measured_again_all_along_does_not_tie_the_run_into_one_g
     rng = np.random.default_rng(2)
     q = rng.normal(size=(300, 6))
     q[::5] = q[0]
-    s = split(made_run(300, rng, session=np.arange(300) // 100, q=q))
+    s = split_run(made_run(300, rng, session=np.arange(300) // 100, q=q))
     assert s.by == "pose"
     assert never_torn(s)
     assert len(np.unique(s.fold[::5])) == 1
@@ -97,7 +98,7 @@ def test_a_pose_that_is_measured_again_all_along_does_not_tie_the_run_into_one_g
 
 def test_stretches_are_whole_and_everywhere():
     run = {name: run for name, run, _ in grouped_runs()}["stretch"]
-    s = split(run)
+    s = split_run(run)
     assert np.all(np.diff(s.group) >= 0)  # samples that follow each other stay together
     assert s.groups >= 20
     quarter = np.arange(len(run)) * 4 // len(run)
@@ -106,9 +107,9 @@ def test_stretches_are_whole_and_everywhere():
 
 def test_other_seeds_deal_other_folds_and_the_share_is_kept():
     run = {name: run for name, run, _ in grouped_runs()}["pose"]
-    assert np.any(split(run, 0.2, 0).fold != split(run, 0.2, 1).fold)
-    assert np.array_equal(split(run, 0.2, 3).fold, split(run, 0.2, 3).fold)
-    assert split(run, 0.1).folds == 10
+    assert np.any(split_run(run, 0.2, 0).fold != split_run(run, 0.2, 1).fold)
+    assert np.array_equal(split_run(run, 0.2, 3).fold, split_run(run, 0.2, 3).fold)
+    assert split_run(run, 0.1).folds == 10
 
 
 def refitted(found, parts):
@@ -129,7 +130,7 @@ def test_what_is_left_out_is_predicted_as_by_fits_that_never_had_it():
     rng = np.random.default_rng(7)
     run = w.measured(draw_errors(w.arm, rng), declared(w), rng)
     found, _ = w.fitted(run)
-    parts = split(run)
+    parts = split_run(run)
     out = [k for k, name in enumerate(found.model.names) if name.startswith("alpha")]
     still = [k for k, name in enumerate(found.model.names) if name == "d4"]
     assert out
@@ -138,9 +139,9 @@ def test_what_is_left_out_is_predicted_as_by_fits_that_never_had_it():
     fixed = found.model.subset(still).fixing(found.errors[still]).fixed
     bare = replace(found.model.subset(kept), fixed=(*found.model.fixed, *fixed))
     slow, _ = refitted(replace(found, problem=found.problem.with_model(bare), solution=Kept(found.errors[kept])), parts)
-    (fast,) = held_out_without(found, parts, [out], still)
+    (fast,) = predict_held_out_without(found, parts, [out], still)
     rms = np.sqrt((slow**2).mean())
-    assert rms > 1.5 * np.sqrt((held_out(found, parts).residual ** 2).mean())  # they mattered
+    assert rms > 1.5 * np.sqrt((predict_held_out(found, parts).residual ** 2).mean())  # they mattered
     assert np.abs(fast.residual - slow).max() < 0.02 * rms
 
 
@@ -157,8 +158,8 @@ def test_folds_by_linearisation_are_those_of_full_fits(n):
     rng = np.random.default_rng(5)
     run = w.measured(draw_errors(w.arm, rng), declared(w), rng)
     found, _ = w.fitted(run)
-    parts = split(run)
-    fast = held_out(found, parts)
+    parts = split_run(run)
+    fast = predict_held_out(found, parts)
     slow, shift = refitted(found, parts)
     rms = np.sqrt((slow**2).mean())
     assert np.abs(fast.residual - slow).max() < 0.01 * rms
@@ -176,8 +177,8 @@ def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
     run = replace(run, samples=replace(run.samples, place=place), places=("p", "q", "r", "s", "t"))
     c = identify(run, cell)
     assert c.split_by == "placement"
-    parts = split(run)
-    held = held_out(c.fit, parts)
+    parts = split_run(run)
+    held = predict_held_out(c.fit, parts)
     assert {n.split("_")[1] for n in held.refitted} == {"p", "q", "r", "s", "t"}
     assert all(n.startswith("base_") for n in held.refitted)
     slow = np.empty_like(held.residual)
@@ -243,5 +244,5 @@ def test_fit_is_found_again_from_a_second_start():
     run = w.measured(draw_errors(w.arm, rng), declared(w), rng)
     found, covariance = w.fitted(run)
     start = found.errors + w.model.prior * rng.normal(0.0, 0.5, len(w.names))
-    again = fit(Problem.of(w.model, run), start=start)
+    again = fit(FitProblem.of(w.model, run), start=start)
     assert np.all(np.abs(again.errors - found.errors) < 0.05 * np.sqrt(np.diag(covariance)))

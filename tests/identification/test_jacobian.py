@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.effects import Context
-from planner.model import Model
-from tests.identification import rigs
+import tests.identification.rigs as rigs
+from planner.effects.context import Context
+from planner.model.model import Model
 
 STEP = {"m": 1e-5, "rad": 1e-5, "rad/Nm": 1e-8, "1": 1e-5}
 

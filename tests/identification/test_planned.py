@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.candidates import Funnel, PoseSet
-from planner.cell import load_cell
-from planner.choice import what_is_seen
-from planner.identification import Problem, fit
-from planner.identification.placed import placed, rig_for
-from planner.identification.seeing import seen_by
-from planner.model import Model
-from planner.observability import covariance
-from planner.run import Readings, Run, Samples
-from planner.selection import exchange
+from planner.cell.reading import load_cell
+from planner.design.candidates.pool import Funnel, PoseSet
+from planner.design.observability.information import predict_covariance
+from planner.design.pose_selection import identify_candidates
+from planner.design.selection.exchange_search import exchange_poses
+from planner.identification.identifiable_parameters import identifiable_subset
+from planner.identification.least_squares import fit
+from planner.identification.problem import FitProblem
+from planner.identification.run_setup import locate_gauge, run_rig
+from planner.model.model import Model
+from planner.runs.run import Readings, Run, Samples
 from tests.generator.poses import at_targets, shell_points
 from tests.generator.truth import Noise, draw_errors
 from tests.identification.worlds import World, arm_of
@@ -32,11 +33,11 @@ def planned(reference):
     fixture, tool = cell.fixtures[0].p_BX, cell.tool.p_FM
     q = at_targets(arm, shell_points(fixture, (0.31, 0.51), 1500, rng, np.radians(75)), tool, rng)
     q = q[~np.isnan(q[:, 0])][:600]
-    model, _, rows = what_is_seen(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()))
-    q = q[exchange(rows, POSES, "O2", starts=1).chosen]
+    model, _, rows = identify_candidates(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()))
+    q = q[exchange_poses(rows, POSES, "O2", starts=1).chosen]
     run = Run("made", Samples(q, np.zeros(POSES, dtype=int)), Readings(length=np.zeros(POSES)), ("A",))
-    rig = placed(rig_for(cell, run), run)
-    fitted = seen_by(Model.of(rig, cell.plan.free), run.samples)[0]
+    rig = locate_gauge(run_rig(cell, run), run)
+    fitted = identifiable_subset(Model.of(rig, cell.plan.free), run.samples)[0]
     return model, World(arm, q, np.arange(POSES) * 20.0, fixture, tool, run, cell, fitted)
 
 
@@ -51,7 +52,7 @@ def test_plan_and_fit_use_the_same_parameters(reference):
 def test_plan_and_fit_have_the_same_rows_and_noise(reference):
     plan, w = planned(reference)
     assert np.allclose(w.model.rows(w.run.samples), plan.jacobian(w.q), atol=1e-12)
-    white = Problem.of(w.model, w.run).whitener.covariance(slice(None))[:, 0, 0]
+    white = FitProblem.of(w.model, w.run).whitener.covariance(slice(None))[:, 0, 0]
     assert np.allclose(np.sqrt(white), plan.noise(w.q), rtol=1e-12)
 
 
@@ -62,7 +63,7 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
     The prediction takes no prior: what it holds back of the faintest parameters is left out by looking at one side.
     """
     plan, w = planned(reference)
-    predicted = covariance(plan.jacobian(w.q), plan.noise(w.q)[:, None])
+    predicted = predict_covariance(plan.jacobian(w.q), plan.noise(w.q)[:, None])
     noise = Noise(plan.rig.noise, plan.joint_sigma)
     off, stated = [], []
     for k in range(FITS):
@@ -70,7 +71,7 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
         errors = draw_errors(w.arm, rng)
         truth, left = w.regrouped(errors)
         assert np.abs(left).max() < 1e-6
-        found = fit(Problem.of(w.model, w.measured(errors, noise, rng)))
+        found = fit(FitProblem.of(w.model, w.measured(errors, noise, rng)))
         off.append(found.errors - truth)
         stated.append(np.sqrt((found.solution.root(found.problem.prior) ** 2).sum(axis=1)))
     ratio = np.sqrt((np.array(off) ** 2).mean(axis=0)) / predicted.std

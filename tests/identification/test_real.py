@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.identification import Calibration, identify, split
-from planner.rig import Targets
-from planner.run import Run, load_run, load_runs
-from planner.units import MM
+from planner.cell.reading import load_cell
+from planner.cell.setup import Targets
+from planner.common.units import MM
+from planner.identification.calibration import Calibration
+from planner.identification.cross_validation import split_run
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_run, load_runs
+from planner.runs.run import Run
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 CELLS = Path(__file__).parent / "cells"
@@ -82,7 +85,7 @@ def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     assert any("steps back 9 times" in w for w in ur10.warnings)
     assert np.sort(share)[-1] > 0.85
     assert ur10.split_by == "block"
-    assert np.all(np.diff(split(ur10.run).group) >= 0)
+    assert np.all(np.diff(split_run(ur10.run).group) >= 0)
     assert ur10.noise_floor is None  # no pose is measured twice: no block knows another's poses
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.errors import InputError
-from planner.identification import identify
-from planner.identification.gauge_frames import gauge_frames
+from planner.common.errors import InputError
+from planner.identification.artifact_pose import gauge_frames
+from planner.identification.pipeline import identify
 from tests.identification.test_declared import cell, made
 
 

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.identification.checks import warnings_of
-from planner.identification.placed import check_pull
-from planner.rig import rig_of
-from planner.run import Readings, Run, Samples
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
+from planner.common.errors import InputError
+from planner.identification.assessment import collect_warnings
+from planner.identification.run_setup import check_pull
+from planner.runs.run import Readings, Run, Samples
 
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
 
@@ -22,23 +22,23 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     n = 40
     samples = Samples(np.zeros((n, 6)), np.zeros(n, dtype=int), file=np.arange(n) // 20, line=2 + np.arange(n) % 20)
     run = Run("a+b", samples, Readings(position=np.zeros((n, 3))), files=("a.csv", "b.parquet"))
-    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
-    (said,) = [w for w in warnings_of(run, cell, found, None) if "outliers" in w]
+    found = SimpleNamespace(model=SimpleNamespace(rig=setup_of(cell)), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
+    (said,) = [w for w in collect_warnings(run, cell, found, None) if "outliers" in w]
     assert said == (
         "7 samples are outliers (a.csv, line 5; a.csv, line 21; b.parquet, row 2; b.parquet, row 7; b.parquet, row 12; "
         "and 2 more); they were kept in the fit"
     )
     bare = replace(run, samples=replace(samples, file=None, line=None))
-    assert "(number 4; number 20; " in "".join(warnings_of(bare, cell, found, None))
+    assert "(number 4; number 20; " in "".join(collect_warnings(bare, cell, found, None))
 
 
 def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
     cell = load_cell("kuka-kr6-r700/edbb")
-    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(model=SimpleNamespace(rig=setup_of(cell)), outliers=np.zeros(0, dtype=int))
     for pull, told in ((10.0, False), (625.0, True)):
         samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
         run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
-        assert any("up to 625 N" in w for w in warnings_of(run, cell, found, None)) == told
+        assert any("up to 625 N" in w for w in collect_warnings(run, cell, found, None)) == told
 
 
 def test_a_loaded_bars_run_needs_its_force():
@@ -47,14 +47,14 @@ def test_a_loaded_bars_run_needs_its_force():
     samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int))
     run = Run("run.csv", samples, Readings(length=np.full(5, 0.13)), places=(name,))
     with pytest.raises(InputError, match="force_N is missing"):
-        check_pull(cell, rig_of(cell), run)
-    check_pull(cell, rig_of(cell), replace(run, samples=replace(samples, force=np.full(5, 125.0))))
+        check_pull(cell, setup_of(cell), run)
+    check_pull(cell, setup_of(cell), replace(run, samples=replace(samples, force=np.full(5, 125.0))))
 
 
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))
-    found = SimpleNamespace(model=SimpleNamespace(rig=rig_of(cell)), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(model=SimpleNamespace(rig=setup_of(cell)), outliers=np.zeros(0, dtype=int))
     for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
-        said = warnings_of(replace(run, points=names), cell, found, None)
+        said = collect_warnings(replace(run, points=names), cell, found, None)
         assert any("measured at tool point 'low'" in w for w in said) == told

@@ -12,13 +12,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy import stats
 
-from planner.cell import Cell, load_cell
-from planner.identification import Fit, Problem, fit
-from planner.identification.placed import placed, rig_for
-from planner.identification.seeing import seen_by
-from planner.identification.spread import parameter_covariance
-from planner.model import Model
-from planner.run import Readings, Run, load_run
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.identification.covariance import parameter_covariance
+from planner.identification.identifiable_parameters import identifiable_subset
+from planner.identification.least_squares import Fit, fit
+from planner.identification.problem import FitProblem
+from planner.identification.run_setup import locate_gauge, run_rig
+from planner.model.model import Model
+from planner.runs.loader import load_run
+from planner.runs.run import Readings, Run
 from tests.generator.arm import Arm
 from tests.generator.made import Made
 from tests.generator.runs import edbb_continuous, edbb_static
@@ -101,7 +104,7 @@ class World:
 
     def fitted(self, run: Run, robust=False) -> tuple[Fit, np.ndarray]:
         """The fit of a run, and the covariance of its parameters."""
-        found = fit(Problem.of(self.model, run), robust)
+        found = fit(FitProblem.of(self.model, run), robust)
         return found, parameter_covariance(found, run.continuous)[0]
 
 
@@ -111,8 +114,8 @@ def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
     arm = arm_of(name)
     made = BUILD[motion](arm, n, seed=seed, logs=(), **({"repeats": 0.0} if motion == "static" else {"waypoints": 30}))
     run, cell = loaded(made)
-    rig = placed(rig_for(cell, run), run)
-    model = seen_by(Model.of(rig, cell.plan.free), run.samples)[0]
+    rig = locate_gauge(run_rig(cell, run), run)
+    model = identifiable_subset(Model.of(rig, cell.plan.free), run.samples)[0]
     fixture, tool = rig.p_BX[0], rig.p_FM[0]
     return World(arm, made.scene.q, made.scene.t, fixture, tool, run, cell, model)
 

@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.loaded import Loaded, Options, evaluate
-from planner.report.loaded import pictures
-from planner.report.printed import picture_png
-from planner.run import Readings, Run, Samples
-from planner.units import MM, UM, to_deg
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.common.units import MM, UM, to_deg
+from planner.instruments.loaded.evaluation import LoadedOptions, evaluate_loaded
+from planner.instruments.loaded.types import LoadedEvaluation
+from planner.report.loaded_report import loaded_charts
+from planner.report.matplotlib_backend import chart_png
+from planner.runs.run import Readings, Run, Samples
 
 AMPLITUDE, PHASE = 0.764e-3, np.radians(14.08)
 PISTON = 0.06  # of the load
@@ -36,13 +38,15 @@ class Row:
 
 
 @cache
-def evaluated(seed: int = 0) -> Loaded:
+def evaluated(seed: int = 0) -> LoadedEvaluation:
     """The simulated loaded circle, five repeats at five loads both ways, with a tracker's run of it unloaded."""
     arm, rng = shared.arm(), np.random.default_rng(seed)
     way = world.course(arm, rate=RATE)
     truth = _centred(arm, way)
     length, _ = world.readings(arm, truth, way, rng)
-    return evaluate(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng), Options(paper=True))
+    return evaluate_loaded(
+        shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng), LoadedOptions(paper=True)
+    )
 
 
 def rows(seed: int = 0) -> tuple[Row, ...]:
@@ -74,9 +78,9 @@ def rows(seed: int = 0) -> tuple[Row, ...]:
 def write_figures(folder: Path, seed: int = 0, only: tuple[str, ...] = ()) -> list[Path]:
     """Write the figures 13 to 15 of the simulated run as PNGs: readings, deflections, compensated, kinematic, known."""
     paths = []
-    for picture in (p for p in pictures(evaluated(seed)) if not only or p.name in only):
+    for picture in (p for p in loaded_charts(evaluated(seed)) if not only or p.name in only):
         paths.append(folder / f"ldbb_{picture.name}.png")
-        paths[-1].write_bytes(picture_png(picture))
+        paths[-1].write_bytes(chart_png(picture))
     return paths
 
 

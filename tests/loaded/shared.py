@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cell import load_cell
-from planner.identification.placed import rig_for
-from planner.loaded import evaluate
-from planner.run import Readings, Run, Samples
-from tests.loaded import world
+import tests.loaded.world as world
+from planner.cell.reading import load_cell
+from planner.identification.run_setup import run_rig
+from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.runs.run import Readings, Run, Samples
 
 CELL = "abb-irb6700/ldbb"
 ERRORS = {"theta2": 3e-4, "theta3": -4e-4, "a2": 4e-4, "d4": 3e-4, "alpha3": 3e-4, "theta5": 5e-4, "alpha1": 2e-4}
@@ -39,7 +39,7 @@ def run_of(way, length, force=None, places=("A",), place=0):
 
 
 def rig(run):
-    return rig_for(cell(), run)
+    return run_rig(cell(), run)
 
 
 @cache
@@ -48,7 +48,7 @@ def evaluated(seed=0, rough=True):
     truth = world.World(errors=ERRORS if rough else {}, wander=4e-6 if rough else 0.0, reversal=1e-5 if rough else 0.0)
     way = course()
     length, _ = world.readings(arm(), truth, way, np.random.default_rng(seed))
-    return truth, way, evaluate(run_of(way, length), cell())
+    return truth, way, evaluate_loaded(run_of(way, length), cell())
 
 
 def cell_text():

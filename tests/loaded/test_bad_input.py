@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.circular.loads import check_loads, load_notes
-from planner.errors import InputError, PlannerError
-from planner.loaded import evaluate
-from planner.loaded.checks import problems_of
-from planner.loaded.compliance import posterior
-from planner.workflow import Options, Stages
-from planner.workflow.circling import plan_circles
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError, PlannerError
+from planner.instruments.circular.arc import check_loads, load_notes
+from planner.instruments.loaded.checks import problems_of
+from planner.instruments.loaded.compliance import compliance_posterior
+from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.workflow.circle_planning import plan_circles
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def good():
 
 def refused(run, *words, cell=None, error=InputError):
     with pytest.raises(error) as caught:
-        evaluate(run, cell or shared.cell())
+        evaluate_loaded(run, cell or shared.cell())
     text = str(caught.value)
     assert all(w in text for w in words), text
     assert caught.value.exit_code == 2
@@ -33,7 +34,7 @@ def refused(run, *words, cell=None, error=InputError):
 
 
 def test_the_good_run_is_taken(good):
-    assert not evaluate(shared.run_of(*good), shared.cell()).problems
+    assert not evaluate_loaded(shared.run_of(*good), shared.cell()).problems
 
 
 def test_no_force(good):
@@ -67,7 +68,7 @@ def test_a_plan_refuses_more_load_than_the_robot_carries():
     cell = load_cell(shared.CELL)
     heavy = replace(cell, circles=(replace(cell.circles[0], loads=(125.0, 62_500.0)),))
     with pytest.raises(InputError, match=r"loads_N goes up to 62500 N, but abb-irb6700 may carry 300 kg, 2746 N"):
-        plan_circles(heavy, Options(), Stages(lambda *_: None))
+        plan_circles(heavy, PlanOptions(), Stages(lambda *_: None))
     check_loads(cell)
     check_loads(replace(heavy, robot=replace(cell.robot, payload=None)))
 
@@ -95,7 +96,7 @@ def test_a_plan_that_cannot_be_ends_in_one_sentence_and_its_code(tmp_path, chang
     assert change[0] in text
     (tmp_path / "cell.toml").write_text(text.replace(*change))
     with pytest.raises(PlannerError) as caught:
-        plan_circles(load_cell(str(tmp_path / "cell.toml")), Options(), Stages(lambda *_: None))
+        plan_circles(load_cell(str(tmp_path / "cell.toml")), PlanOptions(), Stages(lambda *_: None))
     assert caught.value.exit_code == code
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -157,19 +158,19 @@ def test_another_gauge(good):
 def test_a_trackers_run_that_is_none_or_of_another_path(good):
     run = shared.run_of(*good)
     with pytest.raises(InputError, match="x_mm, y_mm, z_mm"):
-        evaluate(run, shared.cell(), run)
+        evaluate_loaded(run, shared.cell(), run)
     way, _ = good
     x = world.true_point(shared.arm(), world.World(), way.q + 0.1, 0 * way.force, world.FIXTURE)
     other = replace(run, samples=replace(run.samples, q=way.q + 0.1), readings=type(run.readings)(position=x))
     with pytest.raises(InputError, match="another path"):
-        evaluate(run, shared.cell(), other)
+        evaluate_loaded(run, shared.cell(), other)
 
 
 def test_a_compliance_that_is_negative_beyond_its_uncertainty():
     names = tuple(f"compliance{i + 1}" for i in range(6))
     prior, sharp = np.full(6, 2e-6), np.eye(6) / (1e-7) ** 2
     value = np.array([1e-6, -5e-7, 8e-7, 1e-6, -2e-7, 1e-6])
-    (problem,) = problems_of(posterior(names, prior, sharp, sharp @ value, 1e-6, 1.0))
+    (problem,) = problems_of(compliance_posterior(names, prior, sharp, sharp @ value, 1e-6, 1.0))
     assert problem.startswith("compliance2 came out at -0.499")
     assert "negative beyond its uncertainty" in problem
 
@@ -178,6 +179,6 @@ def test_two_loads_are_enough_but_said_to_be_few(good):
     way, length = good
     two = way.force != 375.0
     part = replace(way, **{n: getattr(way, n)[two] for n in ("q", "t", "force", "part", "theta")})
-    found = evaluate(shared.run_of(part, length[two]), shared.cell())
+    found = evaluate_loaded(shared.run_of(part, length[two]), shared.cell())
     assert any("2 loads give a stiffness" in w for w in found.warnings)
     assert any("once only" in w for w in found.warnings)

@@ -5,20 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.loaded.balance import in_balance
-from planner.model import Model
-from planner.model.parameters import compliance_parameters
-from planner.rig import Targets, rig_of
-from planner.run import Samples
-from planner.simulation import Truth, simulate
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.cell.setup import Targets, setup_of
+from planner.effects.parameters import compliance_parameters
+from planner.instruments.loaded.equilibrium import solve_equilibrium
+from planner.model.model import Model
+from planner.runs.run import Samples
+from planner.simulation.measurement import simulate
+from planner.simulation.truth import Truth
 
 ANGLES = 24
 
 
 @pytest.fixture(scope="module")
 def model():
-    rig = rig_of(shared.cell())
+    rig = setup_of(shared.cell())
     return Model.of(rig, frozenset({"fixture", "zero"})).plus(compliance_parameters(rig))
 
 
@@ -52,12 +54,12 @@ def read(model, samples, errors):
 
 def test_the_readings_are_those_of_the_world(model, errors, samples, true):
     """Within a micrometre: what geometric errors change of the weights' levers is left out. Not so without balance."""
-    assert np.abs(read(*in_balance(model, samples, errors), errors) - true).max() < 1e-6
+    assert np.abs(read(*solve_equilibrium(model, samples, errors), errors) - true).max() < 1e-6
     assert np.abs(read(model, samples, errors) - true).max() > 4e-6
 
 
 def test_so_are_the_deflections_between_loads(model, errors, samples, true):
-    found = read(*in_balance(model, samples, errors), errors).reshape(len(world.LOADS), -1)
+    found = read(*solve_equilibrium(model, samples, errors), errors).reshape(len(world.LOADS), -1)
     wanted = true.reshape(len(world.LOADS), -1)
     assert np.abs(wanted[-1] - wanted[0]).max() > 5e-4
     np.testing.assert_allclose(found[1:] - found[0], wanted[1:] - wanted[0], atol=1e-8)

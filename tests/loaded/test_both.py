@@ -7,17 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.errors import InputError, NoSolutionError
-from planner.study.softness import candidates, choose_beside, predicted_both
-from planner.study.softness.beside import augmented
-from planner.study.softness.both import one_tool
-from planner.study.softness.both_results import both_content, both_sentences
-from planner.workflow import Options, Stages, loaded_both
-from planner.workflow.loaded_both import clear_places, plan_both
-from planner.workflow.loaded_both_writing import fit_cell, write_both
-from planner.workflow.loaded_places import unloaded_plan
-from tests.loaded import shared, world
+import planner.workflow.both_bars as loaded_both
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError, NoSolutionError
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.study.compliance_design.circle_candidates import find_circle_places
+from planner.study.compliance_design.common_fit import (
+    augment_design,
+    has_same_tool,
+    predict_common_fit,
+    select_circles_beside,
+)
+from planner.study.compliance_design.results import common_fit_content, describe_common_fit
+from planner.workflow.both_bars import collision_free_places, fit_cell, plan_both, write_both
+from planner.workflow.loaded_places import load_unloaded_poses
 
 FREE = "abb-irb6700/edbb"
 FEW = {"loads_N = [125, 250, 375, 500, 625]": "loads_N = [125, 625]", "repeats = 5": "repeats = 1",
@@ -55,17 +60,17 @@ def folder(tmp_path_factory):
 def few_places():
     """A coarse grid: what is tested is not how many places there are."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loaded_both, "candidates", lambda cell, seed: candidates(cell, seed, (3, 2)))
+        patch.setattr(loaded_both, "candidates", lambda cell, seed: find_circle_places(cell, seed, (3, 2)))
         yield
 
 
 @pytest.fixture(scope="module")
 def done(folder, few_places):
-    return plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1, Options(), quiet())
+    return plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1, PlanOptions(), quiet())
 
 
 def test_only_poses_that_are_fitted_count(folder):
-    free = unloaded_plan(folder / "plan.json")
+    free = load_unloaded_poses(folder / "plan.json")
     assert len(free.q) == len(json.loads((folder / "plan.json").read_text())["poses"]) - 2
 
 
@@ -74,18 +79,18 @@ def test_the_set_is_as_good_as_brute_force():
     roots = rng.normal(size=(14, 3, 5)) * np.logspace(0, 1, 14)[:, None, None]
     blocks, base = np.einsum("mri,mrj->mij", roots, roots), np.diag([1.0, 50.0, 1.0, 1.0, 1.0])
     for count in (1, 2, 3):
-        value = np.linalg.slogdet(base + blocks[augmented(base, blocks, count)].sum(axis=0))[1]
+        value = np.linalg.slogdet(base + blocks[augment_design(base, blocks, count)].sum(axis=0))[1]
         sets = itertools.combinations(range(len(blocks)), count)
         best = max(np.linalg.slogdet(base + blocks[list(s)].sum(axis=0))[1] for s in sets)
         assert value == pytest.approx(best)
 
 
 def test_the_place_adds_more_than_others_do(folder):
-    free, cell = unloaded_plan(folder / "plan.json"), load_cell(shared.CELL)
-    pool = candidates(cell, steps=(3, 2))
-    (chosen,) = choose_beside(free.cell, free.q, free.fixture, cell, pool, 1)
+    free, cell = load_unloaded_poses(folder / "plan.json"), load_cell(shared.CELL)
+    pool = find_circle_places(cell, steps=(3, 2))
+    (chosen,) = select_circles_beside(free.cell, free.q, free.fixture, cell, pool, 1)
     worth = [
-        np.log(predicted_both(free.cell, free.q, free.fixture, cell, [c]).both[-6:]).sum()
+        np.log(predict_common_fit(free.cell, free.q, free.fixture, cell, [c]).both[-6:]).sum()
         for c in (pool[chosen], *pool)
     ]
     assert worth[0] < np.quantile(worth, 0.35)  # of compliances alone; the choice looks at geometry too
@@ -93,12 +98,12 @@ def test_the_place_adds_more_than_others_do(folder):
 
 def test_places_in_the_way_are_left_out(folder):
     cell = load_cell(str(folder / "loaded.toml"))
-    pool = candidates(cell, steps=(3, 2))
-    free = clear_places(cell, pool)
+    pool = find_circle_places(cell, steps=(3, 2))
+    free = collision_free_places(cell, pool)
     assert 0 < len(free) <= len(pool)
     wide = replace(cell, motion=replace(cell.motion, clearance=1.0))
     with pytest.raises(NoSolutionError, match="collides: lower motion"):
-        clear_places(wide, pool)
+        collision_free_places(wide, pool)
 
 
 def test_one_fit_is_predicted_for_the_circles_as_driven(done):
@@ -115,9 +120,9 @@ def test_one_fit_is_predicted_for_the_circles_as_driven(done):
 def test_the_way_that_was_looked_at_is_driven(done, folder):
     """Another turn of the tool about its axis would be another lever for the last joints."""
     cell, free = load_cell(str(folder / "loaded.toml")), done.free
-    pool = clear_places(cell, candidates(cell, steps=(3, 2)))
-    chosen = choose_beside(free.cell, free.q, free.fixture, cell, pool, 1)
-    looked_at = predicted_both(free.cell, free.q, free.fixture, cell, [pool[int(i)] for i in chosen])
+    pool = collision_free_places(cell, find_circle_places(cell, steps=(3, 2)))
+    chosen = select_circles_beside(free.cell, free.q, free.fixture, cell, pool, 1)
+    looked_at = predict_common_fit(free.cell, free.q, free.fixture, cell, [pool[int(i)] for i in chosen])
     np.testing.assert_allclose(done.known.both, looked_at.both, rtol=0.05)
 
 
@@ -139,23 +144,23 @@ def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
 
 
 def test_sentences(done):
-    compliance, geometry = both_sentences(done.known)
+    compliance, geometry = describe_common_fit(done.known)
     assert compliance.startswith("Compliance, 6 parameters")
     assert geometry.startswith("Geometry")
-    assert both_content(done.known, "x", 1, ["P1"], ())["sentences"] == [compliance, geometry]
+    assert common_fit_content(done.known, "x", 1, ["P1"], ())["sentences"] == [compliance, geometry]
 
 
 def test_cells_that_do_not_belong_together(folder, tmp_path):
     def refused(words, first, second=str(folder / "loaded.toml"), places=1):
         with pytest.raises(InputError, match=words):
-            plan_both(first, second, places, Options(), quiet())
+            plan_both(first, second, places, PlanOptions(), quiet())
 
     refused("needs one robot|one fit needs one robot", "comau-nj130/edbb")
     refused("has circles; the first cell", shared.CELL)
     heavy = tmp_path / "heavy.toml"
     heavy.write_text((folder / "cell.toml").read_text().replace("mass_kg = 20", "mass_kg = 12"))
     refused(r"differ in \[tool\]", str(heavy))
-    assert not one_tool(load_cell(str(heavy)), load_cell(shared.CELL))
+    assert not has_same_tool(load_cell(str(heavy)), load_cell(shared.CELL))
     tilted = tmp_path / "tilted.toml"
     tilted.write_text((folder / "cell.toml").read_text() + "\n[base]\nrpy_deg = [5, 0, 0]\n")
     refused("differ in base.rpy_deg", str(tilted))
@@ -167,7 +172,7 @@ def test_cells_that_do_not_belong_together(folder, tmp_path):
 
 def test_more_places_than_can_be_driven(folder):
     with pytest.raises(NoSolutionError, match="places were asked for, but only"):
-        plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1000, Options(), quiet())
+        plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1000, PlanOptions(), quiet())
 
 
 def test_the_cell_of_the_fit_reaches_as_far_as_both_bars():

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from planner.loaded import centring_offset, paper_offset
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.instruments.loaded.circle import centring_offset, paper_offset
 
 THETA = (np.arange(360) + 0.5) * 2 * np.pi / 360
 PUBLISHED = (0.764e-3, 0.933, np.radians(14.08))
@@ -55,7 +56,7 @@ def test_a_ball_off_its_place_is_found():
     truth = world.World(soft=np.full(6, 1e-9), offset=np.array([-6e-4, 2e-4, 0.0]), zero=0.0, white=1e-9)
     way = shared.course(loads=(100.0, 600.0), repeats=1)
     length, _ = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
-    from planner.loaded import evaluate
+    from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 
     (circle,) = evaluate(shared.run_of(way, length), shared.cell()).circles
     np.testing.assert_allclose(circle.centre_offset, [6e-4, -2e-4], atol=4e-6)

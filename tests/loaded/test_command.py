@@ -7,16 +7,18 @@ import polars as pl
 import pytest
 from scipy.stats import chi2
 
-from planner.identification import Settings
-from planner.loaded.joint import joint_fit
-from planner.loaded.runs import averaged_run
-from planner.loaded.tracker import compared
-from planner.report.loaded import pictures
-from planner.run import Readings, Run, Samples, load_runs, save_run
-from planner.workflow import Stages
-from planner.workflow.identifying import identify_runs
-from planner.workflow.loaded import evaluate_loaded, write_loaded
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.identification.pipeline import FitSettings
+from planner.instruments.loaded.evaluation import compare_with_tracker
+from planner.instruments.loaded.joint_fit import averaged_run, fit_jointly
+from planner.report.loaded_report import loaded_charts
+from planner.runs.loader import load_runs
+from planner.runs.run import Readings, Run, Samples
+from planner.runs.writer import save_run
+from planner.session.bar_planning import Stages
+from planner.workflow.circle_evaluation import evaluate_loaded, write_loaded
+from planner.workflow.identification import identify_runs
 
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.301, 0.8995, 0.9007])
 
@@ -78,7 +80,7 @@ def test_a_tracker_in_one_sense_is_compared_in_that_sense():
         samples = Samples(q=way.q, place=np.zeros(len(x), int), t=way.t)
         run = Run("t", samples, Readings(position=x), continuous=True, robot="abb-irb6700")
         rig = shared.rig(shared.run_of(way, np.ones(len(x))))
-        assert compared(shared.cell(), rig, circle, run).mean < 0.3 * apart
+        assert compare_with_tracker(shared.cell(), rig, circle, run).mean < 0.3 * apart
 
 
 def test_a_tracker_of_another_robot_would_not(done):
@@ -91,7 +93,7 @@ def test_a_tracker_of_another_robot_would_not(done):
         Readings(position=world.circle_points(circle.curves.theta)), robot="abb-irb6700",
     )  # fmt: skip
     rig = shared.rig(Run("x", run.samples, Readings(length=np.ones(len(run))), ("A",)))
-    assert compared(shared.cell(), rig, other, run).mean > 2e-5
+    assert compare_with_tracker(shared.cell(), rig, other, run).mean > 2e-5
 
 
 def test_one_fit_of_both_knows_what_neither_knows_alone(done):
@@ -119,7 +121,7 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     assert set(np.unique(np.round(whole.samples.force))) == {0, 125, 250, 375, 500, 625}
     assert any("taken as no pull" in w for w in whole.warnings)
     paths = [folder / "free.csv", tmp_path / "averaged.csv"]
-    found = identify_runs(paths, str(folder / "cell.toml"), quiet(), settings=Settings(), tracing=False).calibration
+    found = identify_runs(paths, str(folder / "cell.toml"), quiet(), settings=FitSettings(), tracing=False).calibration
     assert found.stages[-1].name == "joint compliance"
     assert {"zero", "zero_loaded"} <= {e.name for e in found.estimates}  # one for each bar
     assert found.stages[-1].held_out.rms < 0.1 * found.stages[-2].held_out.rms
@@ -140,13 +142,13 @@ def test_files(done, tmp_path):
     assert len(table) == circle.curves.length.size
     base = table.filter(pl.col("load_N") == table["load_N"].min())
     assert base["deflection_um"].abs().max() == 0.0
-    assert len(list((tmp_path / "out" / "pictures").glob("*.png"))) == len(pictures(done.found)) == 5
+    assert len(list((tmp_path / "out" / "pictures").glob("*.png"))) == len(loaded_charts(done.found)) == 5
     page = (tmp_path / "out" / "report.html").read_text()
     assert all(s.replace("'", "&#39;") in page for s in done.found.sentences)
 
 
 def test_a_run_of_another_plan_is_refused(folder, tmp_path):
-    from planner.errors import InputError
+    from planner.common.errors import InputError
 
     (tmp_path / "plan.json").write_text('{"plan_id": "abc", "robot": "abb-irb6700"}')
     text = "# plan_id: def\n" + (folder / "loaded.csv").read_text()
@@ -156,8 +158,8 @@ def test_a_run_of_another_plan_is_refused(folder, tmp_path):
 
 
 def test_joint_runs_need_fixtures_of_their_own(done):
-    from planner.errors import InputError
+    from planner.common.errors import InputError
 
     run = averaged_run(done.found)
     with pytest.raises(InputError, match="shares the fixture 'A'"):
-        joint_fit(shared.cell(), run, run, ())
+        fit_jointly(shared.cell(), run, run, ())

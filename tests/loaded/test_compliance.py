@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.loaded.averaging import averaged_curves
-from planner.loaded.compliance import bar_deflection, combinations, compliances
-from planner.loaded.harmonics import counts, smoothed, turn_noise
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.instruments.loaded.compliance import (
+    bar_deflection,
+    compliance_combinations,
+    fit_compliances,
+    harmonic_counts,
+    smooth_spectrum,
+    turn_noise,
+)
+from planner.instruments.loaded.curves import average_curves
 
 SEEDS, BINS, REPEATS = 24, 36, 5
 
@@ -22,7 +29,7 @@ def clean(errors=False):
     way = world.course(shared.arm(), loads=(125.0, 375.0, 625.0), repeats=1, rate=150.0)
     _, length = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
     run = shared.run_of(way, length)
-    (curves,) = averaged_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.rig(run), run, np.pi)
     thin = slice(None, None, len(curves.theta) // BINS)
     fields = {"theta": curves.theta[thin]}
     fields |= {name: getattr(curves, name)[:, :, thin] for name in ("q", "length", "force")}
@@ -38,7 +45,7 @@ def noisy(curves, rng):
     smooth = np.einsum("dkrcn,cnb->dkrb", rng.normal(0, 2e-6, (D, K, REPEATS, 2, 6)), wave)
     turns = curves.length[:, :, None] + smooth + rng.normal(0, 2e-6, (D, K, REPEATS, B))
     square = sum(turn_noise(turns[d, k]) for d in range(D) for k in range(K))
-    noise = smoothed(square / (D * K * (REPEATS - 1)))
+    noise = smooth_spectrum(square / (D * K * (REPEATS - 1)))
     return replace(curves, length=turns.mean(axis=2), noise=noise, repeats=np.full((D, K), REPEATS))
 
 
@@ -56,7 +63,7 @@ def test_compliances_come_back_as_their_joint_chi_square_allows():
     truth, rig, curves = clean()
     total, misfit = [], []
     for seed in range(SEEDS):
-        found = compliances(rig, [noisy(curves, np.random.default_rng(seed))]).compliances
+        found = fit_compliances(rig, [noisy(curves, np.random.default_rng(seed))]).compliances
         off = found.pulled - found.information @ truth.soft
         total.append(float(off @ np.linalg.solve(found.information, off)))
         misfit.append(found.misfit)
@@ -73,7 +80,7 @@ def test_negative_forces_push_and_tell_the_same():
     values = []
     for course, length in ((way, pulled), (pushing, pushed)):
         run = shared.run_of(course, length)
-        values.append(compliances(shared.rig(run), averaged_curves(shared.rig(run), run, np.pi)).compliances)
+        values.append(fit_compliances(shared.rig(run), average_curves(shared.rig(run), run, np.pi)).compliances)
     assert np.all(np.abs(values[0].value - values[1].value) < 3 * np.hypot(values[0].std, values[1].std) + 1e-9)
 
 
@@ -85,14 +92,14 @@ def test_two_circles_know_more_than_one():
         length, _ = world.readings(shared.arm(), truth, way, rng, world.FIXTURE + away)
         runs.append(shared.run_of(way, length))
         rigs.append(replace(shared.rig(runs[-1]), p_BX=(world.FIXTURE + away)[None]))
-    curves = [averaged_curves(g, r, np.pi)[0] for g, r in zip(rigs, runs, strict=True)]
+    curves = [average_curves(g, r, np.pi)[0] for g, r in zip(rigs, runs, strict=True)]
     second = replace(curves[1], circle=replace(curves[1].circle, place=1))
     both = replace(
         rigs[0], p_BX=np.stack([rigs[0].p_BX[0], rigs[1].p_BX[0]]), place_prior=np.repeat(rigs[0].place_prior, 2),
         place_names=("A", "B"),
     )  # fmt: skip
-    alone = compliances(rigs[0], curves[:1]).compliances
-    together = compliances(both, [curves[0], second]).compliances
+    alone = fit_compliances(rigs[0], curves[:1]).compliances
+    together = fit_compliances(both, [curves[0], second]).compliances
     assert np.all(together.std < alone.std * 1.02)
     assert together.std.max() < 0.7 * alone.std.max()
     assert np.all(np.abs(together.value - truth.soft) < 4 * together.std)
@@ -102,7 +109,7 @@ def test_combinations_are_the_axes_of_the_information():
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6)) * np.logspace(0, 3, 6)
     scaled = root.T @ root
-    found = combinations(tuple(f"compliance{i + 1}" for i in range(6)), scaled)
+    found = compliance_combinations(tuple(f"compliance{i + 1}" for i in range(6)), scaled)
     rebuilt = sum(np.outer(c.shares, c.shares) / c.std**2 for c in found)
     np.testing.assert_allclose(rebuilt, scaled, rtol=1e-8, atol=1e-9 * scaled.max())
     assert [c.std for c in found] == sorted(c.std for c in found)
@@ -112,4 +119,4 @@ def test_combinations_are_the_axes_of_the_information():
 def test_counts_make_parseval_hold(bins):
     y = np.random.default_rng(4).normal(size=bins)
     waves = np.fft.rfft(y, norm="ortho")
-    assert (counts(bins) * np.abs(waves) ** 2).sum() == pytest.approx((y**2).sum())
+    assert (harmonic_counts(bins) * np.abs(waves) ** 2).sum() == pytest.approx((y**2).sum())

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.loaded.joint import joint_fit
-from planner.loaded.runs import APART, at_rest
-from planner.model import Model
-from planner.rig import rig_of
-from planner.run import Readings, Run, Samples
-from planner.run.joining import joined
-from planner.study.softness import driven, predicted_both
-from planner.study.softness.choice import planned_curves
-from tests.loaded import shared, world
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
+from planner.common.errors import InputError
+from planner.instruments.loaded.joint_fit import SAMPLE_SPACING, at_rest, fit_jointly
+from planner.model.model import Model
+from planner.runs.loader import join_runs
+from planner.runs.run import Readings, Run, Samples
+from planner.study.compliance_design.circle_candidates import find_own_place
+from planner.study.compliance_design.common_fit import predict_common_fit
+from planner.study.compliance_design.place_selection import planned_curves
 
 SEEDS, ANGLES, REPEATS = 20, 24, 5
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.3010, 0.8995, 0.9007])
@@ -76,7 +77,7 @@ def noise():
 
 @pytest.fixture(scope="module")
 def fits(cell):
-    return [joint_fit(cell, *runs(np.random.default_rng([seed, 7])), noise()) for seed in range(SEEDS)]
+    return [fit_jointly(cell, *runs(np.random.default_rng([seed, 7])), noise()) for seed in range(SEEDS)]
 
 
 def test_compliances_are_as_true_as_they_say(fits):
@@ -97,7 +98,7 @@ def test_runs_of_two_robots_are_refused(cell, fits):
     other = world.World(errors={k: float(v + rng.normal(0, 3e-4)) for k, v in shared.ERRORS.items()})
     x = world.true_point(arm, other, free.samples.q, np.zeros(len(free)), E_TRUE)
     length = np.linalg.norm(x - E_TRUE, axis=1) + 3e-4
-    (said,) = joint_fit(cell, replace(free, readings=Readings(length=length)), loaded, noise()).problems
+    (said,) = fit_jointly(cell, replace(free, readings=Readings(length=length)), loaded, noise()).problems
     assert "disagree" in said
 
 
@@ -110,7 +111,7 @@ def test_each_bar_has_its_own_zero(fits):
 
 
 def test_the_model_has_two_zeros_only_where_there_are_two_bars(cell):
-    both = rig_of(cell)
+    both = setup_of(cell)
     assert both.loaded == ("A",)
     names = [n for n in Model.of(both, cell.plan.free).names if n.startswith("zero")]
     assert names == ["zero", "zero_loaded"]
@@ -125,7 +126,7 @@ def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
     free, loaded = runs(np.random.default_rng(0))
     assert len(at_rest(free)) == len(free)
     n = 400
-    t = np.arange(n * len(free)) * APART / n
+    t = np.arange(n * len(free)) * SAMPLE_SPACING / n
     samples = replace(free.samples, q=np.repeat(free.samples.q, n, axis=0), t=t, place=np.zeros(len(t), int))
     readings = Readings(length=np.repeat(free.readings.length, n))
     many = replace(free, samples=samples, readings=readings, continuous=True)
@@ -133,7 +134,7 @@ def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
     assert len(thin) == len(free)
     assert not thin.continuous
     np.testing.assert_array_equal(thin.samples.q, free.samples.q)
-    found, other = (joint_fit(cell, run, loaded, noise()) for run in (many, free))
+    found, other = (fit_jointly(cell, run, loaded, noise()) for run in (many, free))
     np.testing.assert_allclose(found.errors, other.errors, atol=1e-12)
 
 
@@ -141,25 +142,25 @@ def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
     free, loaded = runs(np.random.default_rng(0))
     raw = replace(loaded, continuous=True, samples=replace(loaded.samples, t=np.arange(len(loaded)) * 0.01))
     with pytest.raises(InputError, match=r"averaged.csv.*--with"):
-        joined([free, raw])
+        join_runs([free, raw])
 
 
 def test_the_plan_predicts_what_the_fit_finds(cell):
     """Standard deviations of a fit whose noise is as declared, beside those predicted for its poses and circle."""
     shipped, rng = load_cell(shared.CELL), np.random.default_rng(11)
-    place, q = driven(shipped), clean()[0]
-    curves = planned_curves(shipped, rig_of(shipped), place)
+    place, q = find_own_place(shipped), clean()[0]
+    curves = planned_curves(shipped, setup_of(shipped), place)
     _, K, A = curves.length.shape
     turn = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A] / REPEATS
     around, force = curves.q.reshape(-1, 6), curves.force.ravel()
     truth, ball = world.World(errors=shared.ERRORS), np.array(world.FIXTURE)
     length = np.linalg.norm(world.true_point(shared.arm(), truth, around, force, ball) - ball, axis=1)
-    model = Model.of(rig_of(cell), frozenset())
+    model = Model.of(setup_of(cell), frozenset())
     pose = rng.normal(size=(2, 1, A)) * model.noise(around)[:A]  # the error of a pose, the same under all loads
     smooth = np.linalg.cholesky(turn) @ rng.normal(size=(2, K, A, 1))
     length = length + (pose + smooth[..., 0]).ravel()
     free = clean()[1] + model.noise(q, 1) * rng.normal(size=len(q))
-    found = joint_fit(
+    found = fit_jointly(
         cell,
         Run("free", Samples(q=q, place=np.zeros(len(q), int)), Readings(length=free), ("E",), robot="abb-irb6700"),
         Run(
@@ -168,7 +169,7 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
         (np.repeat(turn[None], K, axis=0),) * 2,
     )
     other = replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),), circles=())
-    known = predicted_both(other, q, np.zeros(len(q), int), shipped, [place])
+    known = predict_common_fit(other, q, np.zeros(len(q), int), shipped, [place])
     std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
     ratio = [std[n] / (b * p) for n, b, p in zip(known.names, known.both, known.prior, strict=True) if n in NAMES[:5]]
     assert len(ratio) == 5

@@ -7,17 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.errors import InputError, NoSolutionError
-from planner.loaded.averaging import averaged_curves
-from planner.loaded.compliance import compliances
-from planner.rig import rig_of
-from planner.study.softness import candidates, choose_places, driven, predicted_both
-from planner.study.softness.choice import known_by, predicted, turn_noise_promised
-from planner.study.softness.results import places_content, places_csv
-from planner.workflow import Stages
+import tests.loaded.shared as shared
+import tests.loaded.world as world
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
+from planner.common.errors import InputError, NoSolutionError
+from planner.instruments.loaded.compliance import fit_compliances
+from planner.instruments.loaded.curves import average_curves
+from planner.session.bar_planning import Stages
+from planner.study.compliance_design.circle_candidates import find_circle_places, find_own_place
+from planner.study.compliance_design.common_fit import predict_common_fit
+from planner.study.compliance_design.place_selection import (
+    predict_compliance,
+    predict_information,
+    promised_turn_noise,
+    select_circle_places,
+)
+from planner.study.compliance_design.results import places_content, places_csv
 from planner.workflow.loaded_places import study_places, with_places, write_places
-from tests.loaded import shared, world
 
 BINS = 36
 
@@ -29,17 +36,17 @@ def cell():
 
 @pytest.fixture(scope="module")
 def own(cell):
-    return driven(cell)
+    return find_own_place(cell)
 
 
 @pytest.fixture(scope="module")
 def pool(cell):
-    return candidates(cell, steps=(4, 3))
+    return find_circle_places(cell, steps=(4, 3))
 
 
 @pytest.fixture(scope="module")
 def places(cell, pool, own):
-    return choose_places(cell, pool, own, 4)
+    return select_circle_places(cell, pool, own, 4)
 
 
 def deflections(place, soft, raised=0.0):
@@ -59,13 +66,13 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
 
     Rows are those of the arm as it stands unloaded: what the sag changes of the levers, a percent, is left out.
     """
-    rig = rig_of(cell)
+    rig = setup_of(cell)
     soft = 0.5 * np.full(6, 2e-6)
     step = 1e-8
     columns = [(deflections(own, soft + step * e) - deflections(own, soft - step * e)) / (2 * step) for e in np.eye(6)]
     up, down = (deflections(own, soft, h) for h in (2e-4, -2e-4))
     columns.append((up - down) / 4e-4)
-    spectrum = turn_noise_promised(replace(rig, p_BX=own.p_BX[None]), own.q)
+    spectrum = promised_turn_noise(replace(rig, p_BX=own.p_BX[None]), own.q)
     harmonics = np.concatenate([spectrum, spectrum[1:-1][::-1]])
     C = np.real(np.fft.ifft(harmonics[:, None] * np.fft.fft(np.eye(BINS), axis=0), axis=0)) / 5  # five repeats
     K = len(world.LOADS)
@@ -78,7 +85,7 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
     )
     both[-1, -1] += 1 / rig.place_prior[0] ** 2
     dense = both[:6, :6] - np.outer(both[:6, 6], both[6, :6]) / both[6, 6]
-    ours = predicted(cell, rig, own)
+    ours = predict_information(cell, rig, own)
     size = np.sqrt(np.diag(dense))
     np.testing.assert_allclose(ours / np.outer(size, size), dense / np.outer(size, size), atol=0.012)
 
@@ -89,16 +96,16 @@ def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     truth = world.World(soft=np.full(6, 1e-6), offset=np.zeros(3), white=0.0)
     length, _ = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
     run = shared.run_of(way, length)
-    (curves,) = averaged_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.rig(run), run, np.pi)
     thin = slice(None, None, len(curves.theta) // BINS)
     fields = {name: getattr(curves, name)[:, :, thin][:, :, :BINS] for name in ("q", "length", "force")}
-    noise = turn_noise_promised(replace(rig_of(cell), p_BX=own.p_BX[None]), own.q)
+    noise = promised_turn_noise(replace(setup_of(cell), p_BX=own.p_BX[None]), own.q)
     curves = replace(
         curves, **fields, theta=curves.theta[thin][:BINS], noise=noise, repeats=np.full(curves.repeats.shape, 5)
     )
-    found = compliances(shared.rig(run), [curves]).compliances
-    rig = rig_of(cell)
-    promised = known_by(predicted(cell, rig, own) * np.outer(found.prior, found.prior))
+    found = fit_compliances(shared.rig(run), [curves]).compliances
+    rig = setup_of(cell)
+    promised = predict_compliance(predict_information(cell, rig, own) * np.outer(found.prior, found.prior))
     np.testing.assert_allclose(found.std / found.prior, promised.std, rtol=0.03)
 
 
@@ -152,7 +159,7 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
     targets = fixture + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.3, 0.6, (60, 1))
     q = world.reach(shared.arm(), targets, rng)
     free = replace(cell, fixtures=(replace(cell.fixtures[0], name="E", p_BX=fixture),))
-    both = predicted_both(free, q, np.zeros(len(q), int), cell, [places.pool[i] for i in places.sets[0]])
+    both = predict_common_fit(free, q, np.zeros(len(q), int), cell, [places.pool[i] for i in places.sets[0]])
     rows = both.of("compliance")
     assert len(rows) == 6
     assert all(together <= min(unloaded, loaded) * 1.001 for _, unloaded, loaded, together in rows)
@@ -163,20 +170,20 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
 
 def test_a_cell_without_loads_is_refused(cell):
     with pytest.raises(InputError, match=r"no \[\[circles\]\]"):
-        candidates(replace(cell, circles=()))
+        find_circle_places(replace(cell, circles=()))
     few = replace(cell.circles[0], loads=(125.0,))
     with pytest.raises(InputError, match="1 loads in loads_N"):
-        candidates(replace(cell, circles=(few,)))
+        find_circle_places(replace(cell, circles=(few,)))
 
 
 def test_a_circle_out_of_the_arms_reach_is_refused(cell):
     far = replace(cell.circles[0], p_BC=np.array([4.0, 0.0, 1.0]))
     with pytest.raises(NoSolutionError, match="cannot be followed"):
-        driven(replace(cell, circles=(far,)))
+        find_own_place(replace(cell, circles=(far,)))
 
 
 def test_more_places_than_there_are(monkeypatch, places, cell):
-    monkeypatch.setattr("planner.workflow.loaded_places.places_study", lambda *_: places)
+    monkeypatch.setattr("planner.workflow.loaded_places.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
         study_places(shared.CELL, 5, 0, Stages(lambda *_: None))
     assert len(with_places(cell, places, 2).file.circles) == 2

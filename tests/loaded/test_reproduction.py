@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.report.loaded import pictures
-from tests.loaded import reproduction, world
+import tests.loaded.reproduction as reproduction
+import tests.loaded.world as world
+from planner.report.loaded_report import loaded_charts
 
 NAMES = ("readings", "deflections", "compensated", "kinematic", "known")
 
@@ -48,4 +49,4 @@ def test_figures(tmp_path):
     paths = reproduction.write_figures(tmp_path, only=("kinematic",))
     assert [p.name for p in paths] == ["ldbb_kinematic.png"]
     assert paths[0].stat().st_size > 10_000
-    assert [p.name for p in pictures(reproduction.evaluated())] == list(NAMES)
+    assert [p.name for p in loaded_charts(reproduction.evaluated())] == list(NAMES)

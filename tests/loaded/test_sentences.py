@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from planner.cli.written import written_line
-from planner.loaded.compliance import posterior
-from planner.loaded.sentences import compliance_sentences, known_as, share
-from planner.loaded.told import HARDLY, UNTOLD, WELL
+from planner.cli.terminal import written_line
+from planner.instruments.loaded.compliance import compliance_posterior
+from planner.instruments.loaded.results import compliance_sentences, compliance_text, share_text
+from planner.instruments.loaded.types import HARDLY_KNOWN, KNOWN, NOT_LEARNT
 
 NAMES = tuple(f"compliance{i + 1}" for i in range(4))
 
@@ -16,18 +16,18 @@ def found():
     """Readings that alone would know the four to 1 %, 50 %, 146 % and nothing of their prior size."""
     prior, alone = np.full(4, 2e-6), np.array([0.01, 0.5, 1.46, 1e7])
     information = np.diag((alone * prior) ** -2.0)
-    return posterior(NAMES, prior, information, information @ np.full(4, 1e-6), 1e-6, 1.0)
+    return compliance_posterior(NAMES, prior, information, information @ np.full(4, 1e-6), 1e-6, 1.0)
 
 
 def test_each_is_told_by_what_the_readings_add(found):
-    assert found.told == (WELL, HARDLY, UNTOLD, UNTOLD)
-    assert [c.told for c in found.combinations] == [WELL, HARDLY, UNTOLD, UNTOLD]
+    assert found.told == (KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT)
+    assert [c.told for c in found.combinations] == [KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT]
 
 
 def test_nothing_learnt_has_no_value(found):
-    assert known_as(found, 0) == "1.000 ± 0.020 µrad/Nm"
-    assert "hardly known: before ± 2" in known_as(found, 1)
-    assert known_as(found, 2) == "nothing learnt: before ± 2, with this run ± 1.65 µrad/Nm"
+    assert compliance_text(found, 0) == "1.000 ± 0.020 µrad/Nm"
+    assert "hardly known: before ± 2" in compliance_text(found, 1)
+    assert compliance_text(found, 2) == "nothing learnt: before ± 2, with this run ± 1.65 µrad/Nm"
 
 
 def test_sentences_name_what_is_open_and_what_would_help(found):
@@ -42,7 +42,7 @@ def test_sentences_name_what_is_open_and_what_would_help(found):
 
 @pytest.mark.parametrize(("part", "text"), [(0.0015, "0.15 %"), (0.0951, "10 %"), (1.46, "146 %"), (25.0, "25 times")])
 def test_parts_are_written_without_exponents(part, text):
-    assert share(part) == text
+    assert share_text(part) == text
 
 
 def test_parts_of_a_program_are_listed_in_one_go(tmp_path):

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.observability import identifiable, index_value, null_directions, written
-
-from . import dh_arm
-from .dh_arm import NJ130
+import tests.observability.dh_arm as dh_arm
+from planner.common.errors import InputError
+from planner.design.observability.explanations import format_direction
+from planner.design.observability.identifiability import find_identifiable, null_directions
+from planner.design.observability.information import index_value
+from tests.observability.dh_arm import NJ130
 
 CELLS = [
     ((), (), 22, 24),
@@ -27,7 +28,7 @@ def poses():
 
 
 def seen(poses, beta=(), free=(), arm=NJ130, **settings):
-    return identifiable(dh_arm.rows(arm, poses, beta, free), dh_arm.names(arm, beta, free), **settings)
+    return find_identifiable(dh_arm.rows(arm, poses, beta, free), dh_arm.names(arm, beta, free), **settings)
 
 
 @pytest.mark.parametrize(("beta", "free"), [((2,), ("fixture", "tool", "zero"))])
@@ -65,7 +66,7 @@ def test_moving_along_an_unseen_direction_leaves_the_reading(poses, beta, free, 
 def test_sentences_of_the_paper_cell(poses):
     d3, theta6 = seen(poses).dropped
     assert d3.because == "d3 moves with d2: axes 2 and 3 are parallel"
-    assert (theta6.name, written(theta6.direction)) == ("theta6", "0.95 theta6 + 0.32 alpha6")
+    assert (theta6.name, format_direction(theta6.direction)) == ("theta6", "0.95 theta6 + 0.32 alpha6")
     assert "about axis 6" in theta6.because
     assert "0.95 theta6 + 0.32 alpha6" in theta6.because
 
@@ -105,20 +106,20 @@ def test_preference_decides_who_stays(poses):
 def test_the_same_rank_whatever_the_units(poses):
     rows, names = dh_arm.rows(NJ130, poses, (2,), ("fixture", "tool")), dh_arm.names(NJ130, (2,), ("fixture", "tool"))
     size = np.where([n.startswith(("theta", "alpha", "beta")) for n in names], 1e-3, 1.0)  # rad against mm
-    assert identifiable(rows * size, names, 1 / size).kept == identifiable(rows, names).kept
+    assert find_identifiable(rows * size, names, 1 / size).kept == find_identifiable(rows, names).kept
 
 
 def test_a_direction_fainter_than_its_prior_is_left_out_and_weak_ones_are_named(poses):
     rows, names = dh_arm.rows(NJ130, poses), dh_arm.names(NJ130)
     prior = np.full(24, 1e-3)
-    assert identifiable(rows, names, prior, noise=1e-4, readings=35).rank == 22  # 21 see more than their prior
+    assert find_identifiable(rows, names, prior, noise=1e-4, readings=35).rank == 22  # 21 see more than their prior
     skew = replace(NJ130, alpha=(-np.pi / 2, 1e-2, np.pi / 2, -np.pi / 2, np.pi / 2, 0.0))  # d2, d3 told apart on paper
     rows = dh_arm.rows(skew, poses)
-    assert identifiable(rows, names, prior).rank == 23
-    found = identifiable(rows, names, prior, noise=1e-4, readings=35)
+    assert find_identifiable(rows, names, prior).rank == 23
+    found = find_identifiable(rows, names, prior, noise=1e-4, readings=35)
     assert found.rank == 22
     assert "hardly change" in found.dropped[0].because
-    weak = identifiable(rows, names, prior, noise=5e-3, readings=35)
+    weak = find_identifiable(rows, names, prior, noise=5e-3, readings=35)
     std = (
         5e-3
         * np.sqrt(600 / 35)
@@ -144,17 +145,17 @@ def test_three_readings_a_pose(poses):
         np.broadcast_to(x if kind == "T" else np.cross(x, point - o), point.shape)
         for (_, kind, *_), x, o in zip(chain, axes, origins, strict=False)
     ]
-    found = identifiable(np.stack(columns, axis=2), dh_arm.names(NJ130))
+    found = find_identifiable(np.stack(columns, axis=2), dh_arm.names(NJ130))
     assert [d.name for d in found.dropped] == ["d3", "theta6"]
 
 
 def test_bad_input_is_refused(poses):
     rows, names = dh_arm.rows(NJ130, poses), dh_arm.names(NJ130)
     with pytest.raises(InputError, match="24 columns, but 23 names"):
-        identifiable(rows, names[:-1])
+        find_identifiable(rows, names[:-1])
     with pytest.raises(InputError, match="prior size of d1"):
-        identifiable(rows, names, np.where(np.arange(24) == 1, 0.0, 1.0))
+        find_identifiable(rows, names, np.where(np.arange(24) == 1, 0.0, 1.0))
     with pytest.raises(InputError, match="once"):
-        identifiable(rows, names, prefer=[0] * 24)
+        find_identifiable(rows, names, prefer=[0] * 24)
     with pytest.raises(InputError, match="no reading depends"):
-        identifiable(0 * rows, names)
+        find_identifiable(0 * rows, names)

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import svdvals
 
-from planner.errors import InputError
-from planner.observability import covariance, index_value, indices, r_factor, rule, sensitivity
+from planner.common.errors import InputError
+from planner.design.observability.information import (
+    all_indices,
+    find_rule,
+    index_value,
+    predict_covariance,
+    r_factor,
+    rms_sensitivity,
+)
 
 
 def sample(seed=0, n=40, r=3, p=5):
@@ -15,7 +22,7 @@ def sample(seed=0, n=40, r=3, p=5):
 def test_every_index_matches_its_definition():
     rows = sample()
     mu = svdvals(rows.reshape(-1, 5))
-    found = indices(rows)
+    found = all_indices(rows)
     assert pytest.approx(np.prod(mu) ** (1 / 5) / np.sqrt(40)) == found.O1  # 40 poses, not 120 readings
     assert pytest.approx(mu[0] / mu[-1]) == found.O2
     assert pytest.approx(mu[-1]) == found.O3
@@ -40,12 +47,12 @@ def test_a_set_that_sees_too_little_has_the_worst_value(kind, worst):
 
 def test_an_unknown_index_is_refused_by_name():
     with pytest.raises(InputError, match=r'"?O6"?.*O1, O2, O3, O4, O5'):
-        rule("O6")
+        find_rule("O6")
 
 
 def test_the_gap_has_the_sense_of_the_index():
-    assert rule("O2").gap(33.0, 30.0) == pytest.approx(0.1)
-    assert rule("O3").gap(0.9, 0.99) == pytest.approx(0.1)
+    assert find_rule("O2").gap(33.0, 30.0) == pytest.approx(0.1)
+    assert find_rule("O3").gap(0.9, 0.99) == pytest.approx(0.1)
 
 
 def test_the_triangular_factor_in_pieces_keeps_small_singular_values():
@@ -68,7 +75,7 @@ def test_rows_that_are_not_numbers_are_refused():
 def test_covariance_is_what_many_fits_scatter_by():
     rng = np.random.default_rng(3)
     rows, noise = sample(4, n=30), 0.3
-    predicted = covariance(rows, noise)
+    predicted = predict_covariance(rows, noise)
     tall = rows.reshape(-1, 5)
     fits = np.linalg.lstsq(tall, noise * rng.standard_normal((90, 20_000)), rcond=None)[0]
     assert np.std(fits, axis=1) == pytest.approx(predicted.std, rel=0.03)
@@ -81,21 +88,21 @@ def test_a_prior_is_one_more_reading_and_a_reading_may_have_its_own_noise():
     noise = np.linspace(0.1, 2, 30).reshape(10, 3)
     white = (rows / noise[..., None]).reshape(-1, 5)
     expected = np.linalg.inv(white.T @ white + np.diag(prior**-2))
-    assert covariance(rows, noise, prior).matrix == pytest.approx(expected, rel=1e-8)
+    assert predict_covariance(rows, noise, prior).matrix == pytest.approx(expected, rel=1e-8)
 
 
 def test_an_unseen_direction_needs_a_prior():
     rows = sample()
     rows[..., 4] = rows[..., 0]
     with pytest.raises(InputError, match="unseen"):
-        covariance(rows, 1.0)
-    assert np.isfinite(covariance(rows, 1.0, np.ones(5)).std).all()
+        predict_covariance(rows, 1.0)
+    assert np.isfinite(predict_covariance(rows, 1.0, np.ones(5)).std).all()
     rows[..., 4] = 0
     with pytest.raises(InputError, match="parameter 4 moves no reading"):
-        covariance(rows, 1.0)
+        predict_covariance(rows, 1.0)
     with pytest.raises(InputError, match="above zero"):
-        covariance(rows, 0.0)
+        predict_covariance(rows, 0.0)
 
 
 def test_sensitivity_is_the_rms_change_of_a_reading():
-    assert sensitivity(sample()) == pytest.approx(np.sqrt(np.mean(sample().reshape(-1, 5) ** 2, axis=0)))
+    assert rms_sensitivity(sample()) == pytest.approx(np.sqrt(np.mean(sample().reshape(-1, 5) ** 2, axis=0)))

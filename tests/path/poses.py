@@ -4,10 +4,11 @@ from functools import cache
 
 import numpy as np
 
-from planner.cell import Cell, load_cell
-from planner.collision import CollisionWorld
-from planner.units import Array
-from planner.workspace import Workspace
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.cell.workspace import Workspace
+from planner.common.units import Array
+from planner.motion.collision.engines import CollisionWorld
 
 
 @cache

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from planner.path.kinematics import Kinematics
-from planner.path.pair_bounds import PairBounds
-from planner.path.workspace_bounds import WorkspaceBounds
-from planner.units import Array
-from planner.workspace import Workspace
+from planner.cell.workspace import Workspace
+from planner.common.units import Array
+from planner.motion.path.margins import PairBounds, WorkspaceBounds
+from planner.motion.path.travel import ToolKinematics
 from tests.path.poses import cell_and_world, valid_poses
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
@@ -36,7 +35,7 @@ def test_kinematics_agrees_with_workspace_and_finite_differences(name: str) -> N
     np.testing.assert_allclose(
         WorkspaceBounds(Workspace(cell, bar=False)).margins(q, pose), Workspace(cell, bar=False).margins(q), atol=1e-12
     )
-    step, kinematics = 1e-6, Kinematics(cell)
+    step, kinematics = 1e-6, ToolKinematics(cell)
     for j in range(cell.robot.n_joints):
         dq = step * np.eye(cell.robot.n_joints)[j]
         far, near = kinematics.at(q + dq), kinematics.at(q - dq)

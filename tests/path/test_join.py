@@ -6,12 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from planner.collision import FclJudge
-from planner.path import Constraints, Gaps, Path, join, judge, parts
-from planner.path.distances import FclPairs
-from planner.path.proof import Prover
-from planner.units import Array
-from planner.workspace import Workspace
+from planner.cell.workspace import Workspace
+from planner.common.units import Array
+from planner.motion.collision.engines import FclPairs, FclWorld
+from planner.motion.path.connection import connect_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.proof import Prover
+from planner.motion.path.roadmap import connected_parts
+from planner.motion.path.verdict import PathGaps, ProvenPath, judge_path
 from tests.path.poses import cell_and_world, dense, valid_poses
 
 COUNT = 20
@@ -25,7 +27,7 @@ def constraints() -> Constraints:
 @pytest.fixture(scope="module")
 def labelled() -> tuple[Array, np.ndarray]:
     q = valid_poses(700)
-    return q, parts(constraints(), q)
+    return q, connected_parts(constraints(), q)
 
 
 @pytest.fixture(scope="module")
@@ -37,18 +39,18 @@ def tour(labelled: tuple[Array, np.ndarray]) -> tuple[Array, list[int], Array]:
 
 
 @pytest.fixture(scope="module")
-def path(tour: tuple[Array, list[int], Array]) -> Path:
+def path(tour: tuple[Array, list[int], Array]) -> ProvenPath:
     q, order, pool = tour
-    found = join(constraints(), q, order, seed=4, pool=pool)
-    assert isinstance(found, Path)
+    found = connect_poses(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(found, ProvenPath)
     return found
 
 
-def digest(path: Path) -> str:
+def digest(path: ProvenPath) -> str:
     return hashlib.sha256(path.q.tobytes() + path.node.tobytes()).hexdigest()
 
 
-def test_path_visits_the_poses_in_order_over_its_legs(path: Path, tour: tuple[Array, list[int], Array]) -> None:
+def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, _ = tour
     assert path.node[path.node >= 0].tolist() == order
     np.testing.assert_array_equal(path.q[path.node >= 0], q[order])
@@ -59,12 +61,12 @@ def test_path_visits_the_poses_in_order_over_its_legs(path: Path, tour: tuple[Ar
     assert not path.q.flags.writeable
 
 
-def test_path_holds_when_sampled_densely(path: Path) -> None:
+def test_path_holds_when_sampled_densely(path: ProvenPath) -> None:
     cell, world = cell_and_world()
     sampled = dense(path.q[:-1], path.q[1:], 150)
     assert (Workspace(cell).margins(sampled) > 0.0).all()
     assert not world.collides(sampled).any()
-    distance = FclJudge(world.scene).distances(sampled[::20])
+    distance = FclWorld(world.scene).distances(sampled[::20])
     assert distance.min() > cell.motion.clearance
     assert path.clearance <= distance.min() + 5e-4
     length = np.linalg.norm(cell.map_position(sampled) - cell.fixtures[0].p_BX, axis=1)
@@ -74,12 +76,12 @@ def test_path_holds_when_sampled_densely(path: Path) -> None:
     assert path.checked == "continuous"
 
 
-def test_direct_legs_are_those_whose_straight_motion_is_proven(path: Path) -> None:
+def test_direct_legs_are_those_whose_straight_motion_is_proven(path: ProvenPath) -> None:
     q = path.q[path.node >= 0]
     np.testing.assert_array_equal(constraints().prove(q[:-1], q[1:]).proven, [leg.direct for leg in path.legs])
 
 
-def test_detours_are_short_and_have_few_supports(path: Path) -> None:
+def test_detours_are_short_and_have_few_supports(path: ProvenPath) -> None:
     cell, _ = cell_and_world()
     seconds = (np.abs(np.diff(path.q, axis=0)) / cell.robot.speed).max(axis=1).sum()
     straight = (np.abs(np.diff(path.q[path.node >= 0], axis=0)) / cell.robot.speed).max(axis=1).sum()
@@ -87,10 +89,10 @@ def test_detours_are_short_and_have_few_supports(path: Path) -> None:
     assert np.mean([len(leg.supports) for leg in path.legs if not leg.direct]) < 4.0
 
 
-def test_same_seed_same_path(path: Path, tour: tuple[Array, list[int], Array]) -> None:
+def test_same_seed_same_path(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, pool = tour
-    again = join(constraints(), q, order, seed=4, pool=pool)
-    assert isinstance(again, Path)
+    again = connect_poses(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(again, ProvenPath)
     assert digest(again) == digest(path)
 
 
@@ -98,13 +100,13 @@ def test_poses_of_another_part_are_reported(labelled: tuple[Array, np.ndarray]) 
     q, part = labelled
     main, other = q[part == 0], q[part == 1]
     nodes = np.vstack([main[:3], other[:1]])
-    found = join(constraints(), nodes, [0, 1, 3, 2, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
-    assert isinstance(found, Gaps)
+    found = connect_poses(constraints(), nodes, [0, 1, 3, 2, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(found, PathGaps)
     assert set(found.failed) == {(1, 3), (2, 3)}
     assert found.unreachable == (3,)
     assert len(found.reasons) == 2
-    cut_off = join(constraints(), nodes[::-1], [0, 1, 2, 3, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
-    assert isinstance(cut_off, Gaps)
+    cut_off = connect_poses(constraints(), nodes[::-1], [0, 1, 2, 3, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(cut_off, PathGaps)
     assert cut_off.unreachable == (0,)
 
 
@@ -112,8 +114,8 @@ def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list
     q, _, pool = tour
     broken = q[:4].copy()
     broken[2, 0] += 1.5
-    found = join(constraints(), broken, [0, 1, 2, 3], seed=1, pool=pool)
-    assert isinstance(found, Gaps)
+    found = connect_poses(constraints(), broken, [0, 1, 2, 3], seed=1, pool=pool)
+    assert isinstance(found, PathGaps)
     assert found.unreachable == (2,)
 
 
@@ -125,29 +127,31 @@ def test_leg_through_the_fixture_stand_goes_round_it() -> None:
     through = [k for k, name in enumerate(names) if "fixture stand" in name][:4]
     assert len(through) == 4
     nodes = np.concatenate([q[[k, 450 + k]] for k in through])
-    found = join(free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(450 + k for k in through)], axis=0))
-    assert isinstance(found, Path)
+    found = connect_poses(
+        free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(450 + k for k in through)], axis=0)
+    )
+    assert isinstance(found, ProvenPath)
     assert found.clear
     assert not any(leg.direct for leg in found.legs[::2])
-    distance = FclJudge(free.scene).distances(dense(found.q[:-1], found.q[1:], 30))
+    distance = FclWorld(free.scene).distances(dense(found.q[:-1], found.q[1:], 30))
     assert distance.min() > cell.motion.clearance
 
 
-def test_both_judges_refuse_a_path_that_collides(path: Path) -> None:
+def test_both_judges_refuse_a_path_that_collides(path: ProvenPath) -> None:
     free = constraints()
     straight = path.q[path.node >= 0]
-    first, second = judge(free, straight)
+    first, second = judge_path(free, straight)
     assert not first.clear
     assert not second.clear
     assert len(first.failures) == path.planned_legs
     assert first.failures[0].startswith("motion ")
 
 
-def test_blends_are_judged_with_the_path(path: Path) -> None:
+def test_blends_are_judged_with_the_path(path: ProvenPath) -> None:
     free = constraints()
     corner = path.q[1:2]
     wild = np.stack([corner, corner + 1.0, corner - 1.0], axis=1)
-    verdict, _ = judge(free, path.q, wild)
+    verdict, _ = judge_path(free, path.q, wild)
     assert [f[:7] for f in verdict.failures] == ["blend 1"]
 
 
@@ -155,8 +159,8 @@ def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
     cell, world = cell_and_world()
     q, _ = labelled
     free = Constraints(cell, bar=False, scene=world.scene)
-    found = join(free, np.vstack([cell.home, q[:3]]), [0, 1, 2, 3, 0], seed=0)
-    assert isinstance(found, Path)
+    found = connect_poses(free, np.vstack([cell.home, q[:3]]), [0, 1, 2, 3, 0], seed=0)
+    assert isinstance(found, ProvenPath)
     assert found.clear
     sampled = dense(found.q[:-1], found.q[1:], 200)
     assert (Workspace(cell, bar=False).margins(sampled) > 0.0).all()
@@ -166,8 +170,8 @@ def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
 def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> None:
     q, _, pool = tour
     nodes = np.vstack([q[:3], q[1:2]])
-    found = join(constraints(), nodes, [0, 1, 3, 1, 2, 0], seed=0, pool=np.vstack([pool, nodes]))
-    assert isinstance(found, Path)
+    found = connect_poses(constraints(), nodes, [0, 1, 3, 1, 2, 0], seed=0, pool=np.vstack([pool, nodes]))
+    assert isinstance(found, ProvenPath)
     assert found.node[found.node >= 0].tolist() == [0, 1, 3, 1, 2, 0]
 
 
@@ -175,9 +179,9 @@ def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> N
 def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
     cell, world = cell_and_world(name)
     other, q = Constraints(cell, scene=world.scene), valid_poses(500, name)
-    q = q[parts(other, q) == 0]
-    found = join(other, q[:15], [*range(15), 0], seed=0, pool=q[15:])
-    assert isinstance(found, Path)
+    q = q[connected_parts(other, q) == 0]
+    found = connect_poses(other, q[:15], [*range(15), 0], seed=0, pool=q[15:])
+    assert isinstance(found, ProvenPath)
     assert found.clear, found.second.failures
     assert not world.collides(dense(found.q[:-1], found.q[1:], 200)).any()
 
@@ -203,30 +207,30 @@ def judged_strictly(state: Array, reach: float, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_leg_that_the_second_judge_does_not_prove_is_led_round(
-    path: Path, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+    path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     q, order, pool = tour
     straight = next(leg for leg in path.legs if leg.direct)
     free = judged_strictly((q[straight.start] + q[straight.end]) / 2, 1e-3, monkeypatch)
-    assert len(judge(free, path.q)[1].unproven) == 1
-    found = join(free, q, order, seed=4, pool=pool)
-    assert isinstance(found, Path), found.reasons
+    assert len(judge_path(free, path.q)[1].unproven) == 1
+    found = connect_poses(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, ProvenPath), found.reasons
     assert found.clear
     again = next(leg for leg in found.legs if (leg.start, leg.end) == (straight.start, straight.end))
     assert not again.direct
-    assert all(v.clear for v in judge(constraints(), found.q))
+    assert all(v.clear for v in judge_path(constraints(), found.q))
 
 
 def test_legs_that_no_detour_makes_right_for_the_second_judge_are_named(
-    path: Path, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+    path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All about one pose is what it refuses: the legs to it come back, with the judge's words."""
     q, order, pool = tour
     free = judged_strictly(q[3], 0.3, monkeypatch)
-    refused = judge(free, path.q)[1]
+    refused = judge_path(free, path.q)[1]
     assert 0 < len(refused.unproven) == len(refused.failures)
-    found = join(free, q, order, seed=4, pool=pool)
-    assert isinstance(found, Gaps)
+    found = connect_poses(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, PathGaps)
     assert found.unreachable == ()
     assert set(found.failed) >= {(2, 3), (3, 4)}
     assert len(found.reasons) == len(found.failed) < 10

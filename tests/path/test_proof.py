@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.bodies import Body
-from planner.cell import Cell
-from planner.collision import CollisionWorld, FclJudge
-from planner.path import Constraints
-from planner.units import Array, frozen
-from planner.workspace import Workspace
+from planner.cell.cell import Cell
+from planner.cell.workspace import Workspace
+from planner.common.units import Array, read_only
+from planner.kinematics.bodies import Body
+from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.path.constraints import Constraints
 from tests.path.poses import cell_and_world, dense, valid_poses
 
 STEPS = 1000
@@ -79,7 +79,7 @@ def grazed_pin(cell: Cell, q: Array, dq: Array) -> Cell:
     aside = np.cross(along, ahead - x)
     T = np.eye(4)
     T[:3, 3] = x - 0.1 * along + (cell.gauge.rod_radius + 5e-4 + 9e-5) * aside / np.linalg.norm(aside)
-    pin = Body("pinhead", "sphere", (5e-4,), frozen(T))
+    pin = Body("pinhead", "sphere", (5e-4,), read_only(T))
     return replace(cell, obstacles=(*cell.obstacles, pin), motion=replace(cell.motion, clearance=1e-4))
 
 
@@ -144,7 +144,7 @@ def test_both_engines_prove_the_same_motions() -> None:
     a, b = motions(120)
     first, second = constraints.prove(a, b), constraints.judge(np.stack([a, b], axis=1))
     np.testing.assert_array_equal(first.proven, second.proven)
-    nearest = FclJudge(constraints.scene).distances(a).min(axis=1)
+    nearest = FclWorld(constraints.scene).distances(a).min(axis=1)
     assert (second.clearance[first.proven] <= nearest[first.proven] + 0.2).all()
 
 

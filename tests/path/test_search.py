@@ -10,12 +10,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from planner.path import Constraints
-from planner.path.lazy import SUPPORT_COST, LazyGraph, leg_time
-from planner.path.ompl_search import roadmap_edges, rrt_connect
-from planner.path.roadmap import Roadmap
-from planner.path.shortening import cut, pull
-from planner.units import Array
+from planner.common.units import Array
+from planner.motion.path.connection import cut_corners, pull_supports
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.ompl_search import roadmap_edges, rrt_connect
+from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, leg_time
 from tests.path.poses import cell_and_world, dense, valid_poses
 
 
@@ -129,8 +128,8 @@ def test_shortening_keeps_the_ends_and_the_proof() -> None:
     def cost(way: Array) -> float:
         return float((leg_time(graph.constraints, way[:-1], way[1:]) + SUPPORT_COST).sum())
 
-    short = cut(graph.constraints, ways)
-    pulled = pull(graph.constraints, short, np.random.default_rng(0), 6)
+    short = cut_corners(graph.constraints, ways)
+    pulled = pull_supports(graph.constraints, short, np.random.default_rng(0), 6)
     for before, between, after in zip(ways, short, pulled, strict=True):
         np.testing.assert_array_equal(before[[0, -1]], after[[0, -1]])
         assert discs.prove(after[:-1], after[1:]).proven.all()
@@ -141,8 +140,8 @@ def test_shortening_keeps_the_ends_and_the_proof() -> None:
 SCRIPT = """
 import hashlib
 import numpy as np
-from planner.path import Constraints, Gaps, join
-from planner.path.roadmap import Roadmap
+from planner.motion.path import Constraints, Gaps, join
+from planner.motion.path.roadmap import Roadmap
 from tests.path.poses import cell_and_world, valid_poses
 cell, world = cell_and_world()
 q = valid_poses(250)

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.errors import InputError, NoSolutionError
-from planner.placing import place_points, place_poses
-from planner.placing.frame_problem import FrameProblem, Frames
-from planner.placing.inputs import stand
-from planner.placing.rotations import exp3, log3
-
-from .arms import ARMS, ball_in, poses, turned
+from planner.common.errors import InputError, NoSolutionError
+from planner.gauges.placement.flange_poses import flange_poses
+from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_points, place_poses
+from planner.gauges.placement.rotations import exp3, log3
+from tests.placing.arms import ARMS, ball_in, poses, turned
 
 ERROR = 3e-3
 
@@ -87,10 +85,10 @@ def test_known_tool_points_and_turns_are_held():
 
 def test_derivatives_agree_with_differences():
     truth = Truth(11, error=0.0, outliers=0.0, n=5)
-    s = stand(truth.p, truth.R, truth.place, truth.point)
+    s = flange_poses(truth.p, truth.R, truth.place, truth.point)
     free = np.ones(6 * s.n_places + 6 * s.n_points, dtype=bool)
     problem = FrameProblem(s, truth.y, truth.Y, free, 0.7)
-    state = Frames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).packed()
+    state = PlacementFrames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).packed()
     _, J = problem.evaluate(state)
     for column, step in enumerate(1e-6 * np.eye(free.sum())):
         ahead, behind = (problem.evaluate(problem.moved(state, sign * step[None]))[0] for sign in (1, -1))

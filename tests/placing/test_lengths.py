@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError, NoSolutionError
-from planner.placing import place_lengths
-
-from .arms import ARMS, ball_in, flange, shell
+from planner.common.errors import InputError, NoSolutionError
+from planner.gauges.placement.lengths import place_lengths
+from tests.placing.arms import ARMS, ball_in, flange, shell
 
 ERROR = 3e-3  # [m] of the robot, each axis
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.placing import place_sockets
-
-from .arms import ARMS, ball_in, poses, turned
+from planner.common.errors import InputError
+from planner.gauges.placement.sockets import place_sockets
+from tests.placing.arms import ARMS, ball_in, poses, turned
 
 ERROR = 3e-3
 PLATE = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.1, 0.25, 0], [0.05, 0.1, 0.2]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.program import (
+from planner.programs.instructions import (
     Comment,
     Dwell,
     Instruction,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from planner.errors import InputError
-from planner.program import dialect as dialect_module
-from planner.program import dialects, import_map, read_back, verify, write_program
-from tests.program import sessions
+import planner.programs.dialect as dialect_module
+import tests.program.sessions as sessions
+from planner.common.errors import InputError
+from planner.programs.program_files import dialects, import_map, read_back, verify, write_program
 
 SHIPPED = {"bnr", "din66025", "krl", "linuxcnc", "pdl2", "rapid", "sinumerik"}
 
@@ -18,7 +18,7 @@ SHIPPED = {"bnr", "din66025", "krl", "linuxcnc", "pdl2", "rapid", "sinumerik"}
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the dialects that a test may change."""
     copy = tmp_path / "g-code"
-    shutil.copytree(dialect_module.root(), copy)
+    shutil.copytree(dialect_module.dialect_root(), copy)
     monkeypatch.setattr(dialect_module, "folder", lambda _name: copy)
     return copy
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.errors import InputError
-from planner.files import write_bytes, write_text
+from planner.common.errors import InputError
+from planner.common.files import write_bytes, write_text
 
 
 def test_line_ends_are_kept(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from planner.errors import InputError
-from planner.program import Dwell, Instruction, JointMove, LogAxes, Pause, Program, Sync
+from planner.common.errors import InputError
+from planner.programs.instructions import Dwell, Instruction, JointMove, LogAxes, Pause, Program, Sync
 
 HOME = (0.0,) * 6
 MOVE = JointMove(HOME, 1.0, 10.0, 50.0)

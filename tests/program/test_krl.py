@@ -7,8 +7,10 @@ from itertools import pairwise
 
 import pytest
 
-from planner.program import LogAxes, ProgramFile, import_map, write_program
-from tests.program import sessions
+import tests.program.sessions as sessions
+from planner.programs.instructions import LogAxes
+from planner.programs.program_files import import_map, write_program
+from planner.programs.rendering import ProgramFile
 
 _NUMBER = r"-?\d+\.\d+"
 _PTP = rf"PTP \{{A1 {_NUMBER}(,[AE]\d {_NUMBER})+\}}( C_PTP)?"

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.program import Dwell, Pause, Program, Sync, import_map, write_program
-from tests.program import sessions
+import tests.program.sessions as sessions
+from planner.programs.instructions import Dwell, Pause, Program, Sync
+from planner.programs.program_files import import_map, write_program
 
 RS274 = shutil.which("rs274")
 pytestmark = pytest.mark.skipif(RS274 is None, reason="rs274 is not installed (Debian package linuxcnc-uspace)")
@@ -102,7 +103,8 @@ def test_path_mode_and_pulses_in_passing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("session", [sessions.static, sessions.dense])
-def test_without_signals_no_output_is_switched_and_no_input_awaited(session, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+# type: ignore[no-untyped-def]
+def test_without_signals_no_output_is_switched_and_no_input_awaited(session, tmp_path: Path) -> None:
     program = session()
     signals = ("SET_AUX", "CLEAR_AUX", "SET_MOTION_OUTPUT", "CLEAR_MOTION_OUTPUT", "WAIT(")
     counts = []

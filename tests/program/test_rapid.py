@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.program import catalogue, write_program
-from tests.program import sessions
+import planner.programs.program_files as catalogue
+import tests.program.sessions as sessions
+from planner.programs.program_files import write_program
 
 pytest.importorskip("rapidchecker", reason="rapidchecker is not installed (pip install 'edbb-planner[dev]')")
 

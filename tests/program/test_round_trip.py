@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from planner.program import Dwell, Program, Sync, dialects, read_back, write_program
-from planner.program.dialect import load
-from tests.program import sessions
+import tests.program.sessions as sessions
+from planner.programs.dialect import load_dialect
+from planner.programs.instructions import Dwell, Program, Sync
+from planner.programs.program_files import dialects, read_back, write_program
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {
@@ -21,7 +22,7 @@ SESSIONS = {
 def _cases() -> list[tuple[str, str, int]]:
     cases = []
     for name in NAMES:
-        dialect = load(name)
+        dialect = load_dialect(name)
         for joints in range(max(5, dialect.min_joints), min(7, dialect.max_joints) + 1):
             cases += [(name, session, joints) for session in SESSIONS]
     return cases
@@ -36,7 +37,7 @@ def test_read_back_is_the_plan(name: str, session: str, joints: int) -> None:
     program = SESSIONS[session](joints)
     files = write_program(program, name, "edbb nj-130")
     found = read_back(name, files)
-    resolution = 10.0 ** -load(name).decimals
+    resolution = 10.0 ** -load_dialect(name).decimals
     assert found.joint_path_deg.shape == _planned(program).shape
     assert np.abs(found.joint_path_deg - _planned(program)).max() <= 0.5001 * resolution
     assert found.plan_id == sessions.PLAN_ID
@@ -48,7 +49,7 @@ def test_read_back_is_the_plan(name: str, session: str, joints: int) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_text_is_fit_for_the_controller(name: str) -> None:
-    dialect = load(name)
+    dialect = load_dialect(name)
     for session in (sessions.static, sessions.continuous, sessions.mixed):
         for file in write_program(session(), name, "edbb"):
             text = file.text.encode(file.encoding).decode()
@@ -68,7 +69,7 @@ def test_same_program_same_bytes(name: str) -> None:
     assert write_program(program, name, "a") == write_program(program, name, "a")
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if load(n).reading.family == "gcode"])
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).reading.family == "gcode"])
 def test_no_word_twice_in_a_block(name: str) -> None:
     (file,) = write_program(sessions.continuous(), name, "a")
     for line in file.text.splitlines():
@@ -77,7 +78,7 @@ def test_no_word_twice_in_a_block(name: str) -> None:
         assert len(letters) == len(set(letters)), line
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if load(n).blend.kind not in ("dense", "none")])
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")])
 def test_continuous_tour_runs_without_stops(name: str) -> None:
     program = sessions.continuous()
     found = read_back(name, write_program(program, name, "a"))
@@ -85,18 +86,18 @@ def test_continuous_tour_runs_without_stops(name: str) -> None:
     assert [b is not None for b in found.blends] == rounded
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if load(n).blend.kind == "dense"])
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).blend.kind == "dense"])
 def test_long_legs_stop_where_millimetres_cannot_be_said(name: str) -> None:
     assert set(read_back(name, write_program(sessions.continuous(), name, "a")).blends) == {None}
     dense = read_back(name, write_program(sessions.dense(), name, "a")).blends
     assert dense.count(None) < 10 < len(dense) - 10
 
 
-@pytest.mark.parametrize("name", [d.name for d in dialects() if load(d.name).part_lines])
+@pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
 def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
     program = sessions.dense(6, 9000)
     files = write_program(program, name, "a_name_that_is_longer_than_a_controller_takes")
-    dialect = load(name)
+    dialect = load_dialect(name)
     found = read_back(name, files)
     assert np.abs(found.joint_path_deg - _planned(program)).max() <= 0.5001 * 10.0**-dialect.decimals
     if dialect.files.part:

@@ -5,9 +5,12 @@ import re
 
 import pytest
 
-from planner.program import Program, ProgramFile, ProgramMismatchError, dialects, verify, write_program
-from planner.program.dialect import load
-from tests.program import sessions
+import tests.program.sessions as sessions
+from planner.programs.dialect import load_dialect
+from planner.programs.instructions import Program
+from planner.programs.program_files import dialects, verify, write_program
+from planner.programs.rendering import ProgramFile
+from planner.programs.verification import ProgramMismatchError
 
 NAMES = [d.name for d in dialects()]
 
@@ -65,7 +68,7 @@ def test_dwells_and_pulses_of_another_session(name: str) -> None:
         _refused(program, name, write_program(changed, name, "a"), because)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if load(n).blend.kind not in ("dense", "none")])
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")])
 def test_a_corner_cut_more_than_planned(name: str) -> None:
     program = sessions.continuous()
     wider = tuple(

@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.program import JointMove
-from planner.program.blends import blend_values
-from planner.program.dialect import Blend, Speed
-from planner.program.numbers import fixed, floored
-from planner.program.speeds import overrides, speed_value
+from planner.common.errors import InputError
+from planner.programs.dialect import BlendStyle, SpeedStyle
+from planner.programs.instructions import JointMove
+from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, round_down, speed_value
 
-PERCENT = Speed(kind="axis_percent", unit="%", decimals=0, overrides=(100, 50, 20, 10, 5, 2, 1))
+PERCENT = SpeedStyle(kind="axis_percent", unit="%", decimals=0, overrides=(100, 50, 20, 10, 5, 2, 1))
 
 
 def _legs(seed: int) -> tuple[tuple[float, ...], tuple[JointMove, ...]]:
@@ -34,7 +32,7 @@ def _legs(seed: int) -> tuple[tuple[float, ...], tuple[JointMove, ...]]:
 @pytest.mark.parametrize("seed", range(30))
 def test_percent_of_half_a_leg_keeps_the_distance(seed: int) -> None:
     home, moves = _legs(seed)
-    for i, value in enumerate(blend_values(home, moves, Blend(kind="percent"))):
+    for i, value in enumerate(blend_values(home, moves, BlendStyle(kind="percent"))):
         if value is not None:
             assert 1 <= value <= 100
             for leg in moves[i : i + 2]:
@@ -45,7 +43,7 @@ def test_percent_of_half_a_leg_keeps_the_distance(seed: int) -> None:
 def test_path_degrees_keep_the_distance_and_half_the_leg(seed: int) -> None:
     home, moves = _legs(seed)
     points = (home, *(m.q_deg for m in moves))
-    for i, value in enumerate(blend_values(home, moves, Blend(kind="path_degrees", decimals=3))):
+    for i, value in enumerate(blend_values(home, moves, BlendStyle(kind="path_degrees", decimals=3))):
         if value is not None:
             for leg in (i, i + 1):
                 length = math.dist(points[leg], points[leg + 1])
@@ -57,14 +55,14 @@ def test_path_degrees_keep_the_distance_and_half_the_leg(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_a_planned_stop_stays_one(kind: str, seed: int) -> None:
     home, moves = _legs(seed)
-    values = blend_values(home, moves, Blend.model_validate({"kind": kind}))
+    values = blend_values(home, moves, BlendStyle.model_validate({"kind": kind}))
     assert all(v is None for v, m in zip(values, moves, strict=True) if m.blend_mm == 0.0)
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_percent_times_override_is_below_the_limit_and_not_far(seed: int) -> None:
     _, moves = _legs(seed)
-    chosen = overrides(moves, PERCENT)
+    chosen = choose_overrides(moves, PERCENT)
     for i, (move, override) in enumerate(zip(moves, chosen, strict=True)):
         effective = speed_value(move, override, PERCENT) * override / 100.0
         assert effective <= move.axis_percent * (1 + 1e-9)
@@ -77,12 +75,12 @@ def test_percent_times_override_is_below_the_limit_and_not_far(seed: int) -> Non
 
 def test_measuring_at_half_a_percent_is_not_driven_at_one() -> None:
     move = JointMove((0.0,) * 6, 12.0, 16.667, 0.48)
-    (override,) = overrides((move,), PERCENT)
+    (override,) = choose_overrides((move,), PERCENT)
     assert speed_value(move, override, PERCENT) * override / 100.0 == pytest.approx(0.45)
 
 
 def test_inverse_time_is_never_too_short() -> None:
-    speed = Speed(kind="inverse_time", unit="1/min", decimals=4)
+    speed = SpeedStyle(kind="inverse_time", unit="1/min", decimals=4)
     for duration in (0.0123, 0.7, 3.0, 7.0, 1234.5):
         move = JointMove((0.0,) * 6, duration, 10.0, 1.0)
         assert 60.0 / speed_value(move, 100, speed) >= duration * (1 - 1e-12)
@@ -94,10 +92,10 @@ def test_a_leg_too_slow_to_say_is_refused() -> None:
 
 
 def test_numbers_are_plain() -> None:
-    assert fixed(-0.00004, 4) == "0.0000"
-    assert fixed(1e-9, 4) == "0.0000"
-    assert fixed(-0.00006, 4) == "-0.0001"
-    assert fixed(123456.789, 2) == "123456.79"
-    assert floored(2.9999999999999996, 0) == 3.0
-    assert floored(0.29999, 4) == 0.2999
-    assert floored(16.6667, 2) == 16.66
+    assert format_fixed(-0.00004, 4) == "0.0000"
+    assert format_fixed(1e-9, 4) == "0.0000"
+    assert format_fixed(-0.00006, 4) == "-0.0001"
+    assert format_fixed(123456.789, 2) == "123456.79"
+    assert round_down(2.9999999999999996, 0) == 3.0
+    assert round_down(0.29999, 4) == 0.2999
+    assert round_down(16.6667, 2) == 16.66

@@ -7,11 +7,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from planner.cell import load_cell
-from planner.identification import Calibration, identify
-from planner.resources import folder
-from planner.run import Run, load_run
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.common.files import data_folder
+from planner.identification.calibration import Calibration
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_run
+from planner.runs.run import Run
 from tests.generator.arm import Arm
 from tests.generator.truth import draw_truth
 
@@ -19,7 +21,7 @@ from tests.generator.truth import draw_truth
 @cache
 def calibrated(kind: str, count: int, wave: float = 0.0) -> Calibration:
     """Identify a made run of the NJ-130; ``wave`` [rad] is the size of a gear error twice a turn of joint 4."""
-    arm = Arm.from_toml(folder("robots") / "comau-nj130" / "robot.toml")
+    arm = Arm.from_toml(data_folder("robots") / "comau-nj130" / "robot.toml")
     made = getattr(runs, kind)(arm, count, seed=3, truth=draw_truth(arm, 3), logs=("temperature", "direction"))
     with TemporaryDirectory() as place:
         run_file, cell_file = made.write(Path(place))

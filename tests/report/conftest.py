@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.plan import Plan
-from planner.report import write_report
+from planner.report.plan_report import write_report
+from planner.session.plan_types import Plan
 from tests.report.made import made_plan
 from tests.report.reading import ReadPage
 

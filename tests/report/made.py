@@ -5,16 +5,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner import path as way
-from planner.candidates import draw_candidates
-from planner.cell import Cell, load_cell
-from planner.choice import Choice, what_is_seen
-from planner.gauge import bar_state
-from planner.observability import indices
-from planner.plan import Drive, Plan, Visit, Waypoints, axis_limits, course, signs
-from planner.selection import exchange, index_curve
-from planner.tour import slowest_axis_cost, solve_tour
-from planner.trajectory import check_limits
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.design.candidates.pool import draw_candidates
+from planner.design.observability.information import all_indices
+from planner.design.pose_selection import PoseChoice, identify_candidates
+from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_curves import compute_index_curve
+from planner.kinematics.bar_geometry import bar_state
+from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
+from planner.motion.timing.trajectory import check_limits
+from planner.motion.tour.instance import slowest_axis_cost
+from planner.motion.tour.solve import solve_tour
+from planner.session.course import Waypoints, axis_limits, time_course
+from planner.session.plan_types import Drive, Plan, Visit, motion_signs
 
 PLAN_ID = "0123456789ab"
 FIXTURE = "A</script>"  # a name that would end a script, were it not escaped
@@ -25,12 +29,12 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
     cell = load_cell("comau-nj130/edbb")
     cell = replace(cell, fixtures=(replace(cell.fixtures[0], name=FIXTURE),))
     pool = draw_candidates(cell, candidates)
-    model, seen, rows = what_is_seen(cell, pool)
-    curve = index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
-    found = exchange(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
+    model, seen, rows = identify_candidates(cell, pool)
+    curve = compute_index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
+    found = exchange_poses(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
     q, fixture = pool.q[found.chosen], pool.fixture[found.chosen]
     final = model.jacobian(q, fixture)
-    choice = Choice(
+    choice = PoseChoice(
         model=model,
         seen=seen,
         q=q,
@@ -40,8 +44,8 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         value=found.value * 0.98,
         on_grid_value=found.value,
         certificate=found.certificate,
-        raw=indices(final),
-        scaled=indices(final, model.prior),
+        raw=all_indices(final),
+        scaled=all_indices(final, model.prior),
     )
     drive = made_drive(cell, 0, np.vstack([pool.q[:1], q, pool.q[1:4]]), poses)
     return Plan(PLAN_ID, cell, 0, pool, choice, curve, (drive,), 1.03 * found.value, (), (NOTE,))
@@ -55,19 +59,19 @@ def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive
     length = bar_state(cell.map_position(q), cell.fixtures[fixture].p_BX).length
     roles = np.array(["mount", *["calibrate"] * poses, *["validate"] * (len(nodes) - poses - 1)])[order]
     roles[-2] = "repeat"
-    approach = signs(q)
+    approach = motion_signs(q)
     visits = tuple(
         Visit(
             k, q[k], float(length[k]), fixture, str(roles[k]), tuple(approach[k]), 1 if roles[k] == "repeat" else None
         )
         for k in range(len(order))
     )
-    legs = tuple(way.Leg(a, b, np.empty((0, 6))) for a, b in pairwise(order))
-    verdict = way.Verdict("coal", True, 0.0123, float(length.min()), float(length.max()), 1, ())
-    path = way.Path(q, order, legs, verdict, replace(verdict, engine="python-fcl"))
+    legs = tuple(PathLeg(a, b, np.empty((0, 6))) for a, b in pairwise(order))
+    verdict = Verdict("coal", True, 0.0123, float(length.min()), float(length.max()), 1, ())
+    path = ProvenPath(q, order, legs, verdict, replace(verdict, engine="python-fcl"))
     blend = np.where((np.arange(len(q)) == 0) | (np.arange(len(q)) == len(q) - 1), 0.0, cell.motion.blend)
     travel = Waypoints(np.vstack([cell.home, nodes[0]]), np.array([-1, 0]), np.zeros(2))
-    timed = course(cell, fixture, travel, Waypoints(q, np.arange(len(q)), blend))
+    timed = time_course(cell, fixture, travel, Waypoints(q, np.arange(len(q)), blend))
     limits = check_limits(timed.trajectory, axis_limits(cell, bar=True), dt_s=0.5)
     verdicts = (path.verdict, path.second, path.verdict, path.second)
     return Drive(fixture, visits, tour, path, path, timed, limits, verdicts)

@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from planner.errors import InputError
-from planner.identification import Calibration
-from planner.repeatable import evenly
-from planner.report.calibration import report_html, write_calibration_report, writing
-from planner.report.calibration.data import POINTS, Told
-from planner.report.calibration.page import build_page
-from planner.report.calibration.pictures import histogram, pictures
-from planner.report.calibration.scatter import residuals
-from planner.report.calibration.sentences import headline, refused, strongest_pairs
+import planner.report.calibration_report as writing
+from planner.common.determinism import even_positions
+from planner.common.errors import InputError
+from planner.identification.calibration import Calibration
+from planner.report.calibration_charts import draw_calibration_charts, histogram_chart, residual_chart
+from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
+from planner.report.calibration_report import build_calibration_page, calibration_report_html, write_calibration_report
+from planner.report.calibration_text import correlation_text, headline_text, refusal_text
 from tests.report.calibrated import calibrated
 from tests.report.reading import ReadPage
 
@@ -66,9 +65,9 @@ def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
 
 def test_same_calibration_gives_same_bytes(c: Calibration, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     printed = {p.stem: p.read_bytes() for p in (folder / "pictures").glob("*.png")}
-    assert writing._prints((histogram(Told(c)),))["histogram"] == printed["histogram"]
+    assert writing._prints((histogram_chart(CalibrationFacts(c)),))["histogram"] == printed["histogram"]
     monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: printed[p.name] for p in drawn})
-    assert report_html(c) == (folder / "report.html").read_text(encoding="utf-8")
+    assert calibration_report_html(c) == (folder / "report.html").read_text(encoding="utf-8")
     assert (folder / "report.html").stat().st_size < 8_000_000
 
 
@@ -97,7 +96,7 @@ def test_prints_are_pictures_and_the_page_holds_them(page: ReadPage, folder: Pat
 
 
 def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
-    said = " ".join(headline(Told(c)))
+    said = " ".join(headline_text(CalibrationFacts(c)))
     before, after = (next(s for s in c.stages if s.name == n) for n in ("frames", c.stages[-1].name))
     found = re.search(r"Mean error ([\d.]+) mm → ([\d.]+) mm on poses that the fit never saw\.", said)
     assert found
@@ -110,23 +109,27 @@ def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
 
 def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
     worse = replace(c, stages=(*c.stages[:2], replace(c.stages[1], name="geometry")))
-    assert "brought nothing" in " ".join(headline(Told(worse)))
+    assert "brought nothing" in " ".join(headline_text(CalibrationFacts(worse)))
 
 
 def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
     bad = replace(c, problems=("joint 9 came out odd", "the fit is worse than nothing"))
-    assert "→" in " ".join(headline(Told(c)))
-    said = headline(Told(bad))
+    assert "→" in " ".join(headline_text(CalibrationFacts(c)))
+    said = headline_text(CalibrationFacts(bad))
     assert said[0] == "No robot was calibrated: the fit failed its own checks."
     assert not [s for s in said if "→" in s or "times less" in s or "largest error" in s]
-    assert refused(bad) == ("Not to be used, for 2 reasons:", "joint 9 came out odd.", "the fit is worse than nothing.")
+    assert refusal_text(bad) == (
+        "Not to be used, for 2 reasons:",
+        "joint 9 came out odd.",
+        "the fit is worse than nothing.",
+    )
 
 
 def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
     bad = replace(c, problems=("joint 9 came out <b>odd</b>",))
-    assert refused(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
-    html = report_html(bad)
+    assert refusal_text(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
+    html = calibration_report_html(bad)
     body = html[html.index("<body>") :]
     assert "joint 9 came out &lt;b&gt;odd&lt;/b&gt;" in body
     assert body.index('class="refused"') < body.index('class="proof"')
@@ -162,7 +165,7 @@ def test_parameters_stand_with_value_and_deviation(c: Calibration, page: ReadPag
 
 def test_what_moved_most_moves_the_reading_most(c: Calibration) -> None:
     """Take each error out by itself and see how far the predicted readings go."""
-    fit, rows = c.fit, build_page(Told(c)).moved
+    fit, rows = c.fit, build_calibration_page(CalibrationFacts(c)).moved
     whole = fit.problem.residual(fit.errors)
     moved = {}
     for j, p in enumerate(fit.model.parameters):
@@ -178,37 +181,39 @@ def test_pairs_in_words_hold() -> None:
     x, y = rng.standard_normal((2, 200_000))
     b = 0.98 * x + math.sqrt(1 - 0.98**2) * y
     for sign, better in ((1, "difference"), (-1, "sum")):
-        said = strongest_pairs(("p", "q"), np.corrcoef(x, sign * b))
+        said = correlation_text(("p", "q"), np.corrcoef(x, sign * b))
         found = re.search(rf"p and q \(([+−-][\d.]+)\).* knows their {better} ([\d.]+) times better", said[0])
         assert found
         assert float(found[1]) == pytest.approx(sign * 0.98, abs=2e-3)
         apart = np.std(x - b) / math.sqrt(2)  # of two independent ones it would be 1
         assert float(found[2]) == pytest.approx(1 / apart, rel=0.05)
-    assert "No two parameters" in strongest_pairs(("p", "q"), np.array([[1, 0.3], [0.3, 1]]))[0]
+    assert "No two parameters" in correlation_text(("p", "q"), np.array([[1, 0.3], [0.3, 1]]))[0]
 
 
 def test_outliers_are_listed(c: Calibration) -> None:
-    named = build_page(Told(replace(c, fit=replace(c.fit, outliers=np.array([4, 17]))))).outliers
+    named = build_calibration_page(
+        CalibrationFacts(replace(c, fit=replace(c.fit, outliers=np.array([4, 17]))))
+    ).outliers
     assert [r[0] for r in named] == ["5", "18"]
     assert float(named[0][3]) == pytest.approx(1e3 * abs(c.stages[-1].residual[4, 0]), rel=6e-3)
 
 
 def test_histogram_counts_every_reading(c: Calibration) -> None:
-    for series in histogram(Told(c)).panels[0].series:
+    for series in histogram_chart(CalibrationFacts(c)).panels[0].series:
         assert series.y[1:-1:2].sum() == pytest.approx(100.0)
 
 
 def test_long_runs_are_thinned_the_same_way_every_time() -> None:
-    told = Told(calibrated("edbb_continuous", 5000))
-    for picture in pictures(told):
+    told = CalibrationFacts(calibrated("edbb_continuous", 5000))
+    for picture in draw_calibration_charts(told):
         for panel in picture.panels:
-            assert all(len(s.x) <= POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
-    assert np.array_equal(evenly(10, 20), np.arange(10))
-    assert len(evenly(1_000_000, POINTS)) == POINTS
+            assert all(len(s.x) <= PANEL_POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
+    assert np.array_equal(even_positions(10, 20), np.arange(10))
+    assert len(even_positions(1_000_000, PANEL_POINTS)) == PANEL_POINTS
 
 
 def test_line_is_the_mean_of_the_residuals(c: Calibration) -> None:
-    picture = residuals(Told(c), "joints")
+    picture = residual_chart(CalibrationFacts(c), "joints")
     assert len(picture.panels) == 6
     for panel in picture.panels:
         points, mean = (next(s for s in panel.series if s.name == name) for name in ("a reading", "mean"))
@@ -219,7 +224,7 @@ def test_line_is_the_mean_of_the_residuals(c: Calibration) -> None:
 
 def test_tracker_and_balls_have_their_page() -> None:
     for kind in ("tracker", "balls"):
-        page = build_page(Told(calibrated(kind, 60)))
+        page = build_calibration_page(CalibrationFacts(calibrated(kind, 60)))
         assert any("roll, pitch, yaw" in what for what, _ in page.gauge)
         assert "mm in the flange frame" in dict(page.gauge)["tool point"]
         assert len(page.stages) >= 3
@@ -232,6 +237,6 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_stretches_of_a_drive_are_called_so() -> None:
-    page = build_page(Told(calibrated("edbb_continuous", 5000)))
+    page = build_calibration_page(CalibrationFacts(calibrated("edbb_continuous", 5000)))
     assert "on stretches that the fit never saw" in page.headline[0]
     assert "40 stretches in 5 parts" in page.held_out

@@ -8,21 +8,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.identification import Calibration, Limit, identify
-from planner.identification.results import identification_content
-from planner.identification.results_file import Identification
-from planner.report.calibration.data import Told
-from planner.report.calibration.evidence import found, weighted_means
-from planner.report.calibration.loop import silence
-from planner.report.calibration.page import build_page
-from planner.report.calibration.story import evidence, steps
-from planner.report.calibration.units import unit_of
-from planner.residuals import leftover
-from planner.resources import folder
-from planner.run import load_run
-from planner.tracing import trace
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.common.files import data_folder
+from planner.identification.calibration import Calibration, DetectionLimit
+from planner.identification.document import IdentificationDocument, document_content
+from planner.identification.pipeline import identify
+from planner.identification.residual_tests import diagnose_residual
+from planner.report.calibration_data import CalibrationFacts
+from planner.report.calibration_report import build_calibration_page
+from planner.report.calibration_text import detection_text, display_unit
+from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, weighted_means
+from planner.runs.loader import load_run
+from planner.tracing.trace import trace
 from tests.generator.arm import Arm
 from tests.generator.kinds import Effect
 from tests.generator.truth import draw_truth
@@ -33,7 +31,7 @@ PLAY = 8e-5  # [rad] of joint 2
 
 @pytest.fixture(scope="module")
 def c() -> Calibration:
-    arm = Arm.from_toml(folder("robots") / "comau-nj130" / "robot.toml")
+    arm = Arm.from_toml(data_folder("robots") / "comau-nj130" / "robot.toml")
     effects = (
         Effect("reducer-ripple", 3, RIPPLE, (("frequency", WAVES), ("phase", 1.0))),
         Effect("backlash-approach", 2, PLAY),
@@ -45,13 +43,13 @@ def c() -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def told(c: Calibration) -> Told:
-    return Told(c)
+def told(c: Calibration) -> CalibrationFacts:
+    return CalibrationFacts(c)
 
 
 def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
-    content = identification_content(c, leftover(c))
-    Identification.model_validate(content)
+    content = document_content(c, diagnose_residual(c))
+    IdentificationDocument.model_validate(content)
     by_place = {(f["effect"], f["on"]): f for f in content["findings"]}
     ripple, play = by_place["gear ripple", "joint 3"], by_place["backlash", "joint 2"]
     for f, size in ((ripple, RIPPLE), (play, PLAY)):
@@ -76,27 +74,27 @@ def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
 def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
     assert c.traced is not None
     sure = replace(c.traced, findings=(replace(c.traced.findings[0], log_p=-math.inf),))
-    found_one = identification_content(replace(c, traced=sure), leftover(c))["findings"][0]
+    found_one = document_content(replace(c, traced=sure), diagnose_residual(c))["findings"][0]
     assert found_one["log10_p"] is None
     assert 0 <= found_one["p_value"] < 1e-300
 
 
 def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
-    content = identification_content(c, leftover(c))
+    content = document_content(c, diagnose_residual(c))
     assert content["tried"] > 100
     limits = {(x["effect"], x["on"]): x for x in content["limits"]}
     assert ("backlash", "joint 2") not in limits
     assert limits["backlash", "joint 3"]["unit"] == "deg"
     assert 0 < limits["backlash", "joint 3"]["size"] < math.degrees(1e-3)
-    untraced = identification_content(replace(c, traced=None), leftover(c))
+    untraced = document_content(replace(c, traced=None), diagnose_residual(c))
     assert untraced["findings"] == []
     assert untraced["limits"] == []
     assert untraced["tried"] is None
 
 
-def test_ripple_shows_before_and_is_gone_after(told: Told) -> None:
-    step = next(s for s in steps(told) if s.what == "gear ripple, joint 3")
-    e = evidence(told, step)
+def test_ripple_shows_before_and_is_gone_after(told: CalibrationFacts) -> None:
+    step = next(s for s in finding_steps(told) if s.what == "gear ripple, joint 3")
+    e = collect_evidence(told, step)
     assert e.against.period == pytest.approx(360 / WAVES, rel=1e-2)
     phase = 2 * np.pi * e.against.folded / e.against.period
     waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
@@ -109,9 +107,9 @@ def test_ripple_shows_before_and_is_gone_after(told: Told) -> None:
     assert sizes[1] < 0.25 * sizes[0]
 
 
-def test_play_shows_on_both_sides(told: Told) -> None:
-    step = next(s for s in steps(told) if s.what == "backlash, joint 2")
-    e = evidence(told, step)
+def test_play_shows_on_both_sides(told: CalibrationFacts) -> None:
+    step = next(s for s in finding_steps(told) if s.what == "backlash, joint 2")
+    e = collect_evidence(told, step)
     assert set(np.unique(e.against.values)) <= {-1.0, 0.0, 1.0}
     sides, mean = weighted_means(e.against.values, e.before, e.weight)
     gap = abs(mean[sides == 1.0] - mean[sides == -1.0])
@@ -123,21 +121,21 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
     """The stage before had another effect in this one's place: it is drawn as what is left with it taken out again."""
     geometry, *_, last = c.stages[2:]
     rival = replace(geometry, name="gauge lag, gauge", effects=("gauge lag, gauge",))
-    changed = Told(replace(c, stages=(*c.stages[:3], rival, last)))
-    for step in steps(changed):
+    changed = CalibrationFacts(replace(c, stages=(*c.stages[:3], rival, last)))
+    for step in finding_steps(changed):
         assert step.replaced
         assert step.before.name == rival.name
-        e = evidence(changed, step)
+        e = collect_evidence(changed, step)
         assert np.allclose(e.before, e.after + e.fitted)
 
 
-def test_every_finding_has_its_picture_and_evidence(told: Told) -> None:
-    page = build_page(told)
-    assert [f.picture for f in page.loop] == [s.name for s in steps(told)]
-    for f, step in zip(page.loop, steps(told), strict=True):
+def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
+    page = build_calibration_page(told)
+    assert [f.picture for f in page.loop] == [s.name for s in finding_steps(told)]
+    for f, step in zip(page.loop, finding_steps(told), strict=True):
         assert "Rivals" in f.lines[-1]
         assert step.finding.note.lower() == f.heading.lower()
-        picture = found(told, step)
+        picture = finding_chart(told, step)
         assert len(picture.panels) == 2
         assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
     assert page.found[0].startswith("Joint ")
@@ -149,9 +147,9 @@ def test_every_finding_has_its_picture_and_evidence(told: Told) -> None:
 
 def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
     sizes = (3e-5, 4.5e-5, 0.4)
-    limits = [Limit("backlash", f"joint {j + 1}", size, "rad") for j, size in enumerate(sizes)]
-    assert silence(limits) == ("Would have been seen 95 times in 100: backlash of 2 joints above 45 µrad.",)
-    assert silence(limits[2:]) == ()
+    limits = [DetectionLimit("backlash", f"joint {j + 1}", size, "rad") for j, size in enumerate(sizes)]
+    assert detection_text(limits) == ("Would have been seen 95 times in 100: backlash of 2 joints above 45 µrad.",)
+    assert detection_text(limits[2:]) == ()
 
 
 @pytest.mark.parametrize(
@@ -171,5 +169,5 @@ def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
     ],
 )
 def test_small_numbers_have_units_of_their_size(unit: str, value: float, said: tuple[float, str]) -> None:
-    name, factor = unit_of(unit, value)
+    name, factor = display_unit(unit, value)
     assert (pytest.approx(value * factor), name) == said

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.observability import RULES
-from planner.plan import Plan
-from planner.report import write_report
+from planner.common.errors import InputError
+from planner.design.observability.information import INDEX_RULES
+from planner.report.plan_report import write_report
+from planner.session.plan_types import Plan
 from tests.report.made import FIXTURE, NOTE, PLAN_ID
 from tests.report.reading import ReadPage
 
@@ -126,7 +126,7 @@ def test_unseen_parameters_stand_with_their_reason(plan: Plan, page: ReadPage) -
 
 def test_indices_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
     rows = {r[0]: r for r in page.table("index")}
-    assert list(rows) == list(RULES)
+    assert list(rows) == list(INDEX_RULES)
     for name, row in rows.items():
         assert float(row[3]) == pytest.approx(getattr(plan.choice.raw, name), rel=1e-3)
         assert float(row[4]) == pytest.approx(getattr(plan.choice.scaled, name), rel=1e-3)

@@ -5,12 +5,11 @@ import pinocchio as pin
 import pytest
 from matplotlib.image import imread
 
-from planner.bodies import Body, capsule
-from planner.plan import Plan
-from planner.report.data import driven, rounds
-from planner.report.shapes import Mesh, body_mesh, cap
-from planner.report.stage import carrier_poses
-from planner.report.words import percent, proven, seconds, sized
+from planner.kinematics.bodies import Body, capsule_between
+from planner.report.cell_view import Mesh, body_mesh, carrier_poses, sphere_cap
+from planner.report.formatting import bound_text, duration_text, percent_text, significant_text
+from planner.report.plan_data import sample_drive, tour_orders
+from planner.session.plan_types import Plan
 
 
 def volume(mesh: Mesh) -> float:
@@ -32,7 +31,7 @@ def test_prints_are_not_blank_and_carry_no_date(folder: Path) -> None:
 @pytest.mark.parametrize("length", [0.0, 0.4])
 def test_capsules_have_their_volume_and_surface(length: float) -> None:
     a, b, r = np.array([0.3, -0.2, 0.5]), np.array([0.3, -0.2, 0.5]) + length * np.array([0.6, 0.0, 0.8]), 0.1
-    mesh = body_mesh(capsule("c", a, b, r))
+    mesh = body_mesh(capsule_between("c", a, b, r))
     exact = np.pi * r**2 * length + 4 / 3 * np.pi * r**3
     assert 0.93 * exact < volume(mesh) < exact
     along = np.clip((mesh.vertices - a) @ (b - a) / max(length**2, 1e-12), 0, 1)
@@ -47,7 +46,7 @@ def test_box_has_its_volume() -> None:
 
 def test_cap_stays_within_the_cone() -> None:
     centre, axis = np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.6, 0.8])
-    out = cap(centre, axis, 0.5, 1.2).vertices - centre
+    out = sphere_cap(centre, axis, 0.5, 1.2).vertices - centre
     assert np.allclose(np.linalg.norm(out, axis=1), 0.5)
     tilt = np.arccos(np.clip(out @ axis / 0.5, -1, 1))
     assert tilt.max() == pytest.approx(1.2)
@@ -75,7 +74,7 @@ def test_bodies_stand_where_pinocchio_puts_them(plan: Plan) -> None:
 
 def test_rounds_last_as_long_as_the_tour_says(plan: Plan) -> None:
     drive = plan.drives[0]
-    both = rounds(plan.cell, drive)
+    both = tour_orders(plan.cell, drive)
     assert both.sorted_t[-1] == pytest.approx(drive.tour.cost_s)
     assert both.unsorted_t[-1] == pytest.approx(drive.tour.unsorted_s)
     assert {tuple(q) for q in both.sorted_q} == {tuple(q) for q in both.unsorted_q}
@@ -83,7 +82,7 @@ def test_rounds_last_as_long_as_the_tour_says(plan: Plan) -> None:
 
 def test_the_way_there_ends_at_the_mount_pose(plan: Plan) -> None:
     drive = plan.drives[0]
-    way = driven(plan.cell, drive)
+    way = sample_drive(plan.cell, drive)
     assert way.returns
     assert way.ends < drive.trajectory.duration_s
     assert np.allclose(way.motion.q[[0, -1]], drive.visits[0].q, atol=1e-9)
@@ -96,12 +95,17 @@ def test_the_way_there_ends_at_the_mount_pose(plan: Plan) -> None:
 @pytest.mark.parametrize("maximise", [False, True])
 def test_a_bound_is_rounded_to_the_side_where_it_holds(maximise: bool) -> None:
     for bound in np.exp(np.random.default_rng(1).uniform(-9, 9, 500)):
-        text = float(proven(float(bound), maximise))
+        text = float(bound_text(float(bound), maximise))
         assert text == pytest.approx(bound, rel=2e-3)
         assert (text >= bound * (1 - 1e-12)) if maximise else (text <= bound * (1 + 1e-12))
 
 
 def test_numbers_as_a_person_writes_them() -> None:
-    assert [sized(0.0001234), sized(12.345), sized(123456.0), sized(0.0)] == ["0.000123", "12.3", "123456", "0"]
-    assert [seconds(7.04), seconds(719.6), seconds(3600)] == ["7.0 s", "12 min 00 s", "60 min 00 s"]
-    assert [percent(0.0581), percent(0.05), percent(0.0)] == ["5.9 %", "5.0 %", "0.0 %"]
+    assert [
+        significant_text(0.0001234),
+        significant_text(12.345),
+        significant_text(123456.0),
+        significant_text(0.0),
+    ] == ["0.000123", "12.3", "123456", "0"]
+    assert [duration_text(7.04), duration_text(719.6), duration_text(3600)] == ["7.0 s", "12 min 00 s", "60 min 00 s"]
+    assert [percent_text(0.0581), percent_text(0.05), percent_text(0.0)] == ["5.9 %", "5.0 %", "0.0 %"]

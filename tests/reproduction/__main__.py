@@ -4,10 +4,10 @@ import argparse
 import os
 import sys
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 from tests.reproduction.circle import compared
 from tests.reproduction.page import write
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def main() -> None:

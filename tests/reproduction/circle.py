@@ -2,20 +2,21 @@
 
 import numpy as np
 
-from planner.cell import load_cell
-from planner.workflow import Options, Stages, plan
-from planner.workflow.circle_comparison import PAPER, circle_and_path
-from planner.workflow.circling import plan_circles
+from planner.cell.reading import load_cell
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.workflow.circle_comparison import PAPER, compare_circle_and_path
+from planner.workflow.circle_planning import plan_circles
+from planner.workflow.planning import plan
 
 ROBOTS = 20
 
 
 def compared():
     """Rows (what, published, median, range) [mm] over drawn robots."""
-    stages, options = Stages(lambda *_: None), Options(dialects=("bnr",))
+    stages, options = Stages(lambda *_: None), PlanOptions(dialects=("bnr",))
     circles = plan_circles(load_cell("comau-nj130/circular"), options, stages)
     path = plan(load_cell("comau-nj130/paper"), options, stages)
-    each = circle_and_path(circles, path, range(ROBOTS))
+    each = compare_circle_and_path(circles, path, range(ROBOTS))
     rows = []
     for which, name in (("circle", "circle"), ("path", "error-sensitive path")):
         for what, words in (("length", "range of length used (mm)"), ("deviation", "range of deviation (mm)")):

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.run import load_runs
-from planner.tracing import trace
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
 from planner.workflow.writing import cell_text
-from tests.generator import runs
 from tests.generator.arm import Arm
 from tests.generator.benches import BENCHES
 from tests.reproduction.planned import minutes, of_bar, of_tracker, of_trical, stops

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.calibrated import CalibratedRobot, calibrated_files
-from planner.identification.gauge_frames import gauge_frames
-from planner.robot import load_robot
-from tests.generator import catalogue
+import tests.generator.catalogue as catalogue
+from planner.identification.artifact_pose import gauge_frames
+from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.kinematics.robot_reader import load_robot
 from tests.generator.course import course
 from tests.generator.scene import total
 from tests.reproduction.instruments import CHOSEN, REGISTERED, VALIDATED, arm, bench

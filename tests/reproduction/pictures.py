@@ -1,12 +1,13 @@
 """The pictures of the page."""
 
 import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
 from tests.reproduction.table9 import PUBLISHED
+
+matplotlib.use("Agg")
+
 
 COLOURS = {"laser tracker": "#7a3e9d", "TriCal": "#1b7f79", "ball bar": "#d95f02"}
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cell import load_cell
-from planner.plan import Plan
-from planner.workflow import Options, Stages, plan
+from planner.cell.reading import load_cell
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.plan_types import Plan
+from planner.workflow.planning import plan
 from tests.reproduction.truth import TOOL_COM_MM, TOOL_KG
 
 ATTACH_MIN = 2.0  # to set the bar down, zero it and attach it at the next place
@@ -37,21 +38,21 @@ def of_bar(fixtures, points, poses, aim) -> Plan:
     if points > 1:
         text = text.replace("[tool]\n", f"[tool]\n{SECOND_POINT}\n")
     text = text.replace("[controller]", "[plan]\ncandidates = 6000\nvalidate = 0\n\n[controller]")
-    return _planned(text, Options(poses=poses, fixtures=fixtures, aim=aim))
+    return _planned(text, PlanOptions(poses=poses, fixtures=fixtures, aim=aim))
 
 
 @cache
 def of_tracker(poses, validate) -> Plan:
     """Plan ``poses`` chosen and ``validate`` random poses of a reflector in the head's socket, all of them in sight."""
     text = _shipped("tracker").replace("validate = 500", f"validate = {validate}")
-    return _planned(text.replace("candidates = 20000", "candidates = 6000"), Options(poses=poses))
+    return _planned(text.replace("candidates = 20000", "candidates = 6000"), PlanOptions(poses=poses))
 
 
 @cache
 def of_trical(poses) -> Plan:
     """Plan ``poses`` poses of the head on the four balls of the paper."""
     text = _shipped("trical").replace("repeat = 4", "repeat = 0").replace("validate = 8", "validate = 0")
-    return _planned(text, Options(poses=poses))
+    return _planned(text, PlanOptions(poses=poses))
 
 
 def stops(made: Plan, *roles) -> list[Stop]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.identification import Calibration
+from planner.identification.calibration import Calibration
 from tests.reproduction.instruments import Measured, bar_run, identified, tracked, tricentred
 from tests.reproduction.judge import Errors, validated
 from tests.reproduction.planned import of_bar
@@ -41,7 +41,7 @@ class Row:
     @property
     def expected_mm(self):
         """Error over the workspace that the fit expects of itself."""
-        return 1e3 * self.calibration.known_anywhere
+        return 1e3 * self.calibration.workspace_error
 
     @property
     def found(self):

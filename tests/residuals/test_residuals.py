@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.identification import Calibration, Problem
-from planner.identification.problem import Memory
-from planner.residuals import leftover
-from planner.residuals.judge import LEVEL, ORDER, Battery, battery_of, judged
-from planner.residuals.rest import Rest, grouped
+from planner.identification.calibration import Calibration
+from planner.identification.problem import FitProblem, ProblemCache
+from planner.identification.residual_tests import (
+    MEASURING_ORDER,
+    SIGNIFICANCE,
+    ProjectedResidual,
+    ResidualBattery,
+    build_battery,
+    diagnose_residual,
+    pose_groups,
+    run_battery,
+)
 from tests.report.calibrated import calibrated
 
 CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
@@ -21,21 +28,21 @@ def c() -> Calibration:
     return calibrated("edbb_static", 160)
 
 
-def drawn(rest: Rest, white: np.ndarray) -> Rest:
+def drawn(rest: ProjectedResidual, white: np.ndarray) -> ProjectedResidual:
     """A residual of white numbers (m,), the model fitted to it."""
     return replace(rest, white=white - rest.basis @ (rest.basis.T @ white))
 
 
-def looked_at(problem: Problem, c: Calibration) -> tuple[Rest, Battery]:
-    rest = Rest.of(problem, c.fit.errors, c.run.continuous)
-    tests = battery_of(problem, rest, c.run.continuous)
+def looked_at(problem: FitProblem, c: Calibration) -> tuple[ProjectedResidual, ResidualBattery]:
+    rest = ProjectedResidual.of(problem, c.fit.errors, c.run.continuous)
+    tests = build_battery(problem, rest, c.run.continuous)
     assert tests is not None
     return rest, tests
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
 def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
-    left = leftover(calibrated(*case))
+    left = diagnose_residual(calibrated(*case))
     assert left.trials
     assert not left.structured
     assert left.rms == 0.0
@@ -48,7 +55,7 @@ def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
     rng, alarms, each = np.random.default_rng(1), 0, []
     for _ in range(DRAWS):
         white = rng.standard_normal(len(rest.white)) if tail == "normal" else rng.standard_t(4, len(rest.white))
-        left = judged(drawn(rest, white), tests, False, 1e-5)
+        left = run_battery(drawn(rest, white), tests, False, 1e-5)
         alarms += left.structured
         each += [t.p_value / len(left.trials) for t in left.trials if t.p_value < 1]
     assert alarms <= 12  # 1 in 100 is 4 of 400; more than 12 comes by chance once in 4 000 times
@@ -60,11 +67,11 @@ def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
 def test_what_repeats_share_counts_once(c: Calibration) -> None:
     """Each pose four times with one error: told apart from chance only if the four were taken for four."""
     problem = c.fit.problem.take(np.tile(np.arange(100), 4))
-    assert len(np.unique(grouped(problem))) == len(np.unique(grouped(c.fit.problem.take(np.arange(100)))))
+    assert len(np.unique(pose_groups(problem))) == len(np.unique(pose_groups(c.fit.problem.take(np.arange(100)))))
     rest, tests = looked_at(problem, c)
     rng, alarms = np.random.default_rng(2), 0
     for _ in range(100):
-        alarms += judged(drawn(rest, 2 * rng.standard_normal(len(rest.white))), tests, False, 1e-5).structured
+        alarms += run_battery(drawn(rest, 2 * rng.standard_normal(len(rest.white))), tests, False, 1e-5).structured
     assert alarms <= 6
     naive = replace(rest, white=np.repeat(rest.white, 4), basis=np.repeat(rest.basis, 4, axis=0) / 2)
     assert naive.dof > 3 * rest.dof
@@ -78,9 +85,9 @@ def test_slow_noise_is_called_by_its_name(c: Calibration) -> None:
         white = rng.standard_normal(len(rest.white))
         for k in range(1, len(white)):
             white[k] = 0.8 * white[k - 1] + 0.6 * white[k]
-        found = {t.along for t in judged(drawn(rest, white), tests, False, 1e-5).found}
-        named += ORDER in found
-        others += bool(found - {ORDER})
+        found = {t.along for t in run_battery(drawn(rest, white), tests, False, 1e-5).found}
+        named += MEASURING_ORDER in found
+        others += bool(found - {MEASURING_ORDER})
     assert named >= 55
     assert others <= 9
 
@@ -89,9 +96,9 @@ def planted(c: Calibration, error: np.ndarray) -> set[str]:
     """Names along which structure is found when an error (n,) [m] is added to the lengths read."""
     problem = c.fit.problem
     length = problem.targets.length + error
-    problem = replace(problem, targets=replace(problem.targets, length=length), memory=Memory())
+    problem = replace(problem, targets=replace(problem.targets, length=length), memory=ProblemCache())
     rest, tests = looked_at(problem, c)
-    return {t.along for t in judged(rest, tests, c.run.continuous, 1e-5).found}
+    return {t.along for t in run_battery(rest, tests, c.run.continuous, 1e-5).found}
 
 
 def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
@@ -113,14 +120,14 @@ def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
 
 
 def test_a_wave_of_one_joint_is_found_there() -> None:
-    left = leftover(calibrated("edbb_static", 160, 1e-4))
+    left = diagnose_residual(calibrated("edbb_static", 160, 1e-4))
     assert left.structured
     assert "joint 4" in [t.along for t in left.found]
-    assert all(t.p_value < LEVEL for t in left.found)
+    assert all(t.p_value < SIGNIFICANCE for t in left.found)
 
 
 def test_too_small_a_run_says_so() -> None:
-    left = leftover(calibrated("edbb_static", 34))
+    left = diagnose_residual(calibrated("edbb_static", 34))
     assert not left.trials
     assert not left.structured
     assert "too few" in left.sentence

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import planner
-from planner.run import Readings, Run, Samples
+from planner.runs.run import Readings, Run, Samples
 
 SHARED = Path(planner.__file__).parents[2] / "shared" / "data"
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.run import load_run
+from planner.common.errors import InputError
+from planner.runs.loader import load_run
 from tests.run.made import rows, write
 
 HEAD = "t_s,q1_deg,q2_deg,length_mm"

@@ -4,9 +4,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from planner.errors import InputError
-from planner.run import load_runs, speeds
-from planner.run.clocks import edge_offset, rising_edges
+from planner.common.errors import InputError
+from planner.runs.joint_motion import joint_speeds
+from planner.runs.loader import load_runs
+from planner.runs.synchronisation import edge_offset, rising_edges
 from tests.run.made import sine_path, write
 
 OFFSET = 812.3456  # [s] what the gauge's clock is behind
@@ -39,7 +40,7 @@ def test_angles_come_to_the_gauges_stamps(tmp_path, order):
     np.testing.assert_allclose(run.samples.t, true[first : first + len(run)], atol=1.9e-3)  # half a step of each log
     q, speed = sine_path(run.samples.t)
     np.testing.assert_allclose(run.samples.q, q, atol=1e-9)  # at the stamps as joined: cubic, not straight lines
-    assert np.abs(speeds(run.samples) - speed)[1:-1].max() < 1e-5
+    assert np.abs(joint_speeds(run.samples) - speed)[1:-1].max() < 1e-5
     np.testing.assert_allclose(run.samples.temperature, 20 + 0.1 * run.samples.t, atol=1e-9)
     assert set(run.samples.pose - np.floor(run.samples.t)) <= {0, -1}
     assert any("5 sync marks agree on it" in w for w in run.warnings)

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.program import dialects, import_map, write_program
-from planner.run import import_run
+from planner.common.errors import InputError
+from planner.programs.program_files import dialects, import_map, write_program
+from planner.runs.traces import import_run
 from tests.program.sessions import PLAN_ID, static
 from tests.run.made import rows, sine_path, write
 

@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.errors import InputError
-from planner.run import load_run, load_runs
+from planner.common.errors import InputError
+from planner.runs.loader import load_run, load_runs
 from tests.run.made import SHARED, rows, write
 
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason=f"the measured data sets are not there ({SHARED})")

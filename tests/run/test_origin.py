@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.run import load_run, load_runs, save_run
+from planner.runs.loader import load_run, load_runs
+from planner.runs.writer import save_run
 from tests.run.made import full_run, rows, write
 
 TEXTS = {

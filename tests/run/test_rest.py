@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.run import Readings, Run, Samples, load_run, rest, save_run, speeds, stretches_at_rest
+from planner.common.errors import InputError
+from planner.runs.joint_motion import find_rests, joint_speeds
+from planner.runs.loader import load_run
+from planner.runs.rests import average_rests
+from planner.runs.run import Readings, Run, Samples
+from planner.runs.writer import save_run
 from tests.run.made import sine_path, write
 
 HOLDS = np.deg2rad([[0, 40], [30, 10], [-20, 10], [-20, -50], [10, 25]])
@@ -39,7 +43,7 @@ def log_of_holds(noise=0.0, hold=2.0, dt=0.01, seed=5):
 def test_speeds_follow_the_path():
     t = np.cumsum(np.random.default_rng(1).uniform(0.001, 0.003, 4000))
     _, truth = sine_path(t)
-    found = speeds(path_samples(t))
+    found = joint_speeds(path_samples(t))
     assert np.abs(found[1:-1] - truth[1:-1]).max() < 5e-7  # (0.003 s)² · 0.47³ / 6, and some
     assert np.abs(found - truth).max() < 5e-4  # one-sided at the ends
 
@@ -47,27 +51,27 @@ def test_speeds_follow_the_path():
 def test_speeds_of_a_parabola_are_exact_at_any_spacing():
     t = np.array([0.0, 0.1, 0.4, 0.5, 1.3])
     samples = Samples(q=np.column_stack([3 * t**2, 2 - t]), place=np.zeros(5, dtype=int), t=t)
-    np.testing.assert_allclose(speeds(samples)[1:-1], np.column_stack([6 * t, -np.ones(5)])[1:-1], atol=1e-12)
+    np.testing.assert_allclose(joint_speeds(samples)[1:-1], np.column_stack([6 * t, -np.ones(5)])[1:-1], atol=1e-12)
 
 
 def test_speeds_do_not_reach_over_sessions():
     t = np.array([0.0, 1.0, 2.0, 0.0, 1.0, 5.0])
     q = np.array([0.0, 1.0, 2.0, 50.0, 48.0, 7.0])[:, None]
     samples = Samples(q=q, place=np.zeros(6, dtype=int), t=t, session=np.array([0, 0, 0, 1, 1, 2]))
-    np.testing.assert_allclose(speeds(samples)[:, 0], [1, 1, 1, -2, -2, 0])
+    np.testing.assert_allclose(joint_speeds(samples)[:, 0], [1, 1, 1, -2, -2, 0])
 
 
 def test_speeds_need_a_clock():
     with pytest.raises(InputError, match="no column t_s"):
-        speeds(Samples(q=np.zeros((2, 1)), place=np.zeros(2, dtype=int)))
+        joint_speeds(Samples(q=np.zeros((2, 1)), place=np.zeros(2, dtype=int)))
     with pytest.raises(InputError, match="have the same time"):
-        speeds(path_samples(np.array([0.0, 1.0, 1.0])))
+        joint_speeds(path_samples(np.array([0.0, 1.0, 1.0])))
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-5])
 def test_each_hold_becomes_one_sample(noise):
     run = log_of_holds(noise)
-    found = rest(run)
+    found = average_rests(run)
     assert len(found) == 5
     assert not found.continuous
     np.testing.assert_allclose(found.samples.q, HOLDS, atol=3 * noise / np.sqrt(100) + 1e-12)
@@ -78,7 +82,7 @@ def test_each_hold_becomes_one_sample(noise):
 
 def test_stretches_lie_within_the_holds():
     run = log_of_holds(2e-5)
-    stretches = stretches_at_rest(run.samples)
+    stretches = find_rests(run.samples)
     assert (np.diff(stretches, axis=1) >= 150).all()
     for first, end in stretches:
         assert len(set(run.samples.pose[first:end])) == 1
@@ -88,7 +92,7 @@ def test_stretches_lie_within_the_holds():
 def test_rests_are_found_without_marks_too():
     run = log_of_holds(2e-5)
     bare = Run("log", Samples(q=run.samples.q, place=run.samples.place, t=run.samples.t), run.readings)
-    found = rest(bare)
+    found = average_rests(bare)
     assert len(found) == 5
     np.testing.assert_allclose(found.samples.q, HOLDS, atol=1e-5)
 
@@ -96,7 +100,7 @@ def test_rests_are_found_without_marks_too():
 def test_last_directions_are_those_of_the_drive():
     moves = np.sign(np.diff(HOLDS, axis=0))  # (4, 2); a joint that stays keeps the sign of its move before
     expected = [[0, 0], moves[0], [moves[1][0], moves[0][1]], [moves[1][0], moves[2][1]], moves[3]]
-    np.testing.assert_array_equal(rest(log_of_holds(2e-5)).samples.direction, expected)
+    np.testing.assert_array_equal(average_rests(log_of_holds(2e-5)).samples.direction, expected)
 
 
 def test_a_drive_never_rests():
@@ -105,7 +109,7 @@ def test_a_drive_never_rests():
     with pytest.raises(
         InputError, match=r"none of 1000 samples is at rest \(no joint moving by more than 0\.057 degrees"
     ):
-        rest(run)
+        average_rests(run)
 
 
 def test_a_pose_without_rest_is_named():
@@ -113,7 +117,7 @@ def test_a_pose_without_rest_is_named():
     pose = run.samples.pose.copy()
     pose[250:260] = 33
     marked = Run("log", Samples(q=run.samples.q, place=run.samples.place, t=run.samples.t, pose=pose), run.readings)
-    assert "did not rest at the poses 33;" in rest(marked).warnings[1]
+    assert "did not rest at the poses 33;" in average_rests(marked).warnings[1]
 
 
 def test_loading_finds_the_rests_where_the_file_calls_for_it(tmp_path):
@@ -133,7 +137,7 @@ def test_a_rest_between_poses_is_no_measurement():
     run = log_of_holds()
     pose = np.where(run.samples.pose == 0, -1, run.samples.pose)  # the second hold: a pause on the way
     samples = Samples(q=run.samples.q, place=run.samples.place, t=run.samples.t, pose=pose)
-    assert rest(Run("log", samples, run.readings)).samples.pose.tolist() == [4, 7, 7, 2]
+    assert average_rests(Run("log", samples, run.readings)).samples.pose.tolist() == [4, 7, 7, 2]
 
 
 def test_a_log_of_rests_may_begin_its_clock_anew(tmp_path):

@@ -5,8 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.run import Run, load_run, save_run
+from planner.common.errors import InputError
+from planner.runs.loader import load_run
+from planner.runs.run import Run
+from planner.runs.writer import save_run
 from tests.run.made import full_run
 
 KINDS = ("length", "position", "ball")

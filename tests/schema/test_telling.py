@@ -4,9 +4,9 @@ import pytest
 from pydantic import Field
 
 from planner.cell.file import CellFile
-from planner.errors import InputError
-from planner.run.map_file import MapFile
-from planner.schema import Strict, validate
+from planner.common.errors import InputError
+from planner.common.schema import StrictModel, validate
+from planner.runs.column_map import ColumnMap
 
 CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}
 MAP = {"schema": "edbb-map/1", "columns": {"t_s": 1}}
@@ -14,14 +14,14 @@ BOX = {"kind": "box", "at_mm": [0, 0, 0], "size_mm": [1, 1, 1]}
 LIBRARY = ("instance of", "tuple", "dictionary", "nput should", "validation", "type=", "function-", ".0", ".1")
 
 
-class Part(Strict):
+class Part(StrictModel):
     """A part of the small file below."""
 
     rivals: tuple[str, ...]
     weight: float = 1.0
 
 
-class Small(Strict):
+class Small(StrictModel):
     """A small file."""
 
     schema_: str = Field(default="edbb-small/1", alias="schema")
@@ -53,23 +53,23 @@ CASES = {
     ),
     "a table in a table": (CellFile, CELL | {"gauge": 3}, "'gauge' = 3: a table is needed"),
     "a whole table": (
-        MapFile,
+        ColumnMap,
         MAP | {"traces": [{"skip_rows": 1}]},
         "[[traces]] number 1: either [columns] or a pattern is needed, and not both",
     ),
-    "no table": (MapFile, MAP | {"traces": [3]}, "'traces' number 1 = 3: a table is needed"),
+    "no table": (ColumnMap, MAP | {"traces": [3]}, "'traces' number 1 = 3: a table is needed"),
     "alternatives, all wrong": (
-        MapFile,
+        ColumnMap,
         MAP | {"columns": {"t_s": [3]}},
         "'columns.t_s' = [3]: a whole number or a text in quotation marks or a table is needed",
     ),
     "alternatives, one meant": (
-        MapFile,
+        ColumnMap,
         MAP | {"columns": {"t_s": {"column": 3, "factor": 0}}},
         "'columns.t_s': a factor of 0 leaves nothing of the column",
     ),
     "a key of an alternative": (
-        MapFile,
+        ColumnMap,
         MAP | {"columns": {"t_s": {"column": 1, "facto": 3}}},
         "unknown key 'columns.t_s.facto'; did you mean \"factor\"? (allowed here: column, factor, offset)",
     ),

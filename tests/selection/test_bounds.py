@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from planner.errors import InputError
-from planner.observability import RULES, identifiable, index_value
-from planner.selection import Dual, bound, check, exchange, verify
-from tests.observability import dh_arm
+import tests.observability.dh_arm as dh_arm
+from planner.common.errors import InputError
+from planner.design.observability.identifiability import find_identifiable
+from planner.design.observability.information import INDEX_RULES, index_value
+from planner.design.selection.certificate import Dual, verify_dual
+from planner.design.selection.column_generation import certify_bound, check_certificate
+from planner.design.selection.exchange_search import exchange_poses
 from tests.observability.dh_arm import NJ130
 
-INDICES = list(RULES)
+INDICES = list(INDEX_RULES)
 
 
 def pool(seed, count=14, readings=1, size=3):
@@ -22,57 +25,58 @@ def pool(seed, count=14, readings=1, size=3):
 
 def best_of_all(rows, n, kind):
     values = [index_value(kind, rows[list(s)]) for s in combinations(range(len(rows)), n)]
-    return max(values) if RULES[kind].maximise else min(values)
+    return max(values) if INDEX_RULES[kind].maximise else min(values)
 
 
 @pytest.fixture(scope="module")
 def paper_pool():
     q = dh_arm.shell_poses(NJ130, 1_500, seed=1)
     rows = dh_arm.rows(NJ130, q)
-    return rows[..., list(identifiable(rows, dh_arm.names(NJ130)).kept)]
+    return rows[..., list(find_identifiable(rows, dh_arm.names(NJ130)).kept)]
 
 
 @pytest.mark.parametrize("kind", INDICES)
 @pytest.mark.parametrize(("seed", "readings", "n"), [(0, 1, 5), (1, 1, 4), (2, 3, 3), (3, 1, 9), (4, 3, 6)])
 def test_no_subset_beats_the_bound(kind, seed, readings, n):
     rows = pool(seed, readings=readings)
-    certificate, best = bound(rows, kind, n), best_of_all(rows, n, kind)
+    certificate, best = certify_bound(rows, kind, n), best_of_all(rows, n, kind)
     assert certificate.verified
-    assert not RULES[kind].better(best, certificate.value)
-    assert RULES[kind].gap(best, certificate.value) < (0.9 if kind == "O4" else 0.5)  # a bound that says something
+    assert not INDEX_RULES[kind].better(best, certificate.value)
+    # a bound that says something
+    assert INDEX_RULES[kind].gap(best, certificate.value) < (0.9 if kind == "O4" else 0.5)
 
 
 @pytest.mark.parametrize("kind", ["O1", "O2"])
 def test_no_subset_of_any_size_beats_the_bound_for_any_number(kind):
     rows = pool(5, count=11)
-    certificate = bound(rows, kind)
+    certificate = certify_bound(rows, kind)
     assert certificate.kind == "any number of poses"
-    assert all(not RULES[kind].better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
+    assert all(not INDEX_RULES[kind].better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
 
 
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])
 def test_the_bound_is_the_relaxation_to_a_tenth_of_a_percent(kind, paper_pool):
-    certificate = bound(paper_pool, kind, 60)
+    certificate = certify_bound(paper_pool, kind, 60)
     assert certificate.verified
     assert certificate.slack < 1e-3
     active = paper_pool[certificate.support, 0]
     mass = (active * certificate.weights[:, None]).T @ active
     mu = np.sqrt(np.linalg.eigvalsh(mass)[::-1])
-    assert float(RULES[kind].of(mu, 60)) == pytest.approx(certificate.value, rel=2e-3)
+    assert float(INDEX_RULES[kind].of(mu, 60)) == pytest.approx(certificate.value, rel=2e-3)
     assert certificate.weights.sum() == pytest.approx(60)
     assert certificate.weights.max() < 1.001
 
 
 def test_exactly_n_is_tighter_than_any_number(paper_pool):
-    free = bound(paper_pool, "O2").value
-    assert free < bound(paper_pool, "O2", 40).value < bound(paper_pool, "O2", 120).value
+    free = certify_bound(paper_pool, "O2").value
+    assert free < certify_bound(paper_pool, "O2", 40).value < certify_bound(paper_pool, "O2", 120).value
 
 
 def test_a_pool_of_the_paper_size_has_a_bound_near_thirty():
     """The rough trial on 4 460 such poses, with other joint limits, found 30.06; a general solver gave it."""
     rows = dh_arm.rows(NJ130, dh_arm.shell_poses(NJ130, 4_460))
-    kept = list(identifiable(rows, dh_arm.names(NJ130)).kept)
-    assert 29 < bound(rows[..., kept], "O2").value < 32.5
+    kept = list(find_identifiable(rows, dh_arm.names(NJ130)).kept)
+    assert 29 < certify_bound(rows[..., kept], "O2").value < 32.5
 
 
 def test_any_number_agrees_with_a_general_solver():
@@ -90,8 +94,8 @@ def test_any_number_agrees_with_a_general_solver():
         minimize(condition, rng.random(12), bounds=box, method="Powell", options={"maxiter": 4000}).fun
         for _ in range(6)
     ]
-    assert bound(rows, "O2").value <= min(tries) * (1 + 1e-9)
-    assert bound(rows, "O2").value == pytest.approx(min(tries), rel=2e-2)
+    assert certify_bound(rows, "O2").value <= min(tries) * (1 + 1e-9)
+    assert certify_bound(rows, "O2").value == pytest.approx(min(tries), rel=2e-2)
 
 
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])  # O4 is the quotient of two of them
@@ -101,47 +105,50 @@ def test_any_matrices_at_all_prove_nothing_wrong(kind):
     best = best_of_all(rows, 5, kind)
     for _ in range(200):
         X, Y = (a @ a.T if rng.random() < 0.7 else a for a in rng.standard_normal((2, 3, 3)))
-        assert not RULES[kind].better(best, verify(Dual(kind, 5, X, Y), rows))
+        assert not INDEX_RULES[kind].better(best, verify_dual(Dual(kind, 5, X, Y), rows))
 
 
 @pytest.mark.parametrize("kind", INDICES)
 def test_a_corrupted_certificate_is_caught(kind):
     rows = pool(8)
-    certificate = bound(rows, kind, 6)
-    sense = -1 if RULES[kind].maximise else 1
-    assert check(certificate, rows)
-    assert not check(replace(certificate, value=certificate.value * (1 + sense * 1e-6)), rows)
+    certificate = certify_bound(rows, kind, 6)
+    sense = -1 if INDEX_RULES[kind].maximise else 1
+    assert check_certificate(certificate, rows)
+    assert not check_certificate(replace(certificate, value=certificate.value * (1 + sense * 1e-6)), rows)
     bent = [replace(d, X=d.X + 0.3 * np.diag(np.arange(3)) * np.trace(d.X)) for d in certificate.duals]
-    assert not check(replace(certificate, duals=tuple(bent)), rows)
+    assert not check_certificate(replace(certificate, duals=tuple(bent)), rows)
     broken = [replace(d, X=d.X * np.nan) for d in certificate.duals]
-    assert not check(replace(certificate, duals=tuple(broken)), rows)
+    assert not check_certificate(replace(certificate, duals=tuple(broken)), rows)
     better_pool = np.concatenate([rows, 10 * rows[:6], 10 * np.roll(rows[:6], 1, axis=2)])
-    assert not check(certificate, better_pool) or kind == "O2"
+    assert not check_certificate(certificate, better_pool) or kind == "O2"
 
 
 def test_the_only_set_is_its_own_certificate():
     rows = pool(9)
-    certificate = bound(rows, "O2", len(rows))
+    certificate = certify_bound(rows, "O2", len(rows))
     assert certificate.value == index_value("O2", rows)
-    assert check(certificate, rows)
-    assert exchange(rows, len(rows), certificate=certificate).gap == pytest.approx(0, abs=1e-9)
+    assert check_certificate(certificate, rows)
+    assert exchange_poses(rows, len(rows), certificate=certificate).gap == pytest.approx(0, abs=1e-9)
 
 
 def test_a_bound_begun_near_another_is_as_good(paper_pool):
-    far, near = bound(paper_pool, "O2", 50), bound(paper_pool, "O2", 50, near=bound(paper_pool, "O2", 35))
+    far, near = (
+        certify_bound(paper_pool, "O2", 50),
+        certify_bound(paper_pool, "O2", 50, near=certify_bound(paper_pool, "O2", 35)),
+    )
     assert near.value == pytest.approx(far.value, rel=1e-3)
 
 
 def test_bad_input_is_refused():
     rows = pool(10)
     with pytest.raises(InputError, match="15 poses out of 14"):
-        bound(rows, "O2", 15)
+        certify_bound(rows, "O2", 15)
     with pytest.raises(InputError, match="O3 grows"):
-        bound(rows, "O3")
+        certify_bound(rows, "O3")
     with pytest.raises(InputError, match="O9"):
-        bound(rows, "O9", 5)
+        certify_bound(rows, "O9", 5)
     with pytest.raises(InputError, match="shape"):
-        bound(rows[:, 0], "O2", 5)
+        certify_bound(rows[:, 0], "O2", 5)
 
 
 @pytest.mark.parametrize("kind", INDICES)
@@ -149,9 +156,11 @@ def test_bad_input_is_refused():
 def test_hardly_more_candidates_than_poses(kind, spare):
     """All of the pool, or all but one or two: the cap leaves the weights next to no room, and none at all."""
     rows = pool(5, count=60 + spare)
-    certificate = bound(rows, kind, 60)
+    certificate = certify_bound(rows, kind, 60)
     assert certificate.verified
     values = [index_value(kind, np.delete(rows, out, axis=0)) for out in combinations(range(60 + spare), spare)]
-    best = max(values) if RULES[kind].maximise else min(values)
-    assert best <= certificate.value * (1 + 1e-9) if RULES[kind].maximise else best >= certificate.value * (1 - 1e-9)
+    best = max(values) if INDEX_RULES[kind].maximise else min(values)
+    assert (
+        best <= certificate.value * (1 + 1e-9) if INDEX_RULES[kind].maximise else best >= certificate.value * (1 - 1e-9)
+    )
     assert certificate.value == pytest.approx(best, rel=0.06)

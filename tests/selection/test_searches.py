@@ -8,15 +8,25 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.observability import RULES, identifiable, index_value
-from planner.selection import detmax, exchange, index_curve, knee, prune, refine
-from planner.selection.potential import Potential
-from planner.selection.swaps import Swap, Table, after, information
-from tests.observability import dh_arm
+import tests.observability.dh_arm as dh_arm
+from planner.common.errors import InputError
+from planner.design.observability.identifiability import find_identifiable
+from planner.design.observability.information import INDEX_RULES, index_value
+from planner.design.selection.d_optimal import detmax
+from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_curves import compute_index_curve, find_knee
+from planner.design.selection.pruning import prune_poses
+from planner.design.selection.refinement import refine_off_grid
+from planner.design.selection.swap_scores import (
+    BarrierPotential,
+    Swap,
+    SwapTable,
+    information_after,
+    information_matrix,
+)
 from tests.observability.dh_arm import NJ130
 
-INDICES = list(RULES)
+INDICES = list(INDEX_RULES)
 
 
 def pool(seed, count=40, readings=1, size=4):
@@ -27,7 +37,7 @@ def pool(seed, count=40, readings=1, size=4):
 def arm_pool():
     q = dh_arm.shell_poses(NJ130, 1_500, seed=2)
     rows = dh_arm.rows(NJ130, q)
-    kept = list(identifiable(rows, dh_arm.names(NJ130)).kept)
+    kept = list(find_identifiable(rows, dh_arm.names(NJ130)).kept)
     return q, rows[..., kept], kept
 
 
@@ -35,7 +45,7 @@ def naive_prune(rows, n, kind):
     kept = list(range(len(rows)))
     while len(kept) > n:
         values = [index_value(kind, rows[kept[:k] + kept[k + 1 :]]) for k in range(len(kept))]
-        kept.pop(int(np.argmax(values) if RULES[kind].maximise else np.argmin(values)))
+        kept.pop(int(np.argmax(values) if INDEX_RULES[kind].maximise else np.argmin(values)))
     return kept
 
 
@@ -43,17 +53,17 @@ def naive_prune(rows, n, kind):
 @pytest.mark.parametrize(("seed", "readings"), [(0, 1), (1, 1), (2, 3)])
 def test_pruning_is_the_naive_pruning(kind, seed, readings):
     rows = pool(seed, readings=readings)
-    assert prune(rows, 6, kind).tolist() == naive_prune(rows, 6, kind)
+    assert prune_poses(rows, 6, kind).tolist() == naive_prune(rows, 6, kind)
 
 
 def test_pruning_of_the_arm_is_the_naive_pruning(arm_pool):
     rows = arm_pool[1][:120]
-    assert prune(rows, 30).tolist() == naive_prune(rows, 30, "O2")
+    assert prune_poses(rows, 30).tolist() == naive_prune(rows, 30, "O2")
 
 
 def test_thinning_first_costs_little(arm_pool):
     rows = arm_pool[1]
-    slow, fast = (index_value("O2", rows[prune(rows, 60, exact_from=k)]) for k in (1_500, 300))
+    slow, fast = (index_value("O2", rows[prune_poses(rows, 60, exact_from=k)]) for k in (1_500, 300))
     assert fast < 1.1 * slow
 
 
@@ -71,8 +81,8 @@ def test_detmax_finds_the_best_determinant(seed, readings, n):
 def test_exchange_finds_the_best_of_all_subsets(kind, seed, readings, n):
     rows = pool(seed, count=13, readings=readings)
     values = [index_value(kind, rows[list(s)]) for s in combinations(range(13), n)]
-    best = max(values) if RULES[kind].maximise else min(values)
-    found = exchange(rows, n, kind, starts=4, steps=400)
+    best = max(values) if INDEX_RULES[kind].maximise else min(values)
+    found = exchange_poses(rows, n, kind, starts=4, steps=400)
     assert len(set(found.chosen.tolist())) == n
     assert found.value == pytest.approx(index_value(kind, rows[found.chosen]), rel=1e-9)
     assert found.value == pytest.approx(best, rel=1e-3 if kind == "O5" else 1e-9)
@@ -81,14 +91,14 @@ def test_exchange_finds_the_best_of_all_subsets(kind, seed, readings, n):
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O4"])
 def test_scores_of_swaps_are_exact(kind):
     """Against eigenvalues of the changed matrices, for every pair."""
-    rows, potential = pool(4, count=20), Potential(kind, 0.5)
+    rows, potential = pool(4, count=20), BarrierPotential(kind, 0.5)
     chosen = np.arange(7)
-    table = Table(rows[chosen], potential)
+    table = SwapTable(rows[chosen], potential)
     shifts = potential.shifts(table.mu)
     pairs = [Swap(i, j) for i in range(7) for j in range(7, 20)]
     scores = table.of(rows[7:]).ravel()
-    expected = potential.barrier(np.linalg.eigvalsh(after(rows, chosen, pairs)), *shifts)
-    now = potential.barrier(np.linalg.eigvalsh(information(rows[chosen])), *shifts)
+    expected = potential.barrier(np.linalg.eigvalsh(information_after(rows, chosen, pairs)), *shifts)
+    now = potential.barrier(np.linalg.eigvalsh(information_matrix(rows[chosen])), *shifts)
     inside = np.isfinite(expected)
     assert inside.sum() > 10
     assert scores[inside] == pytest.approx(expected[inside] - now, abs=1e-9)
@@ -97,7 +107,7 @@ def test_scores_of_swaps_are_exact(kind):
 
 @pytest.mark.parametrize("kind", ["O2", "O3", "O4"])
 def test_the_shifts_are_the_best_ones(kind):
-    mu, potential = np.array([0.3, 0.31, 0.9, 4.0, 7.0]), Potential(kind, 0.4)
+    mu, potential = np.array([0.3, 0.31, 0.9, 4.0, 7.0]), BarrierPotential(kind, 0.4)
     m, k = potential.weights(5)
     weight = {"O2": 1, "O3": 1, "O4": 2}[kind]
 
@@ -115,27 +125,27 @@ def test_the_shifts_are_the_best_ones(kind):
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3"])
 def test_no_swap_betters_the_result_and_it_beats_pruning(arm_pool, kind):
     rows = arm_pool[1][:400]
-    found = exchange(rows, 30, kind, starts=2, steps=600)
-    pruned = index_value(kind, rows[prune(rows, 30, kind)])
-    assert RULES[kind].better(found.value, pruned)
+    found = exchange_poses(rows, 30, kind, starts=2, steps=600)
+    pruned = index_value(kind, rows[prune_poses(rows, 30, kind)])
+    assert INDEX_RULES[kind].better(found.value, pruned)
     assert found.gap >= 0
-    mass, chosen = information(rows[found.chosen]), found.chosen
+    mass, chosen = information_matrix(rows[found.chosen]), found.chosen
     for out in chosen[::6] if kind == "O1" else ():
-        left = mass - information(rows[[out]])
+        left = mass - information_matrix(rows[[out]])
         outside = np.setdiff1d(np.arange(400), chosen)
         mu = np.sqrt(np.linalg.eigvalsh(left + np.swapaxes(rows[outside], 1, 2) @ rows[outside])[:, ::-1].clip(0))
-        assert np.max(RULES[kind].of(mu, 30)) < found.value * (1 + 1e-9)
+        assert np.max(INDEX_RULES[kind].of(mu, 30)) < found.value * (1 + 1e-9)
 
 
 def test_the_gap_on_the_arm(arm_pool):
     rows = arm_pool[1]
-    assert exchange(rows, 35, "O2", starts=1).gap < 0.16
-    assert exchange(rows, 100, "O2", starts=1, steps=1_000).gap < 0.04
+    assert exchange_poses(rows, 35, "O2", starts=1).gap < 0.16
+    assert exchange_poses(rows, 100, "O2", starts=1, steps=1_000).gap < 0.04
 
 
 def test_refinement_keeps_every_filter_and_only_gets_better(arm_pool):
     q, rows, kept = arm_pool
-    start = exchange(rows, 30, "O2", starts=1, steps=200).chosen
+    start = exchange_poses(rows, 30, "O2", starts=1, steps=200).chosen
     asked = []
 
     def valid(trial, _=None):
@@ -145,19 +155,19 @@ def test_refinement_keeps_every_filter_and_only_gets_better(arm_pool):
         return (reading > 0.3) & (reading < 0.52) & inside.all(axis=1) & (np.abs(trial[:, 4]) > 0.3)
 
     start = start[valid(q[start])]
-    found = refine(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
+    found = refine_off_grid(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
     assert found.value < 0.99 * found.before
     assert valid(found.q).all()
     assert found.value == pytest.approx(index_value("O2", dh_arm.rows(NJ130, found.q)[..., kept]))
     assert found.moved > 5
-    again = refine(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
+    again = refine_off_grid(q[start], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid, "O2", rounds=12)
     assert again.q.tobytes() == found.q.tobytes()
     with pytest.raises(InputError, match="does not pass the filters"):
-        refine(q[start] + 1.0, lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid)
+        refine_off_grid(q[start] + 1.0, lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid)
 
 
 def test_the_curve_lies_on_the_right_side_of_its_bound(arm_pool):
-    curve = index_curve(arm_pool[1][:600], [24, 30, 40, 60, 90], steps=150)
+    curve = compute_index_curve(arm_pool[1][:600], [24, 30, 40, 60, 90], steps=150)
     assert np.all(curve.values >= curve.bounds)
     assert curve.sizes.tolist() == [24, 30, 40, 60, 90]
     assert all(len(s.chosen) == n for s, n in zip(curve.selections, curve.sizes, strict=True))
@@ -169,23 +179,23 @@ def test_the_knee_of_a_broken_line_is_its_corner(kind):
     sizes = np.geomspace(20, 320, 9)
     log_value = np.where(sizes < 80, -1.0 * np.log(sizes / 80), -0.05 * np.log(sizes / 80))
     values = np.exp(log_value if kind == "O2" else -log_value)
-    assert knee(sizes, values, kind) == pytest.approx(80, abs=1)
+    assert find_knee(sizes, values, kind) == pytest.approx(80, abs=1)
     noisy = values * (1 + 0.01 * np.where(np.arange(9) % 2, 1, -1))
-    assert knee(sizes[::-1], noisy[::-1], kind) == pytest.approx(80, abs=1)
+    assert find_knee(sizes[::-1], noisy[::-1], kind) == pytest.approx(80, abs=1)
     with pytest.raises(InputError, match="three sizes"):
-        knee([20, 30], [1.0, 2.0])
+        find_knee([20, 30], [1.0, 2.0])
 
 
 def test_too_few_poses_are_refused():
     rows = pool(0)
-    for choose in (prune, detmax, exchange):
+    for choose in (prune_poses, detmax, exchange_poses):
         with pytest.raises(InputError, match="4"):
             choose(rows, 3)
 
 
 _SCRIPT = """
 import hashlib, numpy as np
-from planner.selection import *
+from planner.design.selection import *
 rows = np.random.default_rng(0).standard_normal((3000, 1, 12)) * np.linspace(0.2, 2, 12)
 found = exchange(rows, 20, "O2", starts=2, steps=150)
 parts = [found.chosen, np.array(found.value), found.certificate.duals[0].X, prune(rows[:300], 20), detmax(rows, 20)]

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.path import Constraints, Path, join
-from planner.run import Samples
-from planner.separating import read_identified, separate
-from planner.separating.sides import sides_asked
-from planner.workflow.approaching import approached
+from planner.design.discrimination.findings import read_identification
+from planner.design.discrimination.predicted_readings import approach_axes
+from planner.design.discrimination.selection import select_discriminating_poses
+from planner.motion.path.connection import connect_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.verdict import ProvenPath
+from planner.runs.run import Samples
+from planner.session.bar_drive import approach_from_sides
 from tests.separating.test_refusals import file
 from tests.separating.worlds import NJ, cell, pool, usual
 
@@ -24,8 +27,8 @@ def constraints():
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """Poses for telling the plays of two axes apart."""
-    found = read_identified(file(tmp_path_factory.mktemp("play"), PLAY), NJ, 6)
-    return separate(cell(), pool(), usual(), found, 0)
+    found = read_identification(file(tmp_path_factory.mktemp("play"), PLAY), NJ, 6)
+    return select_discriminating_poses(cell(), pool(), usual(), found, 0)
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +38,8 @@ def path(constraints):
     near = pool().q[0] + rng.normal(scale=0.05, size=(60, 6))
     near = near[constraints.valid(near)][:7]
     assert len(near) == 7
-    found = join(constraints, near, [*range(7), 0])
-    assert isinstance(found, Path)
+    found = connect_poses(constraints, near, [*range(7), 0])
+    assert isinstance(found, ProvenPath)
     return found
 
 
@@ -44,7 +47,7 @@ def path(constraints):
 def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
     wanted = np.zeros((7, 6), dtype=int)
     wanted[1:, 2] = sign
-    longer, missed = approached(constraints, path, list(wanted))
+    longer, missed = approach_from_sides(constraints, path, list(wanted))
     at = np.flatnonzero(longer.node >= 0)
     np.testing.assert_array_equal(longer.q[at], path.q[path.node >= 0])
     last = np.sign(np.diff(longer.q, axis=0)[at[1:] - 1, 2])
@@ -58,15 +61,15 @@ def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
 def test_a_path_that_comes_from_the_wanted_sides_stays(constraints, path):
     natural = np.zeros((7, 6), dtype=int)
     natural[1:] = np.sign(np.diff(path.q[path.node >= 0], axis=0))[:6]
-    longer, missed = approached(constraints, path, list(natural))
+    longer, missed = approach_from_sides(constraints, path, list(natural))
     assert missed == 0
     assert longer.q.shape == path.q.shape
 
 
 def test_sides_are_chosen_for_the_axes_whose_play_is_in_question(done, tmp_path):
-    found = read_identified(file(tmp_path, PLAY), NJ, 6)
-    assert sides_asked(found, cell()) == (1, 2)
-    assert sides_asked(found, cell("continuous")) == ()
+    found = read_identification(file(tmp_path, PLAY), NJ, 6)
+    assert approach_axes(found, cell()) == (1, 2)
+    assert approach_axes(found, cell("continuous")) == ()
     assert done.choice.approach.shape == done.choice.q.shape
     assert (done.choice.approach[:, [1, 2]] != 0).all()
     assert not done.choice.approach[:, [0, 3, 4, 5]].any()
@@ -87,6 +90,6 @@ def test_wanted_sides_tell_more_than_any(done):
 
 
 def test_the_same_seed_chooses_the_same_poses(done, tmp_path):
-    again = separate(cell(), pool(), usual(), read_identified(file(tmp_path, PLAY), NJ, 6), 0)
+    again = select_discriminating_poses(cell(), pool(), usual(), read_identification(file(tmp_path, PLAY), NJ, 6), 0)
     assert again.separation == done.separation
     assert (again.choice.q == done.choice.q).all()

@@ -6,14 +6,18 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.identification import checks
-from planner.separating.bounding import bound, check
-from planner.separating.counting import TRACEABLE, scarce
-from planner.separating.criterion import Question, criterion, noncentrality
-from planner.separating.exchanging import changes, exchange, information
-from planner.separating.frame import Frame
-from planner.separating.judging import ALIKE, EVIDENCE, power
-from planner.tracing import rivals as traced
+import planner.identification.assessment as checks
+import planner.tracing.rivals as traced
+from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
+from planner.design.discrimination.power import ALIKE, EVIDENCE, discrimination_power
+from planner.design.discrimination.search import (
+    bound_criterion,
+    check_bound,
+    exchange_by_criterion,
+    sum_information,
+    swap_gains,
+)
+from planner.design.pose_selection import TRACEABLE, warn_too_few_readings
 
 OWN = np.arange(3)
 
@@ -24,13 +28,16 @@ def problem(count=14, readings=1, seed=0):
     rows = rng.standard_normal((count, readings, 6)) * np.array([1.0, 1e3, 1e-3, 1.0, 5.0, 1.0])
     rows[:, :, 4] += 4.0 * rows[:, :, 3]
     one, two = np.array([0, 0, 0, 2.0, 0, 0]), np.array([0, 0, 0, 0, 0.3, 0.1])
-    questions = (Question(0, "a", one, OWN, np.array([4, 5])), Question(0, "b", two, OWN, np.array([3])))
-    frame = Frame.of(rows)
-    return rows, frame, frame.rows(rows), questions, criterion(frame, OWN, questions, np.ones(2))
+    questions = (
+        DiscriminationQuestion(0, "a", one, OWN, np.array([4, 5])),
+        DiscriminationQuestion(0, "b", two, OWN, np.array([3])),
+    )
+    frame = PoolCoordinates.of(rows)
+    return rows, frame, frame.rows(rows), questions, dt_criterion(frame, OWN, questions, np.ones(2))
 
 
 def value(aim, rows):
-    return aim.value(information(rows))
+    return aim.value(sum_information(rows))
 
 
 @pytest.mark.parametrize("readings", [1, 2])
@@ -40,7 +47,7 @@ def test_noncentrality_is_what_least_squares_leave(readings):
     for q in questions:
         tall = rows[chosen].reshape(-1, 6)
         left = np.linalg.lstsq(tall[:, q.taken], tall @ q.signal, rcond=None)[1]
-        assert noncentrality(frame, information(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
+        assert noncentrality(frame, sum_information(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
 
 
 def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
@@ -48,7 +55,7 @@ def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
     sets = [np.arange(7), np.arange(7, 14), np.arange(3, 12)]
     by_hand = []
     for chosen in sets:
-        mass = information(seen[chosen])
+        mass = sum_information(seen[chosen])
         own = np.linalg.slogdet(rows[chosen, 0, :3].T @ rows[chosen, 0, :3])[1]
         by_hand.append(0.375 * sum(np.log(noncentrality(frame, mass, q)[0]) for q in questions) + 0.25 / 3 * own)
     values = [value(aim, seen[chosen]) for chosen in sets]
@@ -57,7 +64,7 @@ def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
 
 def test_slope_is_the_derivative():
     _, _, seen, _, aim = problem()
-    mass, rng = information(seen[:9]), np.random.default_rng(1)
+    mass, rng = sum_information(seen[:9]), np.random.default_rng(1)
     way = rng.standard_normal(mass.shape)
     way = (way + way.T) * 1e-6
     expected = (aim.value(mass + way) - aim.value(mass - way)) / 2
@@ -68,7 +75,7 @@ def test_slope_is_the_derivative():
 def test_changes_are_exact(readings):
     _, _, seen, _, aim = problem(readings=readings)
     inner, outer = seen[:8], seen[8:]
-    table = changes(inner, outer, aim, information(inner))
+    table = swap_gains(inner, outer, aim, sum_information(inner))
     for i, j in ((0, 0), (3, 4), (7, 5)):
         swapped = np.concatenate([np.delete(inner, i, axis=0), outer[j : j + 1]])
         assert table[i, j] == pytest.approx(value(aim, swapped) - value(aim, inner), abs=1e-6)
@@ -78,30 +85,30 @@ def test_changes_are_exact(readings):
 def test_no_set_of_all_beats_the_bound_and_the_exchange_finds_the_best(seed):
     _, _, seen, _, aim = problem(seed=seed)
     values = {s: value(aim, seen[list(s)]) for s in combinations(range(14), 8)}
-    found = bound(seen, aim, 8, np.arange(8))
-    chosen = exchange(seen, aim, found, np.arange(8), 0, np.arange(14))
+    found = bound_criterion(seen, aim, 8, np.arange(8))
+    chosen = exchange_by_criterion(seen, aim, found, np.arange(8), 0, np.arange(14))
     best = max(values.values())
     assert best <= found.value
     assert found.value - best < 0.35
-    assert check(found, seen)
+    assert check_bound(found, seen)
     assert value(aim, seen[chosen]) == pytest.approx(best, abs=1e-6)
 
 
 def test_a_bound_that_promises_too_little_is_refused():
     _, _, seen, _, aim = problem()
-    found = bound(seen, aim, 8, np.arange(8))
-    assert not check(replace(found, value=found.value - 0.01), seen)
+    found = bound_criterion(seen, aim, 8, np.arange(8))
+    assert not check_bound(replace(found, value=found.value - 0.01), seen)
 
 
 def test_as_many_readings_are_asked_for_as_the_identification_wants():
-    assert TRACEABLE == checks.TRACEABLE
-    assert scarce(60, 40) is None
-    assert "--poses" in scarce(59, 40)
+    assert TRACEABLE == checks.TRACEABLE_READINGS
+    assert warn_too_few_readings(60, 40) is None
+    assert "--poses" in warn_too_few_readings(59, 40)
 
 
 def test_power_asks_for_what_the_identification_asks_for():
-    assert traced.MARGIN == EVIDENCE
-    assert pytest.approx(1 - traced.ALIKE) == ALIKE
+    assert traced.RIVAL_MARGIN == EVIDENCE
+    assert pytest.approx(1 - traced.RIVAL_SHARE) == ALIKE
 
 
 def test_power_is_the_share_of_simulated_runs():
@@ -113,4 +120,4 @@ def test_power_is_the_share_of_simulated_runs():
     runs = size * one + rng.standard_normal((4000, 20))
     gain = (runs @ one) ** 2 - (runs @ two) ** 2
     left = size**2 * (1 - 0.81)
-    assert np.mean(gain > EVIDENCE) == pytest.approx(power(left, size**2), abs=0.06)
+    assert np.mean(gain > EVIDENCE) == pytest.approx(discrimination_power(left, size**2), abs=0.06)

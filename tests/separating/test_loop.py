@@ -6,7 +6,7 @@ The arms and their runs are made by the generator, which shares no code with the
 import numpy as np
 import pytest
 
-from planner.run import Samples
+from planner.runs.run import Samples
 from tests.separating.worlds import CALLED, again, blindly, first, identified, named, pool, separated
 
 SEEDS = (1, 2)

@@ -4,8 +4,9 @@ import json
 
 import pytest
 
-from planner.errors import InputError, NoSolutionError
-from planner.separating import read_identified, separate
+from planner.common.errors import InputError, NoSolutionError
+from planner.design.discrimination.findings import read_identification
+from planner.design.discrimination.selection import select_discriminating_poses
 from tests.separating.worlds import NJ, cell, pool, usual
 from tests.workflow.conftest import edbb
 
@@ -35,7 +36,7 @@ LAG = ("gauge lag", "gauge", 0.004, "s")
 
 def test_values_are_read_in_si_units(tmp_path):
     path = file(tmp_path, ("backlash", "joint 3", 0.01, "deg", ["hysteresis, joint 3"]))
-    found = read_identified(path, NJ, 6)
+    found = read_identification(path, NJ, 6)
     assert found.found[0].size == pytest.approx(1.7453e-4, rel=1e-4)
     assert found.noise(1) == pytest.approx(0.008e-3 * (200 / 160) ** 0.5)
 
@@ -51,7 +52,7 @@ def test_values_are_read_in_si_units(tmp_path):
 def test_a_file_that_asks_nothing_is_refused(findings, robot, words, tmp_path):
     path = file(tmp_path, *findings, robot=robot)
     with pytest.raises(InputError, match=words):
-        read_identified(path, NJ, 6)
+        read_identification(path, NJ, 6)
 
 
 def test_the_command_refuses_before_it_plans(tmp_path):
@@ -64,18 +65,18 @@ def test_the_command_refuses_before_it_plans(tmp_path):
 
 def test_exact_rivals_have_no_plan(tmp_path):
     """A clock that runs late, and joints that all run behind by as much, are one and the same."""
-    found = read_identified(file(tmp_path, (*LAG, ["servo lag, all joints"])), NJ, 6)
+    found = read_identification(file(tmp_path, (*LAG, ["servo lag, all joints"])), NJ, 6)
     moving = "continuous"
     with pytest.raises(NoSolutionError, match=r"the same in every pose .* the controller itself") as refused:
-        separate(cell(moving), pool(moving), usual(moving), found, 0)
+        select_discriminating_poses(cell(moving), pool(moving), usual(moving), found, 0)
     assert refused.value.exit_code == 3
 
 
 def test_exact_rivals_beside_others_are_told(tmp_path):
     rivals = ["servo lag, all joints", "servo lag, joint 2", "thermal drift, joint 1"]
-    found = read_identified(file(tmp_path, (*LAG, rivals)), NJ, 6)
+    found = read_identification(file(tmp_path, (*LAG, rivals)), NJ, 6)
     moving = "continuous"
-    done = separate(cell(moving), pool(moving), usual(moving), found, 0).separation
+    done = select_discriminating_poses(cell(moving), pool(moving), usual(moving), found, 0).separation
     assert [t.rival for t in done.told if t.named] == ["servo lag, joint 2"]
     assert len(done.inseparable) == 2
     assert any("thermal drift, joint 1" in s and "temperature_degC" in s for s in done.inseparable)
@@ -89,7 +90,7 @@ def test_exact_rivals_beside_others_are_told(tmp_path):
 def test_what_would_help_is_found_by_trying(tmp_path):
     """One bar from one place sees no difference between an encoder and a bearing of the first axis; two places do."""
     wave = ("encoder once a turn", "joint 1", 0.02, "deg")
-    found = read_identified(file(tmp_path, (*wave, ["axis wobble once a turn, joint 1"])), NJ, 6)
+    found = read_identification(file(tmp_path, (*wave, ["axis wobble once a turn, joint 1"])), NJ, 6)
     with pytest.raises(NoSolutionError, match="a second fixture, say at") as refused:
-        separate(cell(), pool(), usual(), found, 0)
+        select_discriminating_poses(cell(), pool(), usual(), found, 0)
     assert "payload" not in str(refused.value)

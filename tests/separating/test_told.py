@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.catalogue import catalogue
-from planner.errors import InputError
-from planner.observability import RULES
-from planner.separating import Separation, Told, read_identified
-from planner.separating.known import KINDS, check_name
-from planner.separating.types import SURE
-from planner.tracing import curve, unnamed
-from planner.workflow.separation import MUCH, separation_notes
+import planner.effects.nonparametric as unnamed
+import planner.tracing.gear_curve as curve
+import tests.identification.rigs as rigs
+from planner.common.errors import InputError
+from planner.design.discrimination.findings import KINDS, check_effect_name, read_identification
+from planner.design.discrimination.power import SURE, Discrimination, PairPower
+from planner.design.observability.information import INDEX_RULES
+from planner.effects.catalogue import catalogue
+from planner.session.notes import MUCH, discrimination_notes
 from tests.catalogue.test_phis import everything
-from tests.identification import rigs
 from tests.separating.test_refusals import LAG, file
 from tests.separating.worlds import NJ, cell, usual
 from tests.workflow.conftest import edbb
@@ -33,7 +33,7 @@ def test_json_of_another_shape_is_told_in_plain_words(case, tmp_path):
     path = tmp_path / "i.json"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        read_identified(path, NJ, 6)
+        read_identification(path, NJ, 6)
     assert str(caught.value) == f"{path}: {message}"
 
 
@@ -41,7 +41,7 @@ def test_rivals_that_are_no_list(tmp_path):
     path = file(tmp_path, (*LAG, []))
     path.write_text(path.read_text().replace('"rivals": []', '"rivals": 5'))
     with pytest.raises(InputError, match="'findings' number 1: 'rivals' = 5: a list is needed"):
-        read_identified(path, NJ, 6)
+        read_identification(path, NJ, 6)
 
 
 @pytest.mark.parametrize(
@@ -61,12 +61,12 @@ def test_rivals_that_are_no_list(tmp_path):
 def test_an_effect_that_there_is_not_is_wrong_input(rival, words, tmp_path):
     path = file(tmp_path, (*LAG, []), (*LAG, ["servo lag, all joints", rival]))
     with pytest.raises(InputError, match=words):
-        read_identified(path, NJ, 6)
+        read_identification(path, NJ, 6)
 
 
 def test_effects_that_came_again_are_the_same_effects(tmp_path):
     path = file(tmp_path, ("gear ripple (2)", "joint 1", 0.01, "deg", ["backlash, joint 1", "warm-up (3), arm"]))
-    (found,) = read_identified(path, NJ, 6).found
+    (found,) = read_identification(path, NJ, 6).found
     assert (found.name, found.rivals) == ("gear ripple, joint 1", ("backlash, joint 1", "warm-up, arm"))
 
 
@@ -80,7 +80,7 @@ def test_the_command_ends_with_two_before_it_plans(tmp_path):
 
 def test_every_kind_that_an_identification_can_name_is_known():
     rng = np.random.default_rng(4)
-    found = {curve.KIND, unnamed.KIND}
+    found = {curve.GEAR_CURVE_KIND, unnamed.NONPARAMETRIC}
     for kind in rigs.KINDS:
         rig = rigs.rig(NJ, kind, rng)
         robot = replace(rig.robot, gear_ratio=(101.0,) * 6)
@@ -88,16 +88,16 @@ def test_every_kind_that_an_identification_can_name_is_known():
         entries = catalogue(replace(rig, robot=robot), everything(rig, 60, rng))
         found |= {e.kind for e in entries}
         for e in entries:
-            check_name(e.name, 6, "here")
+            check_effect_name(e.name, 6, "here")
     assert found == set(KINDS)
 
 
 def told(named, power=0.99, rival="servo lag, joint 2"):
-    return Told("gauge lag, gauge", rival, named, 150.0, power, 36.3, 500.0)
+    return PairPower("gauge lag, gauge", rival, named, 150.0, power, 36.3, 500.0)
 
 
 def separation(*pairs, alone=70.0):
-    return Separation(pairs, (), 60, 0.02, True, 1e-5, alone)
+    return Discrimination(pairs, (), 60, 0.02, True, 1e-5, alone)
 
 
 def test_rivals_that_nobody_named_are_told_as_what_they_are():
@@ -117,14 +117,14 @@ def test_rivals_that_nobody_named_are_told_as_what_they_are():
 @pytest.mark.parametrize(("index", "value", "alone"), [("O2", 221.9, 69.1), ("O1", 0.2, 0.7)])
 def test_poses_that_are_much_worse_for_the_geometry_say_so(index, value, alone):
     choice = replace(usual(), index=index, value=value)
-    (note,) = separation_notes(cell(), separation(told(True), alone=alone), choice, ())[-1:]
+    (note,) = discrimination_notes(cell(), separation(told(True), alone=alone), choice, ())[-1:]
     times = max(value / alone, alone / value)
     assert f"{times:.1f} times worse than poses chosen by {index} alone ({index} {value:.4g} instead of" in note
     assert "together with the one before" in note
 
 
-@pytest.mark.parametrize("index", RULES)
+@pytest.mark.parametrize("index", INDEX_RULES)
 def test_poses_that_are_little_worse_say_nothing(index):
     for factor in (1.0, MUCH * 0.99, 1 / (MUCH * 0.99)):
         choice = replace(usual(), index=index, value=factor)
-        assert not [n for n in separation_notes(cell(), separation(alone=1.0), choice, ()) if "times worse" in n]
+        assert not [n for n in discrimination_notes(cell(), separation(alone=1.0), choice, ()) if "times worse" in n]

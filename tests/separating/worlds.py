@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell
-from planner.choice import choose
-from planner.identification import identify
-from planner.identification.leftover import Leftover
-from planner.identification.results import identification_text
-from planner.run import load_runs
-from planner.separating import read_identified, separate
-from planner.tracing import trace
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.design.candidates.pool import draw_candidates
+from planner.design.discrimination.findings import read_identification
+from planner.design.discrimination.selection import select_discriminating_poses
+from planner.design.pose_selection import select_poses
+from planner.identification.calibration import ResidualDiagnosis
+from planner.identification.document import document_text
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
 from tests.generator.arm import Arm
 from tests.generator.benches import BENCHES
 from tests.generator.kinds import Effect
@@ -47,7 +48,7 @@ def pool(measure="static"):
 @cache
 def usual(measure="static"):
     """As many poses, chosen by the index alone."""
-    choice, curve = choose(cell(measure), pool(measure), POSES, "O1", 0)
+    choice, curve = select_poses(cell(measure), pool(measure), POSES, "O1", 0)
     curve.__exit__(StopIteration, None, None)  # the curve against the number of poses is not asked for
     return choice
 
@@ -87,14 +88,14 @@ def named(calibration):
 
 def written(calibration, path):
     """The identification's file."""
-    path.write_text(identification_text(calibration, Leftover((), (), 0.0, "")))
+    path.write_text(document_text(calibration, ResidualDiagnosis((), (), 0.0, "")))
     return path
 
 
 def separated(calibration, folder):
     """The poses that tell the findings from their rivals."""
     path = written(calibration, folder / "identification.json")
-    return separate(cell(), pool(), usual(), read_identified(path, NJ, 6), 0)
+    return select_discriminating_poses(cell(), pool(), usual(), read_identification(path, NJ, 6), 0)
 
 
 def again(made, q, seed):

@@ -4,9 +4,8 @@ import json
 
 import numpy as np
 
-from planner.candidates import draw_candidates
-from planner.cell import load_cell
-from planner.cell.reading import read_cell
+from planner.cell.reading import load_cell, read_cell
+from planner.design.candidates.pool import draw_candidates
 
 ROLES = ("mount", "calibrate", "calibrate", "validate", "calibrate", "repeat", "mount")
 

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from planner.candidates import draw_at_balls
-from planner.cell import load_cell
-from planner.cell.reading import read_cell
-from planner.errors import InputError
-from planner.plan import read_plan
-from planner.rig import rig_of
-from planner.run import Readings, Samples, load_run, save_run
-from planner.simulation import RATE, SimulatedRun, drawn, read_truth, simulate, told_impossible
-from planner.simulation.measuring import WANDER
-from planner.workflow.simulating import simulate_plan
+from planner.cell.reading import load_cell, read_cell
+from planner.cell.setup import setup_of
+from planner.common.errors import InputError
+from planner.design.candidates.balls import draw_ball_candidates
+from planner.runs.loader import load_run
+from planner.runs.run import Readings, Samples
+from planner.runs.writer import save_run
+from planner.session.plan_file import read_plan
+from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate, warn_uncentred_balls
+from planner.simulation.truth import draw_truth, read_truth
+from planner.workflow.plan_reading import simulate_plan
 from tests.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file
 
@@ -80,13 +81,13 @@ def test_a_driven_plan_is_sampled_both_ways(tmp_path):
     run = simulate_plan(plan_folder(tmp_path, "comau-nj130"), truth_file(tmp_path, SILENT), 0)
     t, q, pose = run.samples.t, run.samples.q, run.samples.pose
     assert run.continuous
-    assert np.allclose(np.diff(t)[:-1], 1 / RATE)
+    assert np.allclose(np.diff(t)[:-1], 1 / SAMPLE_RATE)
     turn = len(q) // 2
     away, _ = KDTree(q[: turn + 100]).query(q[turn - 100 :])
     assert away.max() <= np.linalg.norm(np.diff(q, axis=0), axis=1).max()  # back the way it came
-    between = np.abs(np.diff(q, axis=0) * RATE - (run.samples.speed[1:] + run.samples.speed[:-1]) / 2)
+    between = np.abs(np.diff(q, axis=0) * SAMPLE_RATE - (run.samples.speed[1:] + run.samples.speed[:-1]) / 2)
     jerk = read_cell(tmp_path / "cell.toml", "cell").robot.jerk
-    assert (between[:-1].max(axis=0) < jerk / RATE**2 / 10).all()  # of a trapezoid: jerk · dt² / 12
+    assert (between[:-1].max(axis=0) < jerk / SAMPLE_RATE**2 / 10).all()  # of a trapezoid: jerk · dt² / 12
     order = pose[np.flatnonzero(np.diff(pose, prepend=-1))]
     assert order.tolist() == [0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1, 0]
     poses = json.loads((tmp_path / "plan.json").read_text())["poses"]
@@ -133,7 +134,7 @@ def test_noise_has_the_size_that_is_said(tmp_path):
         off[name] = lengths - still.readings.length
     assert abs(off["gauge"].std() / 20e-6 - 1) < 0.1  # 600 draws: 3 % is one sigma
     at_home = cell.map_jacobian(cell.home[None])[0]
-    sigma = rig_of(cell).joint_sigma * 0.3e-3 / cell.robot.repeatability
+    sigma = setup_of(cell).joint_sigma * 0.3e-3 / cell.robot.repeatability
     assert abs(np.sqrt((at_home**2).sum()) * sigma - 0.1e-3) < 1e-9  # published is three sigma
     assert 0.2e-4 < off["joints"].std() < 1.2e-4  # its share along the bar
     assert not np.allclose(off["joints"][0], off["joints"][1])
@@ -147,10 +148,11 @@ def test_joints_wander_along_a_drive(tmp_path):
     run = simulate_plan(plan, truth_file(tmp_path, text), 0)
     lever = np.linalg.norm(truth.model.joint_rows(still.samples)[:, 0], axis=1)
     off = (run.readings.length - still.readings.length) / lever / truth.model.joint_sigma
-    assert len(off) * WANDER > 500 * RATE  # independent stretches; 7 % is one sigma of the spread below
+    # independent stretches; 7 % is one sigma of the spread below
+    assert len(off) * CORRELATION_TIME > 500 * SAMPLE_RATE
     assert abs(off.std() - 1) < 0.15
-    later = [np.corrcoef(off[:-k], off[k:])[0, 1] for k in (1, int(RATE * WANDER))]
-    assert np.allclose(later, np.exp([-1 / RATE / WANDER, -1]), atol=0.12)
+    later = [np.corrcoef(off[:-k], off[k:])[0, 1] for k in (1, int(SAMPLE_RATE * CORRELATION_TIME))]
+    assert np.allclose(later, np.exp([-1 / SAMPLE_RATE / CORRELATION_TIME, -1]), atol=0.12)
     first = np.flatnonzero(np.diff(still.samples.session, prepend=-1))
     assert len(first) == 2
     assert np.abs(off[first]).min() > 1e-3  # it wanders from the first sample on
@@ -164,7 +166,7 @@ def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
     values = []
     cell = read_cell(tmp_path / "cell.toml", "cell")
     for seed in range(200):
-        lines = dict(line.split(" = ") for line in drawn(cell, seed).lines())
+        lines = dict(line.split(" = ") for line in draw_truth(cell, seed).lines())
         values.append([float(lines[k]) for k in ("a2_mm", "theta3_deg", "fixture_A_y_mm", "compliance2_urad_Nm")])
     spread = np.sqrt(np.mean(np.square(values), axis=0))
     assert np.allclose(spread, [1.0, np.rad2deg(1e-3), 5.0, 2.0], rtol=0.2)  # 200 draws: 5 % is one sigma
@@ -173,7 +175,7 @@ def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
 
 def test_one_seed_is_one_robot_in_every_cell():
     """Bar, head and tracker of a session stand about the same arm."""
-    told = [drawn(load_cell(f"kuka-kr6-r700/{name}"), 5).lines() for name in ("edbb", "trical", "tracker")]
+    told = [draw_truth(load_cell(f"kuka-kr6-r700/{name}"), 5).lines() for name in ("edbb", "trical", "tracker")]
     own = [{line for line in lines if line.startswith(("a2", "alpha3", "theta4", "compliance2"))} for lines in told]
     assert own[0] == own[1] == own[2]
     assert len(own[0]) == 4
@@ -181,17 +183,17 @@ def test_one_seed_is_one_robot_in_every_cell():
 
 def test_balls_that_no_head_could_have_met_are_told():
     cell = load_cell("kuka-kr6-r700/trical")
-    q = draw_at_balls(cell, 100).q
+    q = draw_ball_candidates(cell, 100).q
     planned = Samples(q, np.zeros(len(q), dtype=int))
     ball = np.zeros(len(q), dtype=int)
     sent = SimulatedRun("run", planned, Readings(ball=ball))
-    assert not told_impossible(cell, sent, planned).warnings
+    assert not warn_uncentred_balls(cell, sent, planned).warnings
     off = 0.02 * (np.arange(len(q)) % 4 == 0)  # [rad] of joint 1
     turned = replace(sent, samples=replace(planned, q=q + np.outer(off, np.eye(6)[0])))
     radius = np.linalg.norm(cell.map_position(q)[:, :2], axis=1)
     far = int((off * radius > 5e-3).sum())
     assert far
-    (said,) = told_impossible(cell, turned, planned).warnings
+    (said,) = warn_uncentred_balls(cell, turned, planned).warnings
     assert said.startswith(f"{far} of {len(q)} balls were met more than 5 mm off centre")
 
 

@@ -4,8 +4,11 @@ import json
 
 import pytest
 
-from planner.cell import load_cell
-from planner.study import basis, curves, fixture_map, study
+import planner.study.basis as basis
+import planner.study.basis as curves
+import planner.study.fixture_places as fixture_map
+from planner.cell.reading import load_cell
+from planner.study.cell_study import study_cell
 
 
 def quiet(stage, done, of):
@@ -17,9 +20,9 @@ def small_study(folder, patch):
     patch.setattr(curves, "GROWTH", (1.2, 1.6, 2.4))
     patch.setattr(curves, "STEPS", 10)
     patch.setattr(fixture_map, "CANDIDATES", 300)
-    patch.setattr(fixture_map.fixture_map, "__defaults__", (4, 3))
+    patch.setattr(fixture_map.map_fixture_places, "__defaults__", (4, 3))
     said = []
-    summary = study(load_cell("comau-nj130/edbb"), folder, "O1", 3, lambda *step: said.append(step))
+    summary = study_cell(load_cell("comau-nj130/edbb"), folder, "O1", 3, lambda *step: said.append(step))
     return summary, said
 
 

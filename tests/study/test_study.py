@@ -6,12 +6,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.study import study
-from planner.study.run import NAMES
-
-from .conftest import quiet, small_study
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.study.cell_study import NAMES, study_cell
+from tests.study.conftest import quiet, small_study
 
 
 def test_every_file_is_there_and_nothing_else(done):
@@ -106,11 +104,11 @@ def test_progress_is_told(done):
 
 def test_a_file_in_the_way_is_told_and_an_unknown_index_too(tmp_path):
     with pytest.raises(InputError, match="O9"):
-        study(load_cell("comau-nj130/edbb"), tmp_path / "new", "O9", 0, quiet)
+        study_cell(load_cell("comau-nj130/edbb"), tmp_path / "new", "O9", 0, quiet)
     assert not (tmp_path / "new").exists()
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file"):
-        study(load_cell("comau-nj130/edbb"), tmp_path / "file", "O2", 0, quiet)
+        study_cell(load_cell("comau-nj130/edbb"), tmp_path / "file", "O2", 0, quiet)
     assert (tmp_path / "file").read_text() == "mine"
 
 

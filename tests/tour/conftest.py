@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.tour import slowest_axis_cost
+from planner.motion.tour.instance import slowest_axis_cost
 
 SPEED = np.deg2rad([156.0, 156.0, 156.0, 330.0, 330.0, 420.0])  # [rad/s]
 

@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-import planner.tour.concorde as concorde
-from planner.errors import MissingProgramError
-from planner.tour import solve_tour
+import planner.motion.tour.concorde as concorde
+from planner.common.errors import MissingProgramError
+from planner.motion.tour.solve import solve_tour
 from tests.tour.conftest import BEHAVIOURS, leg_costs, solving
 
 ENDS = [(0, 0), (0, 29), (5, None), (None, 5), (None, None)]

@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-import planner.tour.solve as solve
-from planner.errors import InputError, NoSolutionError
-from planner.tour import slowest_axis_cost, solve_tour
+import planner.motion.tour.solve as solve
+from planner.common.errors import InputError, NoSolutionError
+from planner.motion.tour.instance import slowest_axis_cost
+from planner.motion.tour.solve import solve_tour
 from tests.tour.conftest import brute_force, driven, leg_costs
 
 UNPROVEN_AT_THE_ROOT = 11
@@ -101,8 +102,8 @@ def test_a_pose_cut_off_from_all_others_is_no_solution():
 
 
 def test_a_search_cut_short_reports_bound_and_gap(monkeypatch):
-    monkeypatch.setattr("planner.tour.embedded._WORK", 0)
-    monkeypatch.setattr("planner.tour.embedded._LEAST_NODES", 0)
+    monkeypatch.setattr("planner.motion.tour.branch._WORK", 0)
+    monkeypatch.setattr("planner.motion.tour.branch._LEAST_NODES", 0)
     cost = leg_costs(50, seed=UNPROVEN_AT_THE_ROOT)
     tour = solve_tour(cost, start=0, end=0, method="exact")
     monkeypatch.undo()

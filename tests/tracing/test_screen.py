@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.catalogue import catalogue
-from planner.tracing.screen import Shade, scored
+from planner.effects.catalogue import catalogue
+from planner.tracing.score_test import ScoreTest, score_effects
 from tests.tracing.worlds import calibrated, effect
 
 
@@ -25,12 +25,12 @@ def cost(rows, residual, held):
 def test_the_score_is_what_a_refit_gains(kind):
     found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
     fit = found.fit
-    shade = Shade.of(fit)
+    shade = ScoreTest.of(fit)
     entries = [e for e in catalogue(fit.model.rig, found.run.samples) if e.kind == kind][:3]
     assert entries
     for entry in entries:
         inner = None if entry.inner is None else float(entry.inner.values[5])
-        score = scored(shade, shade.lay_out([(entry, inner)]))[0]
+        score = score_effects(shade, shade.lay_out([(entry, inner)]))[0]
         P = len(fit.errors)
         wide = fit.model.plus(list(entry.make(inner)))
         piece = fit.problem.with_model(wide).piece(slice(None), np.append(fit.errors, np.zeros(len(wide.prior) - P)))
@@ -62,9 +62,9 @@ def test_the_size_comes_out_with_its_uncertainty():
 def test_a_worse_fit_scores_lower():
     """Another residual has another gain: the score looks at the readings."""
     found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
-    shade = Shade.of(found.fit)
+    shade = ScoreTest.of(found.fit)
     entry = next(e for e in catalogue(found.fit.model.rig, found.run.samples) if e.name == "backlash, joint 3")
-    real = scored(shade, shade.lay_out([(entry, None)]))[0].gain
+    real = score_effects(shade, shade.lay_out([(entry, None)]))[0].gain
     rng = np.random.default_rng(1)
     noise = replace(shade, residual=rng.permutation(shade.residual))
-    assert scored(noise, shade.lay_out([(entry, None)]))[0].gain < 0.2 * real
+    assert score_effects(noise, shade.lay_out([(entry, None)]))[0].gain < 0.2 * real

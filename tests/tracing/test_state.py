@@ -2,23 +2,23 @@
 
 import pytest
 
-from planner.catalogue import catalogue
-from planner.identification import Bench, split
-from planner.identification.seeing import only
-from planner.identification.stages import fitted
-from planner.tracing import state as states
-from planner.tracing.masses import FAR_OFF, GROUP, believed
-from planner.tracing.state import Held, State, refit
+import planner.tracing.state as states
+from planner.effects.catalogue import catalogue
+from planner.identification.cross_validation import split_run
+from planner.identification.identifiable_parameters import parameters_of_groups
+from planner.identification.stages import FitContext, fit_stage
+from planner.tracing.auxiliary_parameters import LARGEST_MASS_PRIOR, LINK_MASSES, link_mass_uncertainty
+from planner.tracing.state import FittedEffect, SearchState, refit
 from tests.tracing.worlds import arm, calibrated, effect
 
 
 def begun(found):
     """The state without effects, the bench and the catalogue, from a calibration that traced nothing."""
-    bench = Bench(found.run, split(found.run), lambda _: None, False)
-    model = only(found.fit.model, ("gauge", "geometry"))
-    start = fitted("geometry", model, bench.run, bench.split, bench.judge)
+    bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
+    model = parameters_of_groups(found.fit.model, ("gauge", "geometry"))
+    start = fit_stage("geometry", model, bench.run, bench.split, bench.judge)
     entries = {e.name: e for e in catalogue(model.rig, found.run.samples)}
-    return State(model, (), start), bench, entries
+    return SearchState(model, (), start), bench, entries
 
 
 def test_a_wave_that_is_still_on_its_way_keeps_the_uncertainty_of_its_frequency(monkeypatch):
@@ -27,8 +27,8 @@ def test_a_wave_that_is_still_on_its_way_keeps_the_uncertainty_of_its_frequency(
     start, bench, entries = begun(found)
     ripple = entries["gear ripple, joint 3"]
     for rounds in (2, 3, 4, 5):
-        monkeypatch.setattr(states, "ROUNDS", rounds)
-        after = refit(bench, ripple.name, start.base, (Held(ripple, 9.2),), start)
+        monkeypatch.setattr(states, "SETTLING_ROUNDS", rounds)
+        after = refit(bench, ripple.name, start.base, (FittedEffect(ripple, 9.2),), start)
         assert after.effects[0].slope_name in after.fit.model.names
         assert after.effects[0].inner == pytest.approx(9.37, abs=0.12)
 
@@ -38,12 +38,12 @@ def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
     size = 2e-3 / arm().reference_torque(2)
     found = calibrated(tuple(effect("joint-compliance", j, size) for j in (2, 3)), traced=False, seed=6)
     start, bench, entries = begun(found)
-    soft = tuple(Held(entries[f"joint compliance, joint {j}"], None) for j in (2, 3))
+    soft = tuple(FittedEffect(entries[f"joint compliance, joint {j}"], None) for j in (2, 3))
     plausible = refit(bench, "soft", start.base, soft, start)
-    assert 0.05 < believed(plausible.fit.model) < FAR_OFF
+    assert 0.05 < link_mass_uncertainty(plausible.fit.model) < LARGEST_MASS_PRIOR
     monkeypatch.setattr(states, "FAR_OFF", 0.05)
     bare = refit(bench, "soft", start.base, soft, start)
-    assert any(p.group == GROUP for p in plausible.fit.model.parameters)
-    assert not any(p.group == GROUP for p in bare.fit.model.parameters)
+    assert any(p.group == LINK_MASSES for p in plausible.fit.model.parameters)
+    assert not any(p.group == LINK_MASSES for p in bare.fit.model.parameters)
     for s in (plausible, bare):
         assert [float(s.sizes(h)[0]) for h in soft] == pytest.approx([size, size], rel=0.25)

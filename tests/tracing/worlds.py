@@ -4,11 +4,11 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from planner.cell import load_cell
-from planner.identification import identify
-from planner.run import load_runs
-from planner.tracing import trace
-from tests.generator import runs
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.pipeline import identify
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
 from tests.generator.arm import Arm
 from tests.generator.draw import USUAL
 from tests.generator.kinds import Effect

@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 
-from planner.trajectory import Limits, check_limits, plan_trajectory
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.trajectory.arm import nj130
 from tests.trajectory.bound import acceleration_bound, speed_bound
 

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from planner.trajectory.corner import PACE_RATIO, round_corners
-from planner.trajectory.curve import Curve, build_curve, closest_passages
-from planner.trajectory.limits import checked
+from planner.motion.timing.curve import PACE_RATIO, PathCurve, build_curve, closest_passages, round_corners
+from planner.motion.timing.limits import check_request
 from tests.trajectory.arm import random_arm, random_tour
 
 SEEDS = range(40)
@@ -14,7 +13,7 @@ def made(seed, kind=None):
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     tour = random_tour(rng, len(arm.a), kind)
-    request = checked(**tour)
+    request = check_request(**tour)
     corners = round_corners(request, arm.position, arm.speed)
     return arm, request, corners, build_curve(corners)
 
@@ -24,7 +23,7 @@ def test_a_blend_is_the_degree_seven_bezier_with_equally_spaced_points_on_both_l
     back, corner, forth = rng.normal(size=(3, 6))
     one = np.ones(1)
     zero = np.zeros(1, dtype=int)
-    curve = Curve(0.0 * one, one, corner[None], back[None], forth[None], one, one, zero, np.ones(1, dtype=bool))
+    curve = PathCurve(0.0 * one, one, corner[None], back[None], forth[None], one, one, zero, np.ones(1, dtype=bool))
     share = 1.0 - 2.0 * np.arange(4) / 7.0  # of the way from the corner
     points = np.concatenate([corner - share[:, None] * back, corner + share[::-1, None] * forth])
     bezier = BPoly(points[:, None, :], [0.0, 1.0])
@@ -131,14 +130,14 @@ def test_reversals_and_corners_without_a_radius_become_stops():
     q = np.zeros((5, len(arm.a)))
     q[:, 0] = [0.0, 0.5, 0.2, 0.6, 0.9]
     q[4, 1] = 0.3
-    request = checked(q, np.zeros(5, dtype=bool), [0.01, 0.01, 0.01, 0.0, 0.01], np.inf, 0.0)
+    request = check_request(q, np.zeros(5, dtype=bool), [0.01, 0.01, 0.01, 0.0, 0.01], np.inf, 0.0)
     assert round_corners(request, arm.position, arm.speed).stop.tolist() == [True] * 5
 
 
 def test_runs_of_equal_points_become_one_and_stop_if_any_of_them_does():
     arm = random_arm(np.random.default_rng(2))
     q = np.repeat(np.random.default_rng(0).normal(size=(4, len(arm.a))), [1, 2, 2, 1], axis=0)
-    request = checked(q, [True, False, False, False, True, True], 0.01, np.inf, 0.0)
+    request = check_request(q, [True, False, False, False, True, True], 0.01, np.inf, 0.0)
     corners = round_corners(request, arm.position, arm.speed)
     assert corners.node.tolist() == [0, 1, 1, 2, 2, 3]
     assert corners.stop.tolist() == [True, False, True, True]

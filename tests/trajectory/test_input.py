@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.trajectory import Limits, axis_percent, blend_corners, plan_trajectory
+from planner.common.errors import InputError
+from planner.motion.timing.limits import Limits, axis_percent
+from planner.motion.timing.trajectory import blend_corners, plan_trajectory
 from tests.trajectory.arm import nj130
 
 ARM = nj130()

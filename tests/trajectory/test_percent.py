@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.trajectory import Limits, axis_percent
+from planner.motion.timing.limits import Limits, axis_percent
 from tests.trajectory.arm import nj130, random_arm
 
 

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import ruckig
 
-from planner.trajectory.limits import Limits
-from planner.trajectory.profile import choose
-from planner.trajectory.ramp import ramp_length, reachable, travel_time
-from planner.trajectory.stretches import Stretches
-from planner.trajectory.timing import time_steps
-from planner.units import frozen
+from planner.common.units import read_only
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.phases import time_steps
+from planner.motion.timing.profile import Stretches, choose_speeds
+from planner.motion.timing.ramps import ramp_length, reachable_speed, travel_time
 
 N = 2000
 
@@ -49,7 +48,7 @@ def test_reachable_inverts_the_length_of_a_ramp():
     rng = np.random.default_rng(2)
     v0 = rng.uniform(0.0, 1.0, N) * rng.choice([0.0, 1.0], N)
     length, acceleration, jerk = 10 ** rng.uniform(-4, 1, N), 10 ** rng.uniform(-1, 2, N), 10 ** rng.uniform(-1, 3, N)
-    top = reachable(v0, length, acceleration, jerk)
+    top = reachable_speed(v0, length, acceleration, jerk)
     change = np.maximum((top - v0) / np.maximum(top, 1e-300), 1e-16)
     assert np.all(np.abs(ramp_length(v0, top, acceleration, jerk) - length) <= length * (1e-9 + 1e-15 / change))
 
@@ -63,14 +62,14 @@ def small_problem(rng, count):
     none = np.zeros((count, 1))
     edge = np.concatenate([[0.0], np.cumsum(width)])
     tool = rng.choice([np.inf, 0.3, 1.0], count)
-    return Stretches(frozen(edge), frozen(d1), none, none, frozen(tool), rest), Limits([1.0], [4.0], [30.0])
+    return Stretches(read_only(edge), read_only(d1), none, none, read_only(tool), rest), Limits([1.0], [4.0], [30.0])
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_choice_is_as_good_as_a_search_over_all_speeds_on_single_stretches(seed):
     rng = np.random.default_rng(seed)
     stretches, limits = small_problem(rng, 4)
-    steps = choose(stretches, limits)
+    steps = choose_speeds(stretches, limits)
     assert steps.first[0] == 0
     assert np.array_equal(steps.last[:-1], steps.first[1:])
     assert np.array_equal(steps.v1[:-1], steps.v0[1:])
@@ -94,9 +93,9 @@ def test_stretches_that_are_alike_are_driven_as_one(seed):
     rest = np.zeros(count + 1, dtype=bool)
     rest[[0, -1]] = True
     ones, none = np.ones((count, 1)), np.zeros((count, 1))
-    stretches = Stretches(frozen(edge), frozen(ones), none, none, frozen(np.full(count, np.inf)), rest)
+    stretches = Stretches(read_only(edge), read_only(ones), none, none, read_only(np.full(count, np.inf)), rest)
     limits = Limits([2.0], [4.0], [30.0])
-    phases, arrival = time_steps(choose(stretches, limits), stretches.edge, np.zeros(count + 1))
+    phases, arrival = time_steps(choose_speeds(stretches, limits), stretches.edge, np.zeros(count + 1))
     best = by_ruckig(1.0, 0.0, 0.0, 2.0, 4.0, 30.0)
     assert best * (1.0 - 1e-9) <= phases.duration <= 1.12 * best
     assert arrival[-1] == phases.duration

@@ -10,7 +10,9 @@ import pytest
 import ruckig
 
 import planner
-from planner.trajectory import Limits, plan_trajectory, timing
+import planner.motion.timing.phases as timing
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.trajectory import plan_trajectory
 from tests.trajectory.arm import nj130
 
 ARM = nj130()

@@ -4,7 +4,8 @@ import io
 import numpy as np
 import pytest
 
-from planner.trajectory import Limits, plan_trajectory, table, table_csv
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.trajectory import plan_trajectory, trajectory_csv, trajectory_table
 from tests.trajectory.arm import nj130
 
 ARM = nj130()
@@ -31,7 +32,7 @@ def length(q):
 
 
 def test_rows_are_the_trajectory_in_degrees_and_millimetres(trajectory):
-    frame = table(trajectory, 0.01, length)
+    frame = trajectory_table(trajectory, 0.01, length)
     assert frame.columns == ["t_s", *(f"q{j}_deg" for j in range(1, 7)), "length_mm"]
     t = frame["t_s"].to_numpy()
     assert np.all(np.diff(t) > 0.0)
@@ -44,8 +45,8 @@ def test_rows_are_the_trajectory_in_degrees_and_millimetres(trajectory):
 
 
 def test_text_has_six_decimals_throughout_and_no_negative_zero(trajectory):
-    text = table_csv(table(trajectory, 0.05, length))
+    text = trajectory_csv(trajectory_table(trajectory, 0.05, length))
     rows = list(csv.reader(io.StringIO(text)))
     assert all(len(cell.split(".")[1]) == 6 for row in rows[1:] for cell in row)
     assert "-0.000000" not in text
-    assert text == table_csv(table(trajectory, 0.05, length))
+    assert text == trajectory_csv(trajectory_table(trajectory, 0.05, length))

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 import ruckig
 
-from planner.trajectory.double_s import double_s
-from planner.trajectory.limits import Limits
-from planner.trajectory.profile import Steps, choose
-from planner.trajectory.ramp import ramp_length, travel_time
-from planner.trajectory.stretches import Stretches
-from planner.trajectory.timing import time_steps
-from planner.units import frozen
+from planner.common.units import read_only
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.phases import time_steps
+from planner.motion.timing.profile import Steps, Stretches, choose_speeds
+from planner.motion.timing.ramps import double_s_phases, ramp_length, travel_time
 
 N = 20_000
 HELD = 1.0 + 2e-6
@@ -40,7 +38,7 @@ def ends_of(phases):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_closed_form_is_one_smooth_move_from_end_to_end(seed):
     length, v0, v1, fastest, acceleration, jerk = moves = tight_moves(np.random.default_rng(seed))
-    phases = double_s(*moves)
+    phases = double_s_phases(*moves)
     s, v, a = ends_of(phases)
     assert phases[:, :, 0].min() >= 0.0
     assert np.all(phases[:, 0, 1] == 0.0)
@@ -59,7 +57,7 @@ def test_the_closed_form_is_one_smooth_move_from_end_to_end(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_time_that_speeds_are_chosen_by_is_that_of_the_move(seed):
     moves = tight_moves(np.random.default_rng(seed))
-    np.testing.assert_allclose(travel_time(*moves), double_s(*moves)[:, :, 0].sum(axis=1), rtol=1e-3)
+    np.testing.assert_allclose(travel_time(*moves), double_s_phases(*moves)[:, :, 0].sum(axis=1), rtol=1e-3)
 
 
 def test_the_closed_form_is_ruckigs_where_ruckig_has_room():
@@ -67,7 +65,7 @@ def test_the_closed_form_is_ruckigs_where_ruckig_has_room():
     v0, v1 = rng.uniform(0.0, 0.9, (2, 3000))
     acceleration, jerk = 10 ** rng.uniform(-1, 2, 3000), 10 ** rng.uniform(-1, 3, 3000)
     length = ramp_length(v0, v1, acceleration, jerk) * rng.uniform(1.01, 3.0, 3000) + rng.uniform(0.01, 1.0, 3000)
-    mine = double_s(length, v0, v1, np.ones(3000), acceleration, jerk)[:, :, 0].sum(axis=1)
+    mine = double_s_phases(length, v0, v1, np.ones(3000), acceleration, jerk)[:, :, 0].sum(axis=1)
     move, answer = ruckig.InputParameter(1), ruckig.Trajectory(1)
     move.max_velocity = [1.0]
     for k in range(3000):
@@ -130,8 +128,8 @@ def test_random_stretches_and_limits_are_timed_within_every_limit(seed):
     rest[[0, -1]] = True
     edge = np.concatenate([[0.0], np.cumsum(length)])
     limits = Limits(*(10 ** rng.uniform(low, up, joints) for low, up in ((-2, 1), (-2, 2), (-2, 4))))
-    steps = choose(Stretches(frozen(edge), *map(frozen, (d1, d2, d3, tool)), rest), limits)
-    phases, arrival = time_steps(steps, frozen(edge), np.zeros(count + 1))
+    steps = choose_speeds(Stretches(read_only(edge), *map(read_only, (d1, d2, d3, tool)), rest), limits)
+    phases, arrival = time_steps(steps, read_only(edge), np.zeros(count + 1))
     t = np.unique(np.concatenate([phases.t, np.linspace(0.0, phases.duration, 4000)]))
     s, v, a, j, _ = phases.at(t)
     k = np.clip(np.searchsorted(edge, s, side="right") - 1, 0, count - 1)

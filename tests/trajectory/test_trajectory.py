@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from planner.trajectory import Limits, check_limits, plan_trajectory
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.trajectory.arm import nj130, random_arm, random_tour
 from tests.trajectory.bound import acceleration_bound, speed_bound
 

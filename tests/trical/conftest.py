@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.candidates import draw_at_balls
-from planner.cell import load_cell
+from planner.cell.reading import load_cell
+from planner.design.candidates.balls import draw_ball_candidates
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +18,7 @@ def cell():
 
 @pytest.fixture(scope="session")
 def pool(cell):
-    return draw_at_balls(cell, 800)
+    return draw_ball_candidates(cell, 800)
 
 
 @pytest.fixture(scope="session")

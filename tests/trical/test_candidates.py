@@ -5,11 +5,11 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from planner.bodies import Body
-from planner.candidates import draw_at_balls
-from planner.collision import CollisionWorld, FclJudge
-from planner.errors import NoSolutionError
-from planner.units import frozen
+from planner.common.errors import NoSolutionError
+from planner.common.units import read_only
+from planner.design.candidates.balls import draw_ball_candidates
+from planner.kinematics.bodies import Body
+from planner.motion.collision.engines import CollisionWorld, FclWorld
 
 
 def test_the_tool_point_is_on_the_ball_and_the_shares_are_equal(cell, pool, tool_pose):
@@ -24,10 +24,10 @@ def test_the_tool_point_is_on_the_ball_and_the_shares_are_equal(cell, pool, tool
 
 def test_the_second_engine_finds_them_free(cell, pool):
     scene = CollisionWorld.from_cell(cell).scene
-    away = FclJudge(scene)
+    away = FclWorld(scene)
     for ball in range(4):
         rows = np.flatnonzero(pool.ball == ball)[:12]
-        assert FclJudge(scene.at_ball(ball)).distances(pool.q[rows]).min() >= cell.motion.clearance
+        assert FclWorld(scene.at_ball(ball)).distances(pool.q[rows]).min() >= cell.motion.clearance
         assert away.distances(pool.back[rows]).min() >= cell.motion.clearance
 
 
@@ -62,10 +62,10 @@ def test_many_orientations(cell, pool, tool_pose):
 
 
 def test_a_ball_out_of_reach_is_named_with_the_distance(cell):
-    place = replace(cell.fixtures[0], p_BX=frozen(cell.fixtures[0].p_BX + np.array([0.8, 0, 0])))
+    place = replace(cell.fixtures[0], p_BX=read_only(cell.fixtures[0].p_BX + np.array([0.8, 0, 0])))
     far = replace(cell, fixtures=(place,))
     with pytest.raises(NoSolutionError, match=r"ball 1, at \[1257, -308, 76\] mm.*out of reach by (\d+) mm") as caught:
-        draw_at_balls(far, 100)
+        draw_ball_candidates(far, 100)
     told = float(str(caught.value).split("out of reach by ")[1].split(" ")[0])
     rng = np.random.default_rng(5)
     x = cell.map_position(rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (400_000, 6)))
@@ -76,12 +76,12 @@ def test_a_ball_out_of_reach_is_named_with_the_distance(cell):
 def test_a_ball_in_a_box_is_named_with_what_collides(cell):
     T = np.eye(4)
     T[:3, 3] = cell.p_BS[1] + [0, 0, 0.05]
-    lid = Body("lid", "box", (0.2, 0.2, 0.01), frozen(T))
+    lid = Body("lid", "box", (0.2, 0.2, 0.01), read_only(T))
     with pytest.raises(NoSolutionError, match=r"at ball 2:.*Every pose collides.*most often .*(lid|riser|stem)"):
-        draw_at_balls(replace(cell, obstacles=(lid, _wall(cell, 0.05), _wall(cell, -0.05))), 100)
+        draw_ball_candidates(replace(cell, obstacles=(lid, _wall(cell, 0.05), _wall(cell, -0.05))), 100)
 
 
 def _wall(cell, y):
     T = np.eye(4)
     T[:3, 3] = cell.p_BS[1] + [0, y, 0]
-    return Body("wall", "box", (0.2, 0.01, 0.2), frozen(T))
+    return Body("wall", "box", (0.2, 0.01, 0.2), read_only(T))

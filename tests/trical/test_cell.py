@@ -3,9 +3,10 @@
 import pytest
 import tomli_w
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.workflow import Options, Stages, plan
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.workflow.planning import plan
 
 
 def changed(tmp_path, name, *changes):
@@ -89,7 +90,7 @@ def test_the_balls_stand_where_table_1_and_table_8_put_them():
 
 
 def test_an_effect_without_a_name_is_told_before_candidates_are_drawn(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.workflow.point_planning.draw_at_balls", lambda *_: pytest.fail("drawn"))
+    monkeypatch.setattr("planner.session.point_planning.draw_ball_candidates", lambda *_: pytest.fail("drawn"))
     path = changed(tmp_path, "trical", ('effects = ["joint compliance"]', 'effects = ["joint complience"]'))
     with pytest.raises(InputError, match=r"did you mean .joint compliance"):
-        plan(load_cell(path), Options(), Stages(lambda *_: None))
+        plan(load_cell(path), PlanOptions(), Stages(lambda *_: None))

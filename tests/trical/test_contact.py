@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.candidates import FirstContact, draw_at_balls
-from planner.candidates.contact import bound_of
-from planner.errors import NoSolutionError
-from planner.model import Model
-from planner.rig import Targets
-from planner.run import Samples
+from planner.cell.setup import Targets
+from planner.common.errors import NoSolutionError
+from planner.design.candidates.balls import FirstContact, draw_ball_candidates, length_quantile
+from planner.model.model import Model
+from planner.runs.run import Samples
 
 
 def test_the_quantile_holds_for_drawn_vectors():
@@ -18,7 +17,7 @@ def test_the_quantile_holds_for_drawn_vectors():
     for scale in ((1, 1, 1), (1, 0.5, 0.2), (1, 0.05, 0.01)):
         A = rng.standard_normal((3, 3)) * scale
         x = rng.standard_normal((400_000, 3)) @ A.T
-        share = (np.linalg.norm(x, axis=1) < bound_of((A @ A.T)[None])[0]).mean()
+        share = (np.linalg.norm(x, axis=1) < length_quantile((A @ A.T)[None])[0]).mean()
         assert 0.94 < share < 0.96
 
 
@@ -51,9 +50,9 @@ def test_no_pose_of_the_robot_alone_exceeds_what_the_cell_says(cell, pool):
 def test_a_smaller_head_loses_poses_and_a_hopeless_robot_all(cell, pool):
     middle = float(np.median(FirstContact(cell).at(pool.q[pool.ball == 3])))
     worse = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, usable=middle)))
-    fewer = draw_at_balls(worse, 200)
+    fewer = draw_ball_candidates(worse, 200)
     assert 0.1 < fewer.funnel.contact / fewer.funnel.approach < 0.99
     assert FirstContact(cell).at(fewer.q).max() < middle
     hopeless = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, uncalibrated=8e-3)))
     with pytest.raises(NoSolutionError, match=r"At ball 1 the uncalibrated robot would meet it \d+\.\d mm or more off"):
-        draw_at_balls(hopeless, 200)
+        draw_ball_candidates(hopeless, 200)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.choice import what_is_seen
-from planner.errors import InputError, NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
+from planner.design.pose_selection import identify_candidates
 
 BASE = {"base_x", "base_y", "base_z", "base_rx", "base_ry", "base_rz"}
 MDH = {f"{kind}{i}" for kind, rows in (("alpha", (1, 2, 3, 4, 5)), ("a", (1, 2, 3, 4, 5))) for i in rows}
@@ -16,7 +16,7 @@ PAPER = BASE | MDH | {"beta2"} | {f"compliance{i}" for i in (2, 3, 4, 5, 6)}
 
 def test_the_papers_set_comes_out_by_itself(cell, pool):
     """TriCal paper, section 5: base 6, MDH 19, β2, c2 … c6."""
-    _, seen, rows = what_is_seen(cell, pool)
+    _, seen, rows = identify_candidates(cell, pool)
     assert (len(BASE), len(MDH), len(PAPER)) == (6, 19, 31)
     assert set(seen.names) == PAPER
     assert rows.shape == (len(pool), 3, 31)
@@ -33,7 +33,7 @@ def test_the_papers_set_comes_out_by_itself(cell, pool):
 def test_a_tool_that_nobody_measured_shows_its_radial_offset(cell, pool):
     """It is the tight prior that keeps the tool out, not that it could not be seen."""
     open_ = replace(cell, tool=replace(cell.tool, measured=False, prior=1e-3))
-    _, seen, _ = what_is_seen(open_, pool)
+    _, seen, _ = identify_candidates(open_, pool)
     assert len(seen.names) == 32
     assert "map_x" in seen.names
 
@@ -41,16 +41,16 @@ def test_a_tool_that_nobody_measured_shows_its_radial_offset(cell, pool):
 def test_on_a_wall_the_first_joint_shows_its_compliance_too(cell, pool):
     tilted = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     wall = replace(cell, base=replace(cell.base, R_WB=tilted))
-    _, seen, _ = what_is_seen(wall, pool)
+    _, seen, _ = identify_candidates(wall, pool)
     assert {f"compliance{i}" for i in range(1, 7)} <= set(seen.names)
 
 
 def test_an_unknown_effect_is_named(cell, pool):
     wrong = replace(cell, plan=replace(cell.plan, effects=("joint complience",)))
     with pytest.raises(InputError, match=r"'joint complience'.*joint compliance"):
-        what_is_seen(wrong, pool)
+        identify_candidates(wrong, pool)
 
 
 def test_too_few_candidates_are_told(cell, pool):
     with pytest.raises(NoSolutionError, match="only 8 candidate poses"):
-        what_is_seen(cell, pool.take(np.arange(8)))
+        identify_candidates(cell, pool.take(np.arange(8)))

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.collision import CollisionWorld, FclJudge
-from planner.errors import InputError
-from planner.plan import plan_content
-from planner.program import ProgramFile, ProgramMismatchError, info, read_back, verify
-from planner.workflow import Options, Stages, plan, programs, write_plan
-from planner.workflow.session import session
+from planner.common.errors import InputError
+from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.programs.program_files import dialect_info, read_back, verify
+from planner.programs.rendering import ProgramFile
+from planner.programs.verification import ProgramMismatchError
+from planner.session.bar_planning import PlanOptions, Stages, program_files
+from planner.session.neutral_program import session_program
+from planner.session.plan_file import plan_content
+from planner.workflow.planning import plan
+from planner.workflow.writing import write_plan
 
 SWEEP = 25  # states on each motion
 
@@ -19,7 +23,7 @@ SWEEP = 25  # states on each motion
 @pytest.fixture(scope="module")
 def planned(cell):
     quick = replace(cell, plan=replace(cell.plan, candidates=400, poses=12, repeat=1, validate=4))
-    return plan(quick, Options(), Stages(lambda *_: None))
+    return plan(quick, PlanOptions(), Stages(lambda *_: None))
 
 
 def test_every_ball_is_approached_centred_and_left_the_same_way(planned):
@@ -54,7 +58,7 @@ def test_the_whole_way_is_free_in_a_dense_sweep(planned):
     clearance = cell.motion.clearance
     for k in range(len(path.q) - 1):
         ends = [ball[int(v)] for v in path.visit[k : k + 2] if v >= 0]
-        judge = FclJudge(scene.at_ball(ends[0]) if ends else scene)
+        judge = FclWorld(scene.at_ball(ends[0]) if ends else scene)
         states = path.q[k] + share * (path.q[k + 1] - path.q[k])
         assert judge.distances(states[:: 1 if ends else 3]).min() > clearance - 1e-6
     travel = drive.course.travel.q
@@ -94,7 +98,7 @@ def test_plan_json(planned):
 
 
 def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned):
-    files = programs(planned, "krl")
+    files = program_files(planned, "krl")
     found = read_back("krl", files)
     ball = {v.id: v.ball + 1 for v in planned.drives[0].visits}
     assert [(b, p) for _, b, p in found.centrings] == [
@@ -103,7 +107,9 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
     text = files[0].text
     call = text.index("\nCENTRE (")
     assert "$AXIS_ACT" in text[call : call + 80]  # the axes are logged where the centring led
-    program = session(planned.cell, [planned.drives[0].course], planned.plan_id, info("krl").wants_dense_path)
+    program = session_program(
+        planned.cell, [planned.drives[0].course], planned.plan_id, dialect_info("krl").wants_dense_path
+    )
     wrong = text[:call] + text[call:].replace("\nCENTRE (", "\nCENTRE (1", 1)
     with pytest.raises(ProgramMismatchError, match="centres other balls"):
         verify(program, "krl", [ProgramFile(files[0].name, wrong), *files[1:]])
@@ -112,7 +118,7 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
 def test_a_dialect_without_a_centring_call_is_refused(planned):
     for name in ("rapid", "din66025"):
         with pytest.raises(InputError, match="no call of a centring routine"):
-            programs(planned, name)
+            program_files(planned, name)
 
 
 def test_it_is_written_whole(planned, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import fsolve
 
-from planner.candidates.reaching import Reaching, withdrawn
+from planner.design.candidates.inverse_kinematics import PointIk, retract_tool
 
 
 def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
@@ -16,7 +16,7 @@ def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
         x, _, ok, _ = fsolve(lambda v: tool_pose([*v, *wrist])[0] - ball, start, full_output=True)
         if ok == 1:
             known.add(tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)))
-    found = Reaching(cell).position(np.hstack([starts, np.tile(wrist, (300, 1))]), ball)
+    found = PointIk(cell).position(np.hstack([starts, np.tile(wrist, (300, 1))]), ball)
     on = found.q[found.off < 1e-9][:, :3]
     mine = {tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)) for x in on}
     assert len(known) >= 4
@@ -26,7 +26,7 @@ def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
 
 
 def test_the_tool_withdraws_along_its_own_axis(cell, pool, tool_pose):
-    back = withdrawn(cell, pool.q[:60], 0.04)
+    back = retract_tool(cell, pool.q[:60], 0.04)
     done = back.off < 1e-8
     assert done.all()
     for q, away in zip(pool.q[:60], back.q, strict=True):
@@ -39,7 +39,7 @@ def test_out_of_reach_the_nearest_miss_is_told(cell):
     far = np.array([1.5, 0.0, 0.4])
     rng = np.random.default_rng(0)
     q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (4000, 6))
-    found = Reaching(cell).position(q, far)
+    found = PointIk(cell).position(q, far)
     blind = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (400_000, 6))
     nearest = np.linalg.norm(cell.map_position(blind) - far, axis=1)
     assert found.off.min() < nearest.min() + 1e-3

@@ -6,11 +6,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.choice import choose, what_is_seen
-from planner.errors import InputError
-from planner.observability import index_value
-from planner.selection import bound, detmax
-from planner.workflow import Options, Stages, plan
+from planner.common.errors import InputError
+from planner.design.observability.information import index_value
+from planner.design.pose_selection import identify_candidates, select_poses
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.d_optimal import detmax
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.workflow.planning import plan
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -37,26 +39,26 @@ def test_groups_that_differ_much_still_share():
 
 
 def test_the_plans_poses_are_shared_and_near_the_bound(cell, pool):
-    choice, curve = choose(cell, pool, 24, "O1", 0)
+    choice, curve = select_poses(cell, pool, 24, "O1", 0)
     curve.result()
     assert np.bincount(choice.ball).tolist() == [6, 6, 6, 6]
-    _, _, rows = what_is_seen(cell, pool)
+    _, _, rows = identify_candidates(cell, pool)
     assert choice.value == pytest.approx(index_value("O1", rows[choice.chosen]))
     assert choice.certificate.verified
-    assert choice.value <= bound(rows, "O1", 24).value * (1 + 1e-9)
+    assert choice.value <= certify_bound(rows, "O1", 24).value * (1 + 1e-9)
     assert choice.value > 0.95 * choice.certificate.value
 
 
 def test_uneven_counts_and_other_indices_are_refused(cell, pool):
     with pytest.raises(InputError, match="26 poses cannot be shared evenly between 4 balls"):
-        choose(cell, pool, 26, "O1", 0)
+        select_poses(cell, pool, 26, "O1", 0)
     for options, told in (
-        (Options(poses=26), "26 poses cannot be shared evenly"),
-        (Options(index="O2"), "DETMAX on O1"),
+        (PlanOptions(poses=26), "26 poses cannot be shared evenly"),
+        (PlanOptions(index="O2"), "DETMAX on O1"),
     ):
         with pytest.raises(InputError, match=told):
             plan(cell, options, Stages(lambda *_: None))
     with pytest.raises(InputError, match=r"'plan.poses' is missing"):
-        plan(replace(cell, plan=replace(cell.plan, poses=None)), Options(), Stages(lambda *_: None))
+        plan(replace(cell, plan=replace(cell.plan, poses=None)), PlanOptions(), Stages(lambda *_: None))
     with pytest.raises(InputError, match="8 poses cannot identify 31 parameters: ask for at least 11"):
-        choose(cell, pool, 8, "O1", 0)
+        select_poses(cell, pool, 8, "O1", 0)

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.chain import Chain
-from planner.errors import NoSolutionError
-from planner.plan import plan_content
-from planner.workflow import Options, Stages, plan
+from planner.cell.reading import load_cell
+from planner.common.errors import NoSolutionError
+from planner.kinematics.chain import Chain
+from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.plan_file import plan_content
+from planner.workflow.planning import plan
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def cell():
 
 @pytest.fixture(scope="module")
 def planned(cell):
-    return plan(cell, Options(), Stages(lambda *_: None))
+    return plan(cell, PlanOptions(), Stages(lambda *_: None))
 
 
 def test_five_hundred_is_the_default(tmp_path):
@@ -66,7 +67,7 @@ def test_the_reflector_faces_the_tracker_and_nothing_stands_between(planned):
 
 
 def test_poses_asked_for_are_chosen_and_calibrate(cell):
-    one = plan(cell, Options(poses=20), Stages(lambda *_: None))
+    one = plan(cell, PlanOptions(poses=20), Stages(lambda *_: None))
     roles = [v.role for v in one.drives[0].visits]
     assert (roles.count("calibrate"), roles.count("validate")) == (20, 25)
     assert one.choice.value > 0.94 * one.choice.certificate.value
@@ -75,4 +76,4 @@ def test_poses_asked_for_are_chosen_and_calibrate(cell):
 
 def test_more_than_there_are_is_refused(cell):
     with pytest.raises(NoSolutionError, match=r"candidate poses are left for 5000 to validate with"):
-        plan(replace(cell, plan=replace(cell.plan, validate=5000)), Options(), Stages(lambda *_: None))
+        plan(replace(cell, plan=replace(cell.plan, validate=5000)), PlanOptions(), Stages(lambda *_: None))

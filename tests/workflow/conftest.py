@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.cell import load_cell
+from planner.cell.reading import load_cell
 
 
 def edbb(*words, threads="1", cwd=None, **env):

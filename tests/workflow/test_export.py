@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
-from planner.cell.reading import read_cell
-from planner.errors import InputError
-from planner.plan import Drive, Visit, Waypoints, course, settled
-from planner.workflow import export_plan, write_program_as
-from planner.workflow.notes import bar_notes, session_notes
-from planner.workflow.writing import cell_text
+from planner.cell.reading import load_cell, read_cell
+from planner.common.errors import InputError
+from planner.session.course import Waypoints, round_angles, time_course
+from planner.session.notes import bar_notes, session_notes
+from planner.session.plan_types import Drive, Visit
+from planner.workflow.plan_reading import export_plan
+from planner.workflow.writing import cell_text, write_program_as
 from tests.workflow.conftest import edbb
 
 POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
@@ -20,10 +20,10 @@ POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
 
 def _course(cell):
     mount = np.deg2rad([20, -85, 95, 0, 50, 10])
-    travel = settled(np.array([cell.home, mount]))
-    measuring = settled(np.array([mount, *np.deg2rad(POSES), mount]))
+    travel = round_angles(np.array([cell.home, mount]))
+    measuring = round_angles(np.array([mount, *np.deg2rad(POSES), mount]))
     ids, stop = np.arange(4), np.zeros(4)
-    return course(cell, 0, Waypoints(travel, np.array([-1, 0]), np.zeros(2)), Waypoints(measuring, ids, stop))
+    return time_course(cell, 0, Waypoints(travel, np.array([-1, 0]), np.zeros(2)), Waypoints(measuring, ids, stop))
 
 
 def _points(way):
@@ -126,9 +126,9 @@ def test_repeats_that_a_continuous_session_does_not_drive_are_told(tmp_path):
 
 def test_notes_that_programs_share_are_said_once():
     cell = load_cell("ur10/edbb")
-    q = settled(np.array([cell.home, cell.home + 0.1, cell.home]))
+    q = round_angles(np.array([cell.home, cell.home + 0.1, cell.home]))
     way = Waypoints(q, np.array([-1, 1, -1]), np.zeros(3))
-    told = session_notes(cell, [course(cell, 0, way, way)], "0" * 12, ["krl", "rapid", "pdl2"])
+    told = session_notes(cell, [time_course(cell, 0, way, way)], "0" * 12, ["krl", "rapid", "pdl2"])
     assert sum("sync_output" in n for n in told) == sum("gauge_input" in n for n in told) == 1
     assert all(n.startswith("krl, rapid, pdl2: ") for n in told if "controller." in n)
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.cli import main
-from planner.robot import load_robot
-from planner.run import save_run
-from planner.workflow import Stages
-from planner.workflow.identifying import identify_runs
-from planner.workflow.simulating import simulate_plan
+from planner.cli.app import main
+from planner.kinematics.robot_reader import load_robot
+from planner.runs.writer import save_run
+from planner.session.bar_planning import Stages
+from planner.workflow.identification import identify_runs
+from planner.workflow.plan_reading import simulate_plan
 from tests.generator.arm import Arm
 from tests.simulation.made import truth_file, wide_plan
 

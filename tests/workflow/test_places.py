@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from planner.cell import load_cell
+from planner.cell.reading import load_cell
 from tests.generator.arm import Arm
 from tests.workflow.conftest import edbb, small_cell
 

@@ -6,11 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from planner.cell import load_cell
-from planner.cell.reading import read_cell
-from planner.collision import CollisionWorld, FclJudge
-from planner.model import Model
-from planner.program import ProgramFile, read_back
+from planner.cell.reading import load_cell, read_cell
+from planner.model.model import Model
+from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.programs.program_files import read_back
+from planner.programs.rendering import ProgramFile
 from tests.workflow.conftest import edbb, small_cell
 
 KEYS = {
@@ -101,7 +101,7 @@ def test_the_driven_path_keeps_every_limit_by_dense_samples(either):
     axis = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F)
     assert np.arccos(-np.einsum("ni,ni->n", bar, axis) / true).max() <= cell.gauge.cone_map
     few = q[:: max(1, len(q) // 300)]
-    judge = FclJudge(CollisionWorld.from_cell(cell).scene)
+    judge = FclWorld(CollisionWorld.from_cell(cell).scene)
     assert judge.distances(few).min() >= cell.motion.clearance * 0.999
     speed = np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None]
     assert (speed <= cell.robot.speed * 1.001).all()

@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from planner.cell import load_cell
-from planner.errors import InputError
-from planner.run import Readings, Run, Samples
-from planner.workflow.suspecting import check_unit
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.runs.run import Readings, Run, Samples
+from planner.workflow.unit_checks import check_unit
 from tests.workflow.conftest import edbb
 
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'

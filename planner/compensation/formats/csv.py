@@ -4,18 +4,18 @@ import re
 
 import numpy as np
 
+from planner.common.errors import InputError
+from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.rotations import frame, from_abc, from_quaternion
-from planner.compensation.targets import Pose, Reading, Target
-from planner.compensation.text import EXPONENT_NUMBER, Lines, Slot
-from planner.errors import InputError
-from planner.units import DEG, MM, Array, frozen
+from planner.compensation.targets import CartesianTarget, Target, TargetReading
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, Slot
 
 _UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0}
 _DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}
 Column = tuple[int, str]  # index, unit
 
 
-def read(text: str, reading: Reading) -> None:
+def read(text: str, reading: TargetReading) -> None:
     """Note every row of the table; comment lines (``#``) and other columns are kept as they are.
 
     Raises:
@@ -29,15 +29,15 @@ def read(text: str, reading: Reading) -> None:
         if header is None:
             separator = max(",;\t", key=line.count)
             header = [name.strip("\ufeff \t\"'") for name in line.split(separator)]
-            groups = _Columns(header, reading)
+            groups = _TargetColumns(header, reading)
         elif groups is not None:
             _row(number, start, line, separator, groups, reading)
 
 
-class _Columns:
+class _TargetColumns:
     """Which columns hold what."""
 
-    def __init__(self, header: list[str], reading: Reading) -> None:
+    def __init__(self, header: list[str], reading: TargetReading) -> None:
         where = f"{reading.refusals.name}:1"
         twice = {name for name in header if header.count(name) > 1}
         if twice:
@@ -70,7 +70,7 @@ def _group(header: list[str], names: list[str], units: str) -> list[Column]:
     return found
 
 
-def _row(number: int, start: int, line: str, separator: str, columns: _Columns, reading: Reading) -> None:
+def _row(number: int, start: int, line: str, separator: str, columns: _TargetColumns, reading: TargetReading) -> None:
     cells = line.split(separator)
     if len(cells) != columns.count:
         reading.refusals.add(number, f"{len(cells)} cells found, the header has {columns.count}")
@@ -89,17 +89,19 @@ def _row(number: int, start: int, line: str, separator: str, columns: _Columns, 
         values.append(float(match[2]) * _UNITS[unit])
     numbers = np.array(values)
     if not columns.pose:
-        reading.targets.append(Target(number, tuple(slots), q=frozen(numbers)))
+        reading.targets.append(Target(number, tuple(slots), q=read_only(numbers)))
         return
     words, q = numbers[3 : len(columns.pose)], numbers[len(columns.pose) :]
     if columns.spelling == "quaternion" and abs(np.linalg.norm(words) - 1.0) > 1e-3:
         reading.refusals.add(number, f"the quaternion has the length {np.linalg.norm(words):.4f}; 1 is allowed")
         return
-    pose = Pose(pose_of(numbers[:3], words), columns.spelling, frozen(words), *_frames(reading), start=frozen(q))
+    pose = CartesianTarget(
+        pose_of(numbers[:3], words), columns.spelling, read_only(words), *_frames(reading), start=read_only(q)
+    )
     reading.targets.append(Target(number, tuple(slots), pose=pose))
 
 
-def _frames(reading: Reading) -> tuple[Array, Array]:
+def _frames(reading: TargetReading) -> tuple[Array, Array]:
     """Return base and tool: those the person named, else the robot's own frame and the flange."""
     T_WB, T_FT = reading.frames.T_WB, reading.frames.T_FT
     return np.eye(4) if T_WB is None else T_WB, np.eye(4) if T_FT is None else T_FT
@@ -108,4 +110,4 @@ def _frames(reading: Reading) -> tuple[Array, Array]:
 def pose_of(p: Array, words: Array) -> Array:
     """Return the transform (4, 4) of a position (3,) [m] and three angles [rad] or a quaternion."""
     R = from_abc(words[None]) if len(words) == 3 else from_quaternion(words[None])
-    return frozen(frame(p[None], R)[0])
+    return read_only(frame(p[None], R)[0])

@@ -8,10 +8,10 @@ import re
 
 import numpy as np
 
-from planner.compensation.dialects import DialectWords
-from planner.compensation.targets import Reading, Target
-from planner.compensation.text import NUMBER, Lines, Slot, masked
-from planner.units import DEG, frozen
+from planner.common.units import DEG, read_only
+from planner.compensation.dialect_words import DialectWords
+from planner.compensation.targets import Target, TargetReading
+from planner.programs.languages.text import NUMBER, Lines, Slot, mask_comments
 
 DECIMALS = 5
 Word = tuple[str, str, int, int]  # name, number, its start and end in the block
@@ -24,15 +24,15 @@ _FLOW = re.compile(
 )
 
 
-def read(text: str, words: DialectWords, reading: Reading) -> None:
+def read(text: str, words: DialectWords, reading: TargetReading) -> None:
     """Note the joint targets of one program."""
-    _Machine(words, reading).run(text)
+    _GcodeTargets(words, reading).run(text)
 
 
-class _Machine:
+class _GcodeTargets:
     """The modal state, as far as it decides what an axis word means."""
 
-    def __init__(self, words: DialectWords, reading: Reading) -> None:
+    def __init__(self, words: DialectWords, reading: TargetReading) -> None:
         self.reading = reading
         self.equals = words.axes[0].endswith("=")
         self.axes = [axis.rstrip("=").upper() for axis in words.axes]
@@ -47,7 +47,7 @@ class _Machine:
     def run(self, text: str) -> None:
         """Note the target of every block, and refuse blocks that move in a way that is not known."""
         comment = r"\([^)\r\n]*\)|;[^\r\n]*" if self.end else rf"{re.escape(self.start)}[^\r\n]*"
-        for number, place, line in Lines.of(masked(text, comment)):
+        for number, place, line in Lines.of(mask_comments(text, comment)):
             block = line.upper()
             head = re.match(r"\s*(?:/\d*\s*)?(?:N\d+\s*)?", block)
             offset = 0 if head is None else head.end()
@@ -125,7 +125,7 @@ class _Machine:
                 "must name all axes",
             )
             return
-        self.reading.targets.append(Target(number, tuple(slots), q=frozen(np.array(self.last, dtype=float))))
+        self.reading.targets.append(Target(number, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
 
     def _why_not(self, block: str, names: list[str], codes: list[str]) -> str | None:
         """Say why a block with axis words cannot be compensated."""

@@ -5,12 +5,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.compensation.dialects import DialectWords
-from planner.compensation.formats.krl_frames import FrameState
-from planner.compensation.formats.krl_values import ACCURATE, EXTERNAL, POSE_KEYS, Entry, StatusTurn, entries, transform
-from planner.compensation.targets import EXTERNAL_NOTE, Pose, Reading, Target
-from planner.compensation.text import Lines, masked
-from planner.units import DEG, MM, Array, frozen
+from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.dialect_words import DialectWords
+from planner.compensation.formats.krl_values import (
+    ACCURATE,
+    EXTERNAL,
+    POSE_KEYS,
+    AggregateEntry,
+    FrameState,
+    StatusTurn,
+    entries,
+    transform,
+)
+from planner.compensation.targets import EXTERNAL_NOTE, CartesianTarget, Target, TargetReading
+from planner.programs.languages.text import Lines, mask_comments
 
 _NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
 _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?(?=[\s{])(.*)", re.IGNORECASE)
@@ -29,27 +37,27 @@ _POSITION_TYPES = ("E6AXIS", "AXIS", "E6POS", "POS")
 
 
 @dataclass
-class _Point:
+class _KrlPoint:
     """A pose declared by name, with the frames of the moves that use it."""
 
     line: int
-    found: dict[str, Entry]
+    found: dict[str, AggregateEntry]
     frames: list[tuple[Array | None, Array | None]] = field(default_factory=list)
 
 
-def read(text: str, _words: DialectWords, reading: Reading) -> None:
+def read(text: str, _words: DialectWords, reading: TargetReading) -> None:
     """Note the targets of one file."""
-    _Machine(text, reading).run()
+    _KrlTargets(text, reading).run()
 
 
-class _Machine:
+class _KrlTargets:
     """What a controller knows, line by line, as far as the meaning of a target depends on it."""
 
-    def __init__(self, text: str, reading: Reading) -> None:
+    def __init__(self, text: str, reading: TargetReading) -> None:
         self.reading = reading
-        self.text = masked(text, r";[^\r\n]*")
+        self.text = mask_comments(text, r";[^\r\n]*")
         self.frames = FrameState(self.text, reading)
-        self.points: dict[str, _Point] = {}
+        self.points: dict[str, _KrlPoint] = {}
         self.used: dict[str, int] = {}
         self.assigned: dict[str, int] = {}
         self.last: int | None = None
@@ -151,18 +159,18 @@ class _Machine:
                 self._refuse(number, f"'{aggregate}' found; plain numbers are allowed")
             return
         if kind in ("", "E6AXIS", "AXIS") and set(self.reading.axes) <= found.keys():
-            self.points[name] = _Point(number, {})
+            self.points[name] = _KrlPoint(number, {})
             self._joints(number, found)
         elif kind in ("", "E6POS", "POS") and set(POSE_KEYS) <= found.keys() and not name.startswith("$"):
             if not kind and "S" not in found:
                 return
             if name in self.points:
                 self._refuse(number, f"{name} has more than one value in this file")
-            self.points[name] = _Point(number, found)
+            self.points[name] = _KrlPoint(number, found)
         elif kind in _POSITION_TYPES:
             self._joints(number, found) if "A1" in found else self._pose(number, found, None, None, False)
 
-    def _joints(self, number: int, found: dict[str, Entry]) -> None:
+    def _joints(self, number: int, found: dict[str, AggregateEntry]) -> None:
         axes = self.reading.axes
         missing = [axis for axis in axes if axis not in found]
         strange = [key for key in found if key not in (*axes, *EXTERNAL)]
@@ -173,16 +181,16 @@ class _Machine:
             return
         q = np.array([found[axis].value for axis in axes]) * DEG
         self.last = len(self.reading.targets)
-        self.reading.targets.append(Target(number, tuple(found[a].slot(DEG) for a in axes), q=frozen(q)))
+        self.reading.targets.append(Target(number, tuple(found[a].slot(DEG) for a in axes), q=read_only(q)))
 
-    def _declared_pose(self, name: str, point: _Point) -> None:
+    def _declared_pose(self, name: str, point: _KrlPoint) -> None:
         if not point.found:
             return
-        frames = self.frames.of_point(name) or _common(point.frames) or self.frames.given()
+        frames = self.frames.of_point(name) or _common_frames(point.frames) or self.frames.given()
         self._pose(point.line, point.found, *frames, inherits=False)
 
     def _pose(
-        self, number: int, found: dict[str, Entry], T_FT: Array | None, T_WB: Array | None, inherits: bool
+        self, number: int, found: dict[str, AggregateEntry], T_FT: Array | None, T_WB: Array | None, inherits: bool
     ) -> None:
         missing = [key for key in POSE_KEYS if key not in found]
         strange = [key for key in found if key not in (*POSE_KEYS, "S", "T", *EXTERNAL)]
@@ -204,14 +212,14 @@ class _Machine:
         keys = [found[k].slot(MM if k in "XYZ" else DEG) for k in POSE_KEYS]
         if configuration is not None:
             keys += [found[k].slot(1.0) for k in "ST"]
-        words = frozen([found[k].value * DEG for k in "ABC"])
+        words = read_only([found[k].value * DEG for k in "ABC"])
         if any(found[k].value != 0.0 for k in EXTERNAL if k in found):
             self.reading.notes.append((number, EXTERNAL_NOTE))
-        pose = Pose(transform(found), "abc", words, T_WB, T_FT, configuration)
+        pose = CartesianTarget(transform(found), "abc", words, T_WB, T_FT, configuration)
         self.last = len(self.reading.targets)
         self.reading.targets.append(Target(number, tuple(keys), pose=pose, follows=follows))
 
-    def _configuration(self, number: int, found: dict[str, Entry]) -> StatusTurn | None:
+    def _configuration(self, number: int, found: dict[str, AggregateEntry]) -> StatusTurn | None:
         if "S" not in found or "T" not in found:
             return None
         status = StatusTurn(int(found["S"].value), int(found["T"].value))
@@ -223,7 +231,7 @@ class _Machine:
         return status
 
 
-def _common(frames: list[tuple[Array | None, Array | None]]) -> tuple[Array | None, Array | None] | None:
+def _common_frames(frames: list[tuple[Array | None, Array | None]]) -> tuple[Array | None, Array | None] | None:
     """Return tool and base if all moves to a point agree about them."""
     for frame in frames[1:]:
         for one, other in zip(frames[0], frame, strict=True):

@@ -4,20 +4,20 @@ import re
 
 import numpy as np
 
-from planner.compensation.dialects import DialectWords
-from planner.compensation.targets import Reading, Target
-from planner.compensation.text import EXPONENT_NUMBER, Lines, Slot, masked
-from planner.units import DEG, frozen
+from planner.common.units import DEG, read_only
+from planner.compensation.dialect_words import DialectWords
+from planner.compensation.targets import Target, TargetReading
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, Slot, mask_comments
 
 DECIMALS = 5
 _MOVE = re.compile(r"^\s*MOVE(FLY)?\b(?P<how>[^{]*?)\b(TO|VIA)\s*(?P<target>\{[^}]*\}|.*)", re.IGNORECASE)
 _RELATIVE = re.compile(r"\b(RELATIVE|ABOUT|BY|AWAY|NEAR|SEG)\b", re.IGNORECASE)
 
 
-def read(text: str, words: DialectWords, reading: Reading) -> None:
+def read(text: str, words: DialectWords, reading: TargetReading) -> None:
     """Note the joint targets of one program."""
     n = reading.robot.n_joints
-    for number, place, line in Lines.of(masked(text, r"--[^\r\n]*", "'")):
+    for number, place, line in Lines.of(mask_comments(text, r"--[^\r\n]*", "'")):
         if not re.match(r"\s*MOVE(FLY)?\b", line, re.IGNORECASE):
             continue
         move = _MOVE.match(line)
@@ -38,4 +38,4 @@ def read(text: str, words: DialectWords, reading: Reading) -> None:
             start = place + move.start("target") + match.start() + len(cell[1])
             slots.append(Slot(start, start + len(cell[2]), DEG, DECIMALS))
             q.append(float(cell[2]) * DEG)
-        reading.targets.append(Target(number, tuple(slots), q=frozen(np.array(q))))
+        reading.targets.append(Target(number, tuple(slots), q=read_only(np.array(q))))

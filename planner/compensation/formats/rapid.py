@@ -5,20 +5,93 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.compensation.dialects import DialectWords
-from planner.compensation.formats.rapid_values import (
-    JOINT_TARGET,
-    ROB_TARGET,
-    UNUSED,
-    ConfData,
-    numbers,
-    tool_of,
-    transform,
-    work_object_of,
+from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.arm_shapes import NEAR
+from planner.compensation.dialect_words import DialectWords
+from planner.compensation.formats.csv import pose_of
+from planner.compensation.targets import EXTERNAL_NOTE, CartesianTarget, Target, TargetReading
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, Slot, mask_comments
+
+UNUSED = 8e9  # external axes that are not there read 9E9
+QUARTER = np.pi / 2
+_CONFIGURED = (0, 3, 5)  # joints whose quarter turns cf1, cf4, cf6 count
+
+
+def _row(count: int) -> str:
+    return r"\[\s*" + r"\s*,\s*".join([EXPONENT_NUMBER] * count) + r"\s*\]"
+
+
+_POSE = rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*\]"
+JOINT_TARGET = re.compile(rf"\[\s*{_row(6)}\s*,\s*{_row(6)}\s*\]")
+ROB_TARGET = re.compile(rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*,\s*{_row(4)}\s*,\s*{_row(6)}\s*\]")
+_TOOL = re.compile(rf"\[\s*TRUE\s*,\s*(?P<pose>{_POSE})\s*,.*", re.IGNORECASE | re.DOTALL)
+_WORK_OBJECT = re.compile(
+    rf"\[\s*FALSE\s*,\s*TRUE\s*,\s*(\"[^\"]*\")?\s*,\s*(?P<user>{_POSE})\s*,\s*(?P<object>{_POSE})\s*\]",
+    re.IGNORECASE,
 )
-from planner.compensation.targets import EXTERNAL_NOTE, Pose, Reading, Target
-from planner.compensation.text import Lines, Slot, masked
-from planner.units import DEG, MM, Array, frozen
+
+
+@dataclass(frozen=True)
+class PlacedNumber:
+    """A number as written, and its place."""
+
+    value: float
+    start: int
+    end: int
+
+
+def numbers(text: str, place: int) -> list[PlacedNumber]:
+    """Return the numbers of a value in brackets, in order."""
+    return [PlacedNumber(float(m[0]), place + m.start(), place + m.end()) for m in re.finditer(EXPONENT_NUMBER, text)]
+
+
+def transform(values: list[float]) -> Array:
+    """Return the transform (4, 4) [m] of x, y, z [mm] and a quaternion."""
+    return pose_of(np.array(values[:3]) * MM, np.array(values[3:7]))
+
+
+def tool_of(text: str) -> Array | None:
+    """Return T_FT (4, 4) [m] of a tooldata that the robot carries, else None."""
+    match = _TOOL.fullmatch(text)
+    return None if match is None else transform([n.value for n in numbers(match["pose"], 0)])
+
+
+def work_object_of(text: str) -> Array | None:
+    """Return T_WB (4, 4) [m] of a wobjdata that stands still, else None."""
+    match = _WORK_OBJECT.fullmatch(text)
+    if match is None:
+        return None
+    user, inside = (transform([n.value for n in numbers(match[k], 0)]) for k in ("user", "object"))
+    return np.asarray(user @ inside)
+
+
+@dataclass(frozen=True)
+class ConfData:
+    """RAPID's confdata: quarter turns of joints 1, 4 and 6, and the shape of the arm."""
+
+    quarters: tuple[int, int, int]
+    cfx: int
+
+    @property
+    def shape(self) -> int | None:
+        """Number of the arm's shape: cfx counts axis 1, lower arm (in front is 0) and joint 5 from its highest bit."""
+        return (self.cfx >> 2) | ((~self.cfx >> 1 & 1) << 1) | (self.cfx & 1) << 2
+
+    def turns(self, q: Array) -> np.ndarray:
+        """Return whether joints 1, 4, 6 of q (n, 6) [rad] are in their quarters; at a border either will do."""
+        fits = np.ones(q.shape, dtype=bool)
+        for joint, quarter in zip(_CONFIGURED, self.quarters, strict=True):
+            low = quarter * QUARTER
+            fits[:, joint] = (q[:, joint] > low - NEAR) & (q[:, joint] < low + QUARTER + NEAR)
+        return fits
+
+    def renewed(self, before: int, after: int, q: Array, q_new: Array) -> tuple[int, ...]:
+        """Return cf1, cf4, cf6, cfx with what the correction (6,) [rad] carries over a border."""
+        changed = [int(np.floor(q_new[j] / QUARTER) - np.floor(q[j] / QUARTER)) for j in _CONFIGURED]
+        flips = before ^ after
+        cfx = self.cfx ^ ((flips & 1) << 2 | (flips & 2) | flips >> 2)
+        return (*(c + d for c, d in zip(self.quarters, changed, strict=True)), cfx)
+
 
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 4, 5, 8
 _DECLARED = re.compile(
@@ -35,7 +108,7 @@ Frames = tuple[Array | None, Array | None]
 
 
 @dataclass
-class _Point:
+class _RapidPoint:
     """A robtarget in the file, with tool and work object of the moves that use it."""
 
     line: int
@@ -44,20 +117,20 @@ class _Point:
     frames: list[tuple[str, str]] = field(default_factory=list)
 
 
-def read(text: str, _words: DialectWords, reading: Reading) -> None:
+def read(text: str, _words: DialectWords, reading: TargetReading) -> None:
     """Note the targets of one module."""
-    _Module(text, reading).run()
+    _RapidTargets(text, reading).run()
 
 
-class _Module:
+class _RapidTargets:
     """Declarations and moves of a module; statements end with a semicolon."""
 
-    def __init__(self, text: str, reading: Reading) -> None:
+    def __init__(self, text: str, reading: TargetReading) -> None:
         self.reading = reading
         self.plain = text
-        self.text = masked(text, r"![^\r\n]*")
+        self.text = mask_comments(text, r"![^\r\n]*")
         self.lines = Lines.of(text)
-        self.points: dict[str, _Point] = {}
+        self.points: dict[str, _RapidPoint] = {}
         self.known: set[str] = set()
         self.used: dict[str, int] = {}
         self.assigned: dict[str, int] = {}
@@ -67,7 +140,7 @@ class _Module:
 
     def run(self) -> None:
         """Note every target, declared or written at its move; refuse points that the program computes."""
-        self._frames_of(masked(self.reading.frames.data, r"![^\r\n]*", ""))
+        self._frames_of(mask_comments(self.reading.frames.data, r"![^\r\n]*", ""))
         for match in re.finditer(r"[^;]*;", self.text):
             self._statement(match.start(), match[0][:-1])
         for name in self.used.keys() & self.assigned.keys():
@@ -119,7 +192,7 @@ class _Module:
         elif JOINT_TARGET.fullmatch(value) and match["type"].lower() == "jointtarget":
             self._joints(number, start, value)
         elif ROB_TARGET.fullmatch(value) and match["type"].lower() == "robtarget":
-            self.points[name] = _Point(number, start, value)
+            self.points[name] = _RapidPoint(number, start, value)
         else:
             self._refuse(number, f"{match['name']} := {value[:60]} found; plain numbers in brackets are allowed")
 
@@ -145,7 +218,7 @@ class _Module:
         if JOINT_TARGET.fullmatch(value):
             self._joints(number, place, value)
         elif ROB_TARGET.fullmatch(value):
-            self.points[f"at {place}"] = _Point(number, place, value, [frames])
+            self.points[f"at {place}"] = _RapidPoint(number, place, value, [frames])
         elif name:
             self.used.setdefault(name[1].lower(), number)
             if name[1].lower() in self.points:
@@ -159,9 +232,9 @@ class _Module:
             self._refuse(line, f"an axis without a number (9E9) found; the robot has {len(found)} joints")
             return
         slots = tuple(Slot(n.start, n.end, DEG, DEG_DECIMALS) for n in found)
-        self.reading.targets.append(Target(line, slots, q=frozen([n.value * DEG for n in found])))
+        self.reading.targets.append(Target(line, slots, q=read_only([n.value * DEG for n in found])))
 
-    def _pose(self, point: _Point) -> None:
+    def _pose(self, point: _RapidPoint) -> None:
         found = numbers(point.value, point.place)
         values = [n.value for n in found]
         conf = [round(v) for v in values[7:11]]
@@ -181,17 +254,17 @@ class _Module:
         slots = [Slot(n.start, n.end, MM, MM_DECIMALS) for n in found[:3]]
         slots += [Slot(n.start, n.end, 1.0, QUATERNION_DECIMALS) for n in found[3:7]]
         slots += [Slot(n.start, n.end, 1.0, 0) for n in found[7:11]]
-        pose = Pose(
+        pose = CartesianTarget(
             transform(values),
             "quaternion",
-            frozen(values[3:7]),
+            read_only(values[3:7]),
             T_WB,
             T_FT,
             ConfData((conf[0], conf[1], conf[2]), conf[3]),
         )
         self.reading.targets.append(Target(point.line, tuple(slots), pose=pose))
 
-    def _why_not(self, point: _Point, values: list[float], conf: list[int]) -> str | None:
+    def _why_not(self, point: _RapidPoint, values: list[float], conf: list[int]) -> str | None:
         size = float(np.linalg.norm(values[3:7]))
         if abs(size - 1.0) > 1e-3:
             return f"the quaternion has the length {size:.4f}; 1 is allowed"
@@ -201,7 +274,7 @@ class _Module:
             return f"{self.displaced[1]} in line {self.displaced[0]} makes the meaning of this target uncertain"
         return None
 
-    def _frames_at(self, point: _Point) -> Frames:
+    def _frames_at(self, point: _RapidPoint) -> Frames:
         given = self.reading.frames
         frames = [(self.tools.get(t, given.T_FT), self.objects.get(w, given.T_WB)) for t, w in point.frames]
         if not frames:

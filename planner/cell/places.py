@@ -1,0 +1,261 @@
+"""What a cell file says of the tool, the fixtures, the artifact, the tracker and the head of indicators."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell.cell import Ball, Fixture, IndicatorHead, Nest, Tool, ToolPoint
+from planner.cell.file import FIRST_POINT, CellFile, FixtureFile, IndicatorHeadFile, PlacedFile, ToolFile
+from planner.common.errors import InputError
+from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only
+from planner.kinematics.bodies import Body
+from planner.kinematics.robot import Robot
+
+UNKNOWN_PRIOR = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
+
+
+def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -> Tool:
+    """Return the tool; without one, where that is enough, a point at the flange that the run will place.
+
+    Raises:
+        InputError: no tool where a plan needs one, one that is too heavy, or an axis that is none.
+    """
+    if tool is None and not planning:
+        return Tool(
+            read_only(np.zeros(3)), read_only([0, 0, 1]), 0.0, read_only(np.zeros(3)), (), UNKNOWN_PRIOR, known=False
+        )
+    if tool is None:
+        raise InputError(
+            f"{path}: the section [tool] with map_mm is missing; without it nothing says where the bar's ball sits"
+        )
+    if robot.payload is not None and tool.mass_kg > robot.payload:
+        raise InputError(
+            f"{path}: tool.mass_kg = {tool.mass_kg:g} exceeds the rated payload of {robot.name}, {robot.payload:g} kg"
+        )
+    points = _read_tool_points(path, tool)
+    return Tool(
+        points[0].p_FM,
+        points[0].axis_F,
+        tool.mass_kg,
+        read_only(from_mm(tool.com_mm)),
+        tuple(b.body(f"tool_{k}", path.parent) for k, b in enumerate(tool.bodies)),
+        tool.prior_mm * MM if tool.map_sigma_um is None else tool.map_sigma_um * UM,
+        measured=tool.map_sigma_um is not None,
+        points=points if len(points) > 1 else (),
+    )
+
+
+def _read_tool_points(path: Path, tool: ToolFile) -> tuple[ToolPoint, ...]:
+    """All points of the tool, that of ``map_mm`` first; an axis that is not given is the first one's."""
+    given = [("tool.map_axis", FIRST_POINT, tool.map_mm, tool.map_axis)]
+    given += [(f"tool.points.{p.name}.map_axis", p.name, p.map_mm, p.map_axis or tool.map_axis) for p in tool.points]
+    return tuple(
+        ToolPoint(name, read_only(from_mm(at)), _unit_vector(path, key, axis)) for key, name, at, axis in given
+    )
+
+
+def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
+    """Return the cups, each once for every tool point: all cups with the first point, then with the next.
+
+    Raises:
+        InputError: a mount pose that is none of the robot's, or one for several tool points.
+    """
+    more = file.tool.points if file.tool else ()
+    given = [f"fixtures.{f.name}.mount_deg" for f in file.fixtures if f.mount_deg]
+    given += ["gauge.mount_deg"] if file.gauge.mount_deg else []
+    if more and file.fixtures and given:
+        raise InputError(
+            f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
+            "mount poses are found"
+        )
+    cups = tuple(_read_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures)
+    return tuple(replace(cup, point=k) for k in range(len(more) + 1) for cup in cups)
+
+
+def _read_fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None) -> Fixture:
+    key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
+    given = f.mount_deg or common
+    mount = None if given is None else read_joint_angles(path, robot, key, given)
+    axis = _unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
+    return Fixture(f.name, read_only(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
+
+
+def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:
+    """Return the joint angles (N,) [rad] of the key ``key``.
+
+    Raises:
+        InputError: they are missing, not one a joint, or outside the limits.
+    """
+    if value is None:
+        raise InputError(f"{path}: the key '{key}' is missing ({robot.n_joints} angles in degrees)")
+    if len(value) != robot.n_joints:
+        raise InputError(f"{path}: '{key}' has {len(value)} angles, but {robot.name} has {robot.n_joints} joints")
+    q = from_deg(value)
+    for i in np.flatnonzero((q < robot.q_lower) | (q > robot.q_upper)):
+        low, up = np.rad2deg(robot.q_lower[i]), np.rad2deg(robot.q_upper[i])
+        raise InputError(f"{path}: '{key}' has joint {i + 1} at {value[i]:g}°, outside its limits {low:g}° … {up:g}°")
+    return read_only(q)
+
+
+def _unit_vector(path: Path, key: str, v: tuple[float, float, float]) -> Array:
+    norm = float(np.linalg.norm(v))
+    if norm < 1e-9:
+        raise InputError(f"{path}: '{key}' = {list(v)} is no direction")
+    return read_only(np.array(v) / norm)
+
+
+SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
+NESTS = 3
+FLAT = 0.05  # share of their spread by which the nests must leave one line
+
+
+def read_balls(file: CellFile) -> tuple[Ball, ...]:
+    """Return the balls of a cell file."""
+    return tuple(
+        Ball(
+            b.name,
+            read_only(from_mm(b.position_mm)),
+            b.radius_mm * MM,
+            None if b.stem_to_mm is None else read_only(from_mm(b.stem_to_mm)),
+            b.stem_radius_mm * MM,
+        )
+        for b in file.balls
+    )
+
+
+def read_artifact_bodies(path: Path, file: CellFile) -> tuple[Body, ...]:
+    """Return the bodies of the artifact, in its own frame."""
+    bodies = () if file.artifact is None else file.artifact.bodies
+    return tuple(b.body(f"artifact_{k}", path.parent) for k, b in enumerate(bodies))
+
+
+def read_nests(file: CellFile) -> tuple[Nest, ...]:
+    """Return the nests of a tracker."""
+    nests = () if file.tracker is None else file.tracker.nests
+    return tuple(
+        Nest(n.name, read_only(from_mm(n.position_mm)), None if n.read_mm is None else read_only(from_mm(n.read_mm)))
+        for n in nests
+    )
+
+
+def nests_frame(file: CellFile) -> tuple[Array, Array]:
+    """Return R (3, 3), p (3,) [m] of the nests' frame in the base frame: the artifact's, or the base's own."""
+    if file.artifact is None:
+        return read_only(np.eye(3)), read_only(np.zeros(3))
+    return placed_frame(file.artifact)
+
+
+def placed_frame(placed: PlacedFile) -> tuple[Array, Array]:
+    """Return R (3, 3), p (3,) [m] of what a cell places, in the base frame."""
+    R = Rotation.from_euler("xyz", from_deg(placed.rpy_deg)).as_matrix()
+    return read_only(R), read_only(from_mm(placed.position_mm))
+
+
+def are_collinear(p: Array) -> bool:
+    """Tell whether points (n, 3) lie nearly on one line."""
+    size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    return bool(size[1] < FLAT * size[0])
+
+
+def read_place(path: Path, file: CellFile) -> Fixture:
+    """Return the unnamed place at which the artifact of a head, or a tracker, stands.
+
+    Raises:
+        InputError: the section that says so is missing, or what it needs beside it.
+    """
+    if file.gauge.kind == "trical":
+        _check_trical(path, file)
+    elif file.tracker is None:
+        raise InputError(f"{path}: the section [tracker] with position_mm is missing: where the tracker stands")
+    elif 0 < len(file.tracker.nests) < NESTS:
+        raise InputError(f"{path}: tracker.nests has {len(file.tracker.nests)} nests; a frame takes {NESTS} of them")
+    elif file.tracker.nests and are_collinear(from_mm([n.position_mm for n in file.tracker.nests])):
+        raise InputError(f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open")
+    placed: PlacedFile | None = file.artifact if file.gauge.kind == "trical" else file.tracker
+    assert placed is not None
+    R, p = placed_frame(placed)
+    return Fixture(
+        "",
+        p,
+        read_only(R[:, 2]),
+        placed.prior_mm * MM,
+        None,
+        R,
+        float(from_deg(placed.prior_deg)),
+    )
+
+
+def _check_trical(path: Path, file: CellFile) -> None:
+    if file.artifact is None:
+        raise InputError(
+            f"{path}: the section [artifact] with position_mm is missing: where the balls' frame stands in the base's"
+        )
+    if not file.balls:
+        raise InputError(f"{path}: a head of indicators needs at least one [[balls]] table")
+    if file.gauge.head is None:
+        raise InputError(
+            f"{path}: the section [gauge.head] with indicators is missing: the directions of the three indicators from "
+            "the tool point, in the flange frame"
+        )
+    _check_master(path, file.gauge.head, 2 * file.balls[0].radius_mm)
+    names = [b.name for b in file.balls]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
+
+
+def _check_strokes(path: Path, file: IndicatorHeadFile) -> None:
+    """Refuse a head whose indicators reach further than they move or touch further out than their tips are wide."""
+    largest = min(file.range_mm / 2, file.tip_mm / 2)
+    if file.usable_mm > largest:
+        raise InputError(
+            f"{path}: 'gauge.head.usable_mm' = {file.usable_mm:g} is more than indicators of range_mm = "
+            f"{file.range_mm:g} with tips of tip_mm = {file.tip_mm:g} allow: at most {largest:g}, half of either"
+        )
+
+
+def _check_master(path: Path, head: IndicatorHeadFile, ball_mm: float) -> None:
+    """Refuse a master ball that the indicators cannot show in their range beside balls of the diameter ``ball_mm``."""
+    if not 0.0 <= head.master_mm - ball_mm <= 2 * head.range_mm:
+        raise InputError(
+            f"{path}: 'gauge.head.master_mm' = {head.master_mm:g} is the diameter of the master ball: with balls of "
+            f"{ball_mm:g} mm and indicators of range_mm = {head.range_mm:g} it lies between {ball_mm:g} and "
+            f"{ball_mm + 2 * head.range_mm:g}"
+        )
+
+
+def read_head(path: Path, file: IndicatorHeadFile, map_axis: tuple[float, float, float]) -> IndicatorHead:
+    """Return the head with unit axes.
+
+    Raises:
+        InputError: the axes are not square, or the tool's axis does not lead out between the indicators.
+    """
+    axes = np.array(file.indicators)
+    size = np.linalg.norm(axes, axis=1)
+    if size.min() < 1e-9:
+        raise InputError(f"{path}: 'gauge.head.indicators' has {file.indicators}, where one is no direction")
+    axes = axes / size[:, None]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        angle = float(np.rad2deg(np.arccos(np.clip(axes[a] @ axes[b], -1, 1))))
+        if abs(angle - 90.0) > SQUARE:
+            raise InputError(
+                f"{path}: indicators {a + 1} and {b + 1} of 'gauge.head.indicators' stand at {angle:.1f}° to each "
+                f"other: their axes must meet at right angles, to {SQUARE:g}°"
+            )
+    if (axes @ np.array(map_axis)).max() >= 0.0:
+        raise InputError(
+            f"{path}: 'tool.map_axis' = {list(map_axis)} must lead out of the head, away from all three indicators: "
+            "the ball comes in along it"
+        )
+    _check_strokes(path, file)
+    return IndicatorHead(
+        read_only(axes),
+        file.range_mm * MM,
+        file.usable_mm * MM,
+        file.tip_mm * MM,
+        file.approach_mm * MM,
+        file.master_mm * MM,
+        file.uncalibrated_mm * MM,
+        file.centre_s,
+    )

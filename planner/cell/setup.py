@@ -1,0 +1,186 @@
+"""The rig: the robot, where the gauge stands, and where the targets sit on the tool — all that a reading needs.
+
+Places are fixtures of a bar, socket plates or tracker stations; points are targets on the tool. Where the cell does
+not say where they are, they are found from the run first (``planner.gauges.placement``) and stand here as found.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from planner.cell.cell import Cell, ToolPoint
+from planner.common.units import Array
+from planner.kinematics.chain import Chain, Transform
+from planner.kinematics.robot import Robot
+from planner.runs.run import Readings, Samples
+
+ReadingKind = Literal["length", "position", "pose"]
+STANDARD_GRAVITY = 9.80665  # [m/s²]
+N_BASE_TRANSFORMS = 6  # transforms before the robot's: small corrections of how the base stands to the gauge
+
+
+@dataclass(frozen=True)
+class MeasurementSetup:
+    """Robot, gauge and targets.
+
+    Attributes:
+        kind: what is read: a length, a position, or a position with orientation.
+        p_BX: fixtures in the base frame, (S, 3) [m]; only a length gauge has them.
+        R_BG, p_BG: frames of plates or trackers in the base frame, (S, 3, 3) and (S, 3) [m].
+        p_FM, R_FM: targets on the flange, (T, 3) [m] and (T, 3, 3).
+        p_GS: sockets in the plate's frame, (K, 3) [m].
+        place_names, point_names: as they are called.
+        place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
+        noise, noise_angle: of one reading [m], [rad]; ``joint_sigma`` repeatability of one joint [rad].
+        gravity_B: in the base frame, (3,) [m/s²]; tool_mass [kg]; com_F (3,) [m].
+        zero: what a bar reads beyond its length, as far as known [m].
+        stands: place and point of each of the cell's fixtures, in their order; see :meth:`visits`.
+        loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
+    """
+
+    robot: Robot
+    kind: ReadingKind
+    p_BX: Array
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    R_FM: Array
+    p_GS: Array
+    place_names: tuple[str, ...]
+    point_names: tuple[str, ...]
+    place_prior: Array
+    tool_prior: float
+    turn_prior: float
+    noise: float
+    noise_angle: float
+    joint_sigma: float
+    gravity_B: Array
+    tool_mass: float
+    com_F: Array
+    zero: float = 0.0
+    stands: tuple[tuple[int, int], ...] = ()
+    loaded: tuple[str, ...] = ()
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Corrections of the base, the robot, the tool point, and for a probe with orientation its turn.
+
+        The base stands first so that a shift of the gauge, a soft foundation and a tracker's frame are transforms like
+        all others; the tool point is at the flange here, see :meth:`offsets`.
+        """
+        moves = [Transform(f"base_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
+        turns = [Transform(f"base_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)]
+        tool = [Transform(f"map_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
+        probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.kind == "pose" else []
+        return Chain((*moves, *turns, *self.robot.transforms, *tool, *probe))
+
+    @property
+    def weighs(self) -> bool:
+        """Whether any weight on the joints is known, a link's or the tool's."""
+        return bool(self.tool_mass) or any(m is not None for m in self.robot.masses)
+
+    def visits(self, q: Array, fixture: np.ndarray | int = 0) -> Samples:
+        """Return samples at q (n, N) [rad], each with the bar as it hangs at an entry of the cell's fixtures."""
+        which = np.broadcast_to(fixture, (len(q),))
+        if len(self.p_FM) == 1:
+            return Samples(q, which)
+        stands = np.array(self.stands)
+        return Samples(q, stands[which, 0], point=stands[which, 1])
+
+    def offsets(self, samples: Samples) -> list[float | Array]:
+        """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
+        out: list[float | Array] = [0.0] * len(self.chain)
+        first = N_BASE_TRANSFORMS + len(self.robot.transforms)
+        for k in range(3):
+            several = len(self.p_FM) > 1 and samples.point is not None
+            out[first + k] = self.p_FM[samples.point, k] if several else float(self.p_FM[0, k])
+        return out
+
+    def targets(self, samples: Samples, readings: Readings) -> "Targets":
+        """Bring the readings to the base frame, as far as it is known where the gauge stands."""
+        if readings.length is not None:
+            return Targets(length=readings.length - self.zero)
+        place = samples.place
+        p_GM = readings.position
+        if p_GM is None:
+            assert readings.ball is not None
+            p_GM = self.p_GS[readings.ball] + (0.0 if readings.offset is None else readings.offset)
+        position = np.einsum("nij,nj->ni", self.R_BG[place], p_GM) + self.p_BG[place]
+        if readings.rotation is None or self.kind != "pose":
+            return Targets(position=position)
+        point = np.zeros(len(samples), dtype=int) if samples.point is None else samples.point
+        R = np.einsum("nij,njk,nlk->nil", self.R_BG[place], readings.rotation, self.R_FM[point])
+        return Targets(position=position, rotation=R)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3)."""
+
+    length: Array | None = None
+    position: Array | None = None
+    rotation: Array | None = None
+
+    def take(self, which: slice | np.ndarray) -> "Targets":
+        """Return the targets at ``which``."""
+        return Targets(*(None if v is None else v[which] for v in (self.length, self.position, self.rotation)))
+
+
+READING_KINDS: tuple[tuple[str, ReadingKind], ...] = (
+    ("edbb", "length"),
+    ("ldbb", "length"),
+    ("draw-wire", "length"),
+    ("tracker", "position"),
+    ("trical", "position"),
+    ("ball-socket", "position"),
+)
+
+
+def setup_of(cell: Cell) -> MeasurementSetup:
+    """Return the rig as the cell describes it; frames that it does not give are the base's and the flange's own."""
+    names = tuple(dict.fromkeys(f.name for f in cell.fixtures))
+    cups = [next(f for f in cell.fixtures if f.name == name) for name in names]
+    tool = cell.tool
+    used = sorted({f.point for f in cell.fixtures} or range(len(tool.points)))
+    points = [tool.points[k] for k in used] if tool.points else [ToolPoint("", tool.p_FM, tool.axis_F)]
+    n = max(1, len(names))
+    return MeasurementSetup(
+        robot=cell.robot,
+        kind=dict(READING_KINDS)[cell.gauge.kind],
+        p_BX=np.array([f.p_BX for f in cups]).reshape(-1, 3),
+        R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
+        p_BG=np.zeros((n, 3)),
+        p_FM=np.array([p.p_FM for p in points]),
+        R_FM=np.broadcast_to(np.eye(3), (len(points), 3, 3)),
+        p_GS=np.array([b.p_GS for b in cell.balls]).reshape(-1, 3),
+        place_names=names or ("",),
+        point_names=tuple(p.name for p in points) if len(points) > 1 else ("",),
+        place_prior=np.array([f.prior for f in cups] or [np.inf]),
+        tool_prior=tool.prior,
+        turn_prior=min([f.turn for f in cups] or [np.inf]),
+        noise=cell.gauge.noise,
+        noise_angle=cell.gauge.noise_angle,
+        joint_sigma=_repeatability_of_joint(cell),
+        gravity_B=cell.base.R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
+        tool_mass=tool.mass,
+        com_F=tool.com_F,
+        stands=tuple((names.index(f.name), used.index(f.point)) for f in cell.fixtures),
+        loaded=tuple(dict.fromkeys(cell.fixtures[c.fixture].name for c in cell.circles if c.loads)),
+    )
+
+
+def largest_load(cell: Cell) -> float | None:
+    """Return the largest pull of a bar that the robot may carry beside its tool [N]; ``None`` where nobody says."""
+    payload = cell.robot.payload
+    return None if payload is None else (payload - cell.tool.mass) * STANDARD_GRAVITY
+
+
+def _repeatability_of_joint(cell: Cell) -> float:
+    """Standard deviation of one joint's angle [rad] that explains the published repeatability.
+
+    The same angle for each joint, such that the tool point's, at the home pose, is the published value (three sigma).
+    """
+    lever = np.linalg.norm(cell.map_jacobian(cell.home[None]), axis=1)  # (1, N)
+    return float(cell.robot.repeatability / 3.0 / np.sqrt((lever**2).sum()))

@@ -1,0 +1,84 @@
+"""The command at the cell: centre."""
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.cli.terminal import Json, errors, print_json
+from planner.common.errors import InputError
+from planner.instruments.centring.indicators import open_indicators
+from planner.instruments.centring.protocols import find_protocol
+from planner.instruments.centring.robot_link import open_link, write_centring_program
+from planner.instruments.centring.session import CentringBench, CentringSession, open_session, run_session
+from planner.instruments.centring.settings import CentringSettings, read_settings
+from planner.instruments.centring.stop import StopRequest, stop_on_signals
+
+
+def centre_command(
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan for the gauge trical")],
+    robot: Annotated[str | None, typer.Option(metavar="tcp://HOST[:PORT]", help="KUKAVARPROXY's address")] = None,
+    indicators: Annotated[
+        str | None, typer.Option(metavar="PORT[,PORT,PORT]", help="serial ports of x, y, z; or of one multiplexer")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="RUN.csv", help="the run; a session begun there goes on")
+    ] = None,
+    settings_file: Annotated[
+        Path | None, typer.Option("--settings", metavar="CENTRING.toml", help="indicators, limits, speeds, time-outs")
+    ] = None,
+    stop_file: Annotated[
+        Path | None, typer.Option("--stop-file", metavar="FILE", help="stop as soon as this file is there")
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="the plan's own program drives the robot and calls at each ball")
+    ] = False,
+    program: Annotated[
+        Path | None, typer.Option("--program", metavar="DIR", help="write the robot's own program there, and end")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Centre the head of three indicators on the balls of a plan, pose by pose, and record the run."""
+    settings = read_settings(settings_file, plan_file.parent / "cell.toml")
+    if program is not None:
+        for path in write_centring_program(settings.robot, program):
+            errors.print(f"written to {path}", markup=False)
+        return
+    if robot is None or indicators is None or output is None:
+        raise InputError("edbb centre needs --robot, --indicators and -o (or --program, to write the robot's program)")
+    if stop_file is not None and stop_file.exists():
+        raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
+    session = open_session(plan_file, output)
+    if session.pending:
+        _run(session, robot, indicators.split(","), settings, StopRequest(stop_file), follow)
+    if as_json:
+        print_json(_summary(session, output))
+    else:
+        errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}", markup=False)
+
+
+def _run(
+    session: CentringSession, robot: str, ports: list[str], settings: CentringSettings, stop: StopRequest, follow: bool
+) -> None:
+    with ExitStack() as opened:
+        opened.enter_context(stop_on_signals(stop))
+        head = open_indicators(ports, find_protocol(settings.head.protocol), settings.head, stop)
+        opened.callback(head.close)
+        link = open_link(robot, session.way.q.shape[1], settings.robot, stop, follow)
+        opened.callback(link.close)
+        run_session(
+            session, CentringBench(head, link, settings, stop, lambda line: errors.print(line, markup=False)), follow
+        )
+
+
+def _summary(session: CentringSession, output: Path) -> dict[str, object]:
+    rows = session.journal.rows
+    return {
+        "plan_id": session.way.plan_id,
+        "poses": len(session.way.visits),
+        "measured": len(rows),
+        "sessions": 1 + max(r.session for r in rows),
+        "moves": sum(r.moves for r in rows),
+        "run": output.name,
+    }

@@ -1,0 +1,187 @@
+"""Reads TOML and JSON files into pydantic models, and says which key is wrong in one clear sentence."""
+
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from planner.common.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+
+KeyPath = tuple[str | int, ...]
+MOST_FAULTS = 3  # faults that one message tells
+TABLE = "table"
+NEEDED = {  # by pydantic's name of the fault
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),
+    **dict.fromkeys(("tuple_type", "list_type"), "list"),
+    "string_type": "text in quotation marks",
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "number"),
+    "finite_number": "finite number",
+    **dict.fromkeys(("bool_type", "bool_parsing"), "switch (true or false)"),
+}
+
+
+def describe_faults(err: ValidationError, data: object, model: type[BaseModel], toml: bool) -> str:
+    """Say in one sentence for each of the first faults which key is wrong, what was found and what is allowed.
+
+    Args:
+        err: of ``model`` on ``data``.
+        data: what the file holds.
+        model: what it should hold.
+        toml: whether tables are to be called as TOML writes them, ``[[balls]] number 1``.
+    """
+    faults = dict[KeyPath, list["ErrorDetails"]]()
+    for e in err.errors():
+        faults.setdefault(_key_path(data, e["loc"], e["type"] == "missing"), []).append(e)
+    if ("schema",) in faults:  # a file of another kind: nothing else that it lacks matters
+        return _sentence(("schema",), faults["schema",], model, toml) + _expected_schema(faults["schema",], model)
+    deepest = [p for p in faults if not any(len(p) < len(q) and q[: len(p)] == p for q in faults)]
+    return "; ".join([_sentence(path, faults[path], model, toml) for path in deepest][:MOST_FAULTS])
+
+
+def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
+    """Return the keys and numbers on the way to what is wrong, without pydantic's names of alternatives between."""
+    out: list[str | int] = []
+    for k, part in enumerate(loc):
+        inside = isinstance(part, int) and part < len(data) if isinstance(data, list | tuple) else False
+        if inside or (isinstance(data, dict) and part in data):
+            data = data[part]  # type: ignore[index]
+        elif not (missing and k == len(loc) - 1):
+            continue
+        out.append(part)
+    return tuple(out)
+
+
+def _sentence(path: KeyPath, faults: list["ErrorDetails"], model: type[BaseModel], toml: bool) -> str:
+    """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
+    kinds, found = [e["type"] for e in faults], faults[0]["input"]
+    place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")
+    if kinds[0] == "extra_forbidden":
+        known = _keys_beside(model, path)
+        return (
+            f"{place}unknown key {key}{did_you_mean(str(path[-1]), known)} (allowed here: {', '.join(sorted(known))})"
+        )
+    if kinds[0] == "missing":
+        return f"{place}the key {key} is missing" if isinstance(path[-1], str) else f"{place}{key} is missing"
+    own = [e for e in faults if e["type"] not in NEEDED]
+    if not own:
+        needed = dict.fromkeys(f"a {NEEDED[kind]}" for kind in kinds)
+        text = " or ".join(needed) if toml else " or ".join(needed).replace("a table", "an object { … }")
+        return f"{place}{_state_value(key, found, toml)}{text} is needed"
+    if isinstance(found, dict):
+        return f"{place}{key}{': ' if key else ''}{_fault_message(own[0])}"
+    return f"{place}{_state_value(key, found, toml)}{_fault_message(own[0])}"
+
+
+def _fault_message(error: "ErrorDetails") -> str:
+    context = error.get("ctx", {})
+    if error["type"] in ("too_short", "too_long"):
+        many = context.get("min_length", context.get("max_length"))
+        entries = f"{many} {'entry is' if many == 1 else 'entries are'}"
+        return f"at least {entries} needed" if error["type"] == "too_short" else f"at most {entries} allowed"
+    text = error["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    return text[0].lower() + text[1:]
+
+
+def _state_value(key: str, found: object, toml: bool) -> str:
+    text = ("a table" if toml else "an object") if isinstance(found, dict) else repr(found)
+    return f"{key} = {text}: " if key else f"{text}: "
+
+
+def _name_place(path: KeyPath, toml: bool, table: bool) -> tuple[str, str]:
+    """Return the place in lists, counted from 1, as ``"[[balls]] number 2: "``, and the key there, quoted.
+
+    ``table``: whether there is a table at the end of the path.
+    """
+    place, start = "", 0
+    for k in (k for k, part in enumerate(path) if isinstance(part, int)):
+        name, last = ".".join(str(p) for p in path[start:k]), k == len(path) - 1
+        inner = not last and isinstance(path[k + 1], str)
+        called = f"[[{name}]]" if toml and (inner or (last and table)) else repr(name)
+        place += f"{called if name else ','} number {int(path[k]) + 1}{': ' if inner else ''}"
+        start = k + 1
+    rest = ".".join(str(p) for p in path[start:])
+    return (place, repr(rest)) if rest else ("", place)
+
+
+def _expected_schema(faults: list["ErrorDetails"], model: type[BaseModel]) -> str:
+    """Name the schema that a file without one should have; of a wrong one it is said anyway."""
+    if faults[0]["type"] != "missing":
+        return ""
+    allowed = [repr(a) for f in model.model_fields.values() if f.alias == "schema" for a in get_args(f.annotation)]
+    return f" ({', '.join(allowed)} is expected)" if allowed else ""
+
+
+def _keys_beside(model: type[BaseModel], path: KeyPath) -> list[str]:
+    """Return the keys allowed in the section that ``path`` points into."""
+    here: type[BaseModel] | None = model
+    for part in path[:-1]:
+        if isinstance(part, int) or here is None:
+            continue
+        field = here.model_fields.get(part)
+        inner = [] if field is None else _models_in(field.annotation)
+        here = inner[0] if inner else here
+    return [] if here is None else [f.alias or name for name, f in here.model_fields.items()]
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for a in getattr(annotation, "__args__", ()) for m in _models_in(a)]
+
+
+class StrictModel(BaseModel):
+    """Base of every file section: unknown keys are errors, numbers are finite, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+SchemaModel = TypeVar("SchemaModel", bound=BaseModel)
+
+
+def read_toml(path: Path, model: type[SchemaModel]) -> SchemaModel:
+    """Read the TOML file at ``path`` into ``model``.
+
+    Raises:
+        InputError: the file is missing, is no TOML, or a key is unknown, missing or out of range.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as err:
+        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
+        raise InputError(f"{path}: is not valid TOML: {err}") from err
+    return validate(data, model, str(path))
+
+
+def read_json(path: Path) -> object:
+    """Read the JSON file at ``path``.
+
+    Raises:
+        InputError: the file is missing or is no JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as err:
+        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    except ValueError as err:
+        raise InputError(f"{path}: is not valid JSON: {err}") from err
+
+
+def validate(data: object, model: type[SchemaModel], where: str) -> SchemaModel:
+    """Check ``data`` against ``model``; ``where`` names the file in the message.
+
+    Raises:
+        InputError: with the first offending keys, what was found and what is allowed.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as err:
+        raise InputError(f"{where}: {describe_faults(err, data, model, toml=not where.endswith('.json'))}") from err

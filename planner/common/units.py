@@ -1,0 +1,38 @@
+"""Millimetres and degrees live at the border, metres and radians inside: the only place that converts."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+MM = 1e-3  # [m]
+UM = 1e-6  # [m]
+DEG = np.pi / 180.0  # [rad]
+MM_PER_MIN = 1e-3 / 60.0  # [m/s]
+
+
+def from_mm(value: ArrayLike) -> Array:
+    """Convert millimetres to metres."""
+    return np.asarray(value, dtype=float) * MM
+
+
+def to_mm(value: ArrayLike) -> Array:
+    """Convert metres to millimetres."""
+    return np.asarray(value, dtype=float) / MM
+
+
+def from_deg(value: ArrayLike) -> Array:
+    """Convert degrees to radians."""
+    return np.asarray(value, dtype=float) * DEG
+
+
+def to_deg(value: ArrayLike) -> Array:
+    """Convert radians to degrees."""
+    return np.asarray(value, dtype=float) / DEG
+
+
+def read_only(value: ArrayLike) -> Array:
+    """Return a read-only float array: what flows between rooms is never changed in place."""
+    array = np.array(value, dtype=float)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,63 @@
+"""The eight shapes in which an arm with a spherical wrist reaches a pose, told apart by three signs.
+
+Bit 0: the wrist's centre is behind axis 1. Bit 1: joint 3 is above the angle at which the arm is stretched.
+Bit 2: joint 5 is negative. KUKA's status and RAPID's cfx count the same three signs.
+"""
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.kinematics.robot import Robot
+
+NEAR = 1e-3  # [m or rad] closer to the border between two shapes, either name will do
+WRIST = 1e-5  # [m] within which axes 4 and 6 must meet on axis 5
+
+
+def has_shapes(robot: Robot) -> bool:
+    """Return whether the robot has six joints, axes 2 and 3 parallel, and a spherical wrist."""
+    if robot.n_joints != 6:
+        return False
+    q = np.linspace(0.2, 0.7, 6)[None]
+    p, u = _axes(robot, q)
+    wrist = _wrist(p, u)
+    off = np.linalg.norm(np.cross(wrist - p[3], u[3]), axis=-1)
+    skew = np.linalg.norm(np.cross(u[1], u[2]), axis=-1)
+    return bool(off[0] < WRIST and skew[0] < WRIST and abs(np.sum(u[4] * u[5])) < WRIST)
+
+
+def shape_margins(robot: Robot, q: Array) -> Array:
+    """Return how clearly each bit is 0 (positive) or 1 (negative), (n, 3) [m, m², rad], at q (n, 6) [rad]."""
+    p, u = _axes(robot, q)
+    wrist = _wrist(p, u)
+    ahead = np.sum(np.cross(u[0], u[1]) * (wrist - p[0]), axis=-1)
+    p0, u0 = _axes(robot, np.zeros((1, 6)))
+    forward = np.sign(np.sum(np.cross(u0[0], u0[1]) * (_wrist(p0, u0) - p0[0])))
+    sense = np.sign(robot.sense_matrix[2, 2])
+    elbow = sense * np.sum(np.cross(p[2] - p[1], wrist - p[2]) * u[2], axis=-1)
+    return np.column_stack([forward * ahead, -elbow, q[:, 4]])
+
+
+def shape_of(robot: Robot, q: Array) -> np.ndarray:
+    """Return the number of the shape, 0 … 7, at q (n, 6) [rad], (n,) int."""
+    return np.asarray((shape_margins(robot, q) < 0.0) @ np.array([1, 2, 4]))
+
+
+def has_shape(robot: Robot, q: Array, shape: np.ndarray) -> np.ndarray:
+    """Return whether q (n, 6) [rad] has the shape (n,), or stands at its border, (n,) bool."""
+    bits = (np.asarray(shape)[:, None] >> np.arange(3)) & 1
+    m = shape_margins(robot, q)
+    return np.asarray(((np.abs(m) < NEAR) | ((m < 0.0) == (bits == 1))).all(axis=1))
+
+
+def _axes(robot: Robot, q: Array) -> tuple[Array, Array]:
+    """Return a point on every joint's axis and its direction, each (6, n, 3)."""
+    motion = robot.chain.forward(robot.theta(q))
+    moving = sorted((t.joint, k) for k, t in enumerate(robot.transforms) if t.joint is not None)
+    order = [k for _, k in moving]
+    return np.swapaxes(motion.p[order], 1, 2), np.swapaxes(motion.u[order], 1, 2)
+
+
+def _wrist(p: Array, u: Array) -> Array:
+    """Return the point of axis 5 that is nearest to axis 6, (n, 3) [m]; the two are perpendicular."""
+    along = np.sum((p[5] - p[4]) * u[4], axis=-1, keepdims=True)
+    return np.asarray(p[4] + along * u[4])

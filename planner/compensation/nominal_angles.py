@@ -1,0 +1,166 @@
+"""Joint angles at which the nominal robot reaches the poses of a file, in the configuration that the file says."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.stats import qmc
+
+from planner.common.units import DEG, Array
+from planner.compensation.arm_shapes import has_shape, shape_of
+from planner.compensation.correction import NominalPoser, solve_flange_ik
+from planner.compensation.rotations import inverse
+from planner.compensation.targets import CartesianTarget, Target
+from planner.kinematics.robot import Robot
+
+SEEDS = 15  # log2 of how many arm positions are kept to start from
+STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
+ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
+FOUND = 1e-7  # [m and rad] of a pose that is reached
+Problem = tuple[int, str]
+
+
+def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Problem]]:
+    """Return the angles (n, N) [rad] of the targets of a file, NaN where there are none, and (line, why) of those."""
+    q = np.full((len(targets), robot.n_joints), np.nan)
+    problems: list[Problem] = []
+    for i, target in enumerate(targets):
+        if target.q is not None:
+            q[i] = target.q
+    _from_start(robot, targets, q, problems)
+    _from_configuration(robot, targets, q, problems)
+    return q, problems
+
+
+def flange_of(poses: list[CartesianTarget]) -> Array:
+    """Return the flange in the robot's own frame, (n, 4, 4) [m]."""
+    T_WB, T_BT = np.array([p.T_WB for p in poses]), np.array([p.T_BT for p in poses])
+    return np.asarray(T_WB @ T_BT @ inverse(np.array([p.T_FT for p in poses])))
+
+
+def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+    rows = [(i, t.pose, t.pose.start) for i, t in enumerate(targets) if t.pose is not None and t.pose.start is not None]
+    if not rows:
+        return
+    T = flange_of([pose for _, pose, _ in rows])
+    found, ok = _reach(robot, np.array([start for _, _, start in rows]), T)
+    for (i, _, _), solution, good in zip(rows, found, ok, strict=True):
+        if good:
+            q[i] = solution
+        else:
+            problems.append((targets[i].line, "the pose is not reached from its starting angles"))
+
+
+def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+    rows = [i for i, t in enumerate(targets) if t.pose is not None and t.pose.start is None]
+    if not rows:
+        return
+    shapes = np.zeros(len(targets), dtype=int)
+    given = ~np.isnan(q[:, 0])
+    if given.any():
+        shapes[given] = shape_of(robot, q[given])
+    poses = []
+    for i in rows:
+        pose, follows = targets[i].pose, targets[i].follows
+        assert pose is not None
+        wanted = None if pose.configuration is None else pose.configuration.shape
+        shapes[i] = shapes[follows] if wanted is None and follows is not None else wanted or 0
+        poses.append(pose)
+    found, ok = _search(robot, flange_of(poses), shapes[rows])
+    for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
+        target = targets[i]
+        before = None if target.follows is None else targets[target.follows].line
+        if before is not None and np.isnan(q[target.follows]).any():
+            problems.append((target.line, f"it follows line {before}, whose joint angles are not known"))
+        elif not good:
+            problems.append((target.line, f"the nominal robot does not reach the pose in {_shape_sentence(before)}"))
+        else:
+            q[i], why = _choose_turns(robot, pose, solution, q, target.follows)
+            if why:
+                problems.append((target.line, f"in {_shape_sentence(before)} {why}"))
+
+
+def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarray]:
+    """Return angles (n, 6) in the shapes (n,) that reach T (n, 4, 4), and which were found."""
+    q, ok = np.zeros((len(T), robot.n_joints)), np.zeros(len(T), dtype=bool)
+    seeds, scale = _seeds(robot)
+    kinds = shape_of(robot, seeds)
+    features = _features(T[:, :3, 3], T[:, :3, :3], scale)
+    pool = _features(*NominalPoser(robot).flange(seeds), scale)
+    for shape in np.unique(shapes):
+        rows, own = np.flatnonzero(shapes == shape), np.flatnonzero(kinds == shape)
+        if not own.size:
+            continue
+        tree = KDTree(pool[own])
+        for count in STARTS:
+            rows = rows[~ok[rows]]
+            if not rows.size:
+                break
+            near = tree.query(features[rows], k=range(1, min(count, own.size) + 1))[1]
+            found, good = _reach(
+                robot, seeds[own[near]].reshape(-1, robot.n_joints), np.repeat(T[rows], near.shape[1], 0)
+            )
+            good = (good & has_shape(robot, found, np.full(len(found), shape))).reshape(near.shape)
+            q[rows] = found.reshape(*near.shape, -1)[np.arange(len(rows)), good.argmax(axis=1)]
+            ok[rows] = good.any(axis=1)
+    return q, ok
+
+
+def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
+    nominal = NominalPoser(robot)
+    q, _ = solve_flange_ik(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
+    p, R = nominal.flange(q)
+    far = np.abs(p - T[:, :3, 3]).max(axis=1)
+    if robot.n_joints == 5:
+        off = np.abs(R[:, :, 2] - T[:, :3, 2]).max(axis=1)
+    else:
+        off = np.abs(R - T[:, :3, :3]).max(axis=(1, 2))
+    return q, (far < FOUND) & (off < FOUND)
+
+
+def _shape_sentence(before: int | None) -> str:
+    return "the shape that is said" if before is None else f"the shape of the target before (line {before})"
+
+
+def _choose_turns(
+    robot: Robot, pose: CartesianTarget, solution: Array, q: Array, follows: int | None
+) -> tuple[Array, str]:
+    """Add the whole turns that the configuration says, or that bring the angles nearest to those before.
+
+    Returns:
+        The angles (N,) [rad], NaN where there are none, and why there are none.
+    """
+    options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None]
+    within = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
+    nothing = np.full(len(solution), np.nan)
+    if not within.any(axis=0).all():
+        j = int(np.argmin(within.any(axis=0)))
+        low, up = robot.q_lower[j] / DEG, robot.q_upper[j] / DEG
+        return nothing, f"joint {j + 1} would stand at {solution[j] / DEG:.2f}°; {low:g} … {up:g}° are allowed"
+    if pose.configuration is not None:
+        allowed, distance = within & pose.configuration.turns(options), np.abs(options)
+    else:
+        assert follows is not None
+        allowed, distance = within, np.abs(options - q[follows])
+    if not allowed.any(axis=0).all():
+        j = int(np.argmin(allowed.any(axis=0)))
+        angles = " or ".join(f"{v / DEG:.2f}°" for v in options[within[:, j], j])
+        return nothing, f"joint {j + 1} would stand at {angles}, which is not in the turn that is said"
+    best = np.where(allowed, distance, np.inf).argmin(axis=0)
+    return np.asarray(options[best, np.arange(robot.n_joints)]), ""
+
+
+def _seeds(robot: Robot) -> tuple[Array, float]:
+    """Return arm positions (n, N) [rad] spread over the joints' limits, one turn at most, and the reach [m]."""
+    lower, upper = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
+    q = lower + _unit_points(robot.n_joints) * (upper - lower)
+    return q, float(sum(abs(t.nominal) for t in robot.transforms if t.kind == "translation"))
+
+
+@lru_cache(maxsize=4)
+def _unit_points(dimension: int) -> Array:
+    return np.asarray(qmc.Sobol(dimension, scramble=False).random_base2(SEEDS))
+
+
+def _features(p: Array, R: Array, scale: float) -> Array:
+    return np.concatenate([2.0 * p / scale, 0.5 * R.reshape(len(p), 9)], axis=1)

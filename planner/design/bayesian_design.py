@@ -1,0 +1,261 @@
+"""Bayesian I-optimal design: the candidates that leave the smallest expected error of the tool, and a bound on it.
+
+The posterior covariance C of all errors under prior and readings is that of a Bayesian fit; a reading a with noise s
+takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the tool (Chaloner and Verdinelli 1995,
+Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.determinism import on_one_thread
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, to_mm
+from planner.design.candidates.pool import PoseSet
+from planner.design.undeclared_errors import ASSUMED, UndeclaredErrors, undeclared_errors
+
+
+@dataclass
+class BayesianPosterior:
+    """The covariance C of all errors, in prior sizes, and what the candidates would change of it.
+
+    A reading moves every number below by the products of all candidates with two vectors (Sherman–Morrison), so that
+    one step costs one look at the rows, however many numbers there are.
+
+    Attributes:
+        white: rows of the candidates in standard deviations of their readings per prior size, (n, P).
+        weight: mean square error of the tool per squared errors in prior sizes, W (P, P).
+        covariance: C, (P, P).
+        shown: a C W C aᵀ of each candidate's row a, (n,) [m²].
+        spread: variance of each reading that C foretells, a C aᵀ, in its own noise, (n,).
+        square: mean square error of the tool under C [m²].
+    """
+
+    white: Array
+    weight: Array
+    covariance: Array
+    shown: Array
+    spread: Array
+    square: float
+
+    @classmethod
+    def before(cls, white: Array, weight: Array) -> "BayesianPosterior":
+        """Return what the priors say."""
+        shown = np.einsum("ij,ij->i", white @ weight, white)
+        spread = np.einsum("ij,ij->i", white, white)
+        return cls(white, weight, np.eye(white.shape[1]), shown, spread, float(np.trace(weight)))
+
+    @property
+    def gains(self) -> Array:
+        """How much each candidate would take off the mean square error, (n,) [m²]."""
+        return np.asarray(self.shown / (1.0 + self.spread))
+
+    def loss(self, which: np.ndarray) -> Array:
+        """How much the mean square error would grow without each of the readings ``which``, (k,) [m²]."""
+        return np.asarray(self.shown[which] / (1.0 - self.spread[which]))
+
+    def with_readings(self, which: np.ndarray) -> "BayesianPosterior":
+        """Return what is known once the candidates ``which`` (k,) are measured as well."""
+        out = replace(self)
+        for k in which:
+            out.add(int(k))
+        return out
+
+    def add(self, k: int, sign: int = 1) -> None:
+        """Take candidate ``k`` among the readings, or out of them where ``sign`` is −1."""
+        scale = sign / (1.0 + sign * self.spread[k])
+        seen = self.covariance @ self.white[k]
+        pull = self.weight @ seen
+        size = float(seen @ pull)
+        by, through = self.white @ seen, self.white @ (self.covariance @ pull)
+        self.square -= size * scale
+        self.shown = self.shown - scale * by * (2.0 * through - scale * size * by)
+        self.spread = self.spread - scale * by**2
+        self.covariance = self.covariance - scale * np.outer(seen, seen)
+
+
+STEPS = 10  # they bring the bound to a part in thirty of what more of them would prove
+POWER = (
+    0.8  # of a reading's gain in the step of its weight (multiplicative algorithm; Silvey, Titterington & Torsney 1978)
+)
+START_SHARE = 0.7  # share of the weight that the given set starts with
+
+
+def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
+    """Return a lower bound of the error [m] that any ``len(chosen)`` candidates leave.
+
+    Args:
+        white: rows of the candidates in standard deviations of their readings per prior size, (m, P).
+        weight: mean square error per squared errors in prior sizes, (P, P).
+        chosen: a good set, from which the search starts, (n,) int.
+    """
+    count, best = len(chosen), 0.0
+    w = np.full(len(white), (1 - START_SHARE) * count / len(white))
+    w[chosen] += START_SHARE
+    for _ in range(STEPS):
+        covariance = np.linalg.inv((white.T * w) @ white + np.eye(white.shape[1]))
+        gain = np.einsum("ij,ij->i", white @ (covariance @ weight @ covariance), white)
+        corner = np.sort(gain)[-count:].sum()
+        best = max(best, float((weight * covariance).sum() - corner + gain @ w))
+        w = _cap_weights(w * gain**POWER, count)
+    size = np.sort(np.linalg.eigvalsh(weight))
+    untaught = float(np.maximum(size[: max(len(size) - count, 0)], 0.0).sum())
+    return float(np.sqrt(max(best, untaught)))
+
+
+def _cap_weights(wanted: Array, count: int) -> Array:
+    """Weights in proportion to what is wanted, none above one, that sum to ``count``."""
+    full = np.zeros(len(wanted), dtype=bool)
+    while True:
+        out = np.where(full, 1.0, wanted * ((count - full.sum()) / wanted[~full].sum()))
+        more = out > 1.0 + 1e-12
+        if not more.any():
+            return out
+        full |= more
+
+
+TARGET_SHARE = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
+FEWEST, MOST = 100, 400  # poses, where no number is given
+START_PRIOR_SHARE = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
+PASSES = 2  # through the chosen, in which each may give way to another
+SHORTLIST = 12_000  # candidates that promise most, among which the chosen are exchanged
+FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class BayesianDesign:
+    """The poses that show most of what may be wrong, and the error that the robot would keep.
+
+    Attributes:
+        unknown: what may be wrong.
+        chosen: positions in the pool in the order in which they were taken, (n,) int.
+        after: expected error of the tool [m] after the first 1 … n of them.
+        bound: no n candidates leave a smaller error than this [m].
+        left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
+    """
+
+    unknown: UndeclaredErrors
+    chosen: np.ndarray
+    after: Array
+    bound: float
+    left: float
+
+    @property
+    def gap(self) -> float:
+        """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
+        return float(self.after[-1]) / self.bound - 1.0
+
+    def with_poses(self, q: Array, fixture: np.ndarray) -> float:
+        """Return the expected error [m] after readings at other poses q (n, N) [rad] on the fixtures (n,)."""
+        white = self.unknown.white(q, fixture)
+        covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
+        return float(np.sqrt((self.unknown.scaled * covariance).sum()))
+
+
+@on_one_thread
+def select_bayesian_poses(
+    cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | None = None
+) -> BayesianDesign:
+    """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
+
+    Raises:
+        NoSolutionError: the pool has fewer candidates.
+    """
+    if poses is not None and poses > len(pool):
+        raise NoSolutionError(
+            f"{poses} poses are wanted, and only {len(pool)} candidates are left: widen the cones, the cable's "
+            "budget or the clearance, or raise plan.candidates"
+        )
+    unknown = undeclared_errors(cell, pool.q, pool.fixture)
+    white, weight = unknown.white(pool.q, pool.fixture), unknown.scaled
+    target = 0.0 if poses else TARGET_SHARE * unknown.untraced
+    begun = BayesianPosterior.before(white * _start_factors(unknown), weight)
+    chosen = select_greedily(begun, min(poses or MOST, len(pool)), target, progress)
+    short = np.union1d(chosen, np.argsort(-begun.gains, kind="stable")[:SHORTLIST])
+    at = np.searchsorted(short, chosen)
+    chosen = short[exchange_by_gain(BayesianPosterior.before(white[short], weight).with_readings(at), at)]
+    after = errors_after(white[chosen], weight)
+    return BayesianDesign(unknown, chosen, after, bound_tool_error(white, weight, chosen), float(after[-1]))
+
+
+def _start_factors(unknown: UndeclaredErrors) -> Array:
+    """Factors (P,) of the rows, by which the greedy choice takes the gauge's places for nearly known.
+
+    The first readings about a fixture only tell where it stands; one step ahead it would never look worth beginning.
+    """
+    return np.array([START_PRIOR_SHARE if p.group == "gauge" else 1.0 for p in unknown.model.parameters])
+
+
+def select_greedily(
+    posterior: BayesianPosterior, most: int, target: float, progress: Progress | None = None
+) -> np.ndarray:
+    """Take one candidate after the other into ``posterior``, always the one that leaves the smallest error.
+
+    Args:
+        posterior: what is known before; what is known after.
+        most: how many are taken at most.
+        target: the error at which to stop [m]; with zero there is no stopping before.
+        progress: called with (taken, most).
+
+    Returns:
+        Positions of the candidates in the order in which they were taken, (k,) int.
+    """
+    chosen: list[int] = []
+    squares: list[float] = []
+    while len(chosen) < most and posterior.square > target**2 and not (target and _is_flat(squares)):
+        gains = posterior.gains
+        gains[chosen] = -1.0
+        chosen.append(int(np.argmax(gains)))
+        posterior.add(chosen[-1])
+        squares.append(posterior.square)
+        if progress is not None:
+            progress(len(chosen), most)
+    return np.array(chosen)
+
+
+def _is_flat(squares: list[float]) -> bool:
+    """Tell whether the last tenth of the poses hardly lessened the error: the rest cannot be seen from here."""
+    before = int(0.9 * len(squares))
+    return len(squares) >= FEWEST and squares[-1] > (1 - FLAT) ** 2 * squares[before - 1]
+
+
+def exchange_by_gain(posterior: BayesianPosterior, chosen: np.ndarray) -> np.ndarray:
+    """Give each of the chosen up for the candidate that leaves the smallest error, those that count least first."""
+    out = chosen.copy()
+    for _ in range(PASSES):
+        before = out.copy()
+        for k in np.argsort(posterior.loss(out), kind="stable"):
+            posterior.add(int(out[k]), -1)
+            gains = posterior.gains
+            gains[np.delete(out, k)] = -1.0
+            best = int(np.argmax(gains))
+            if gains[best] > gains[out[k]] * (1 + 1e-9):
+                out[k] = best
+            posterior.add(int(out[k]))
+        if np.array_equal(out, before):
+            break
+    return out
+
+
+def errors_after(white: Array, weight: Array) -> Array:
+    """Return the error of the tool [m] after the first 1 … n readings of ``white`` (n, P), (n,)."""
+    known = BayesianPosterior.before(white, weight)
+    out = np.empty(len(white))
+    for k in range(len(white)):
+        known.add(k)
+        out[k] = np.sqrt(max(known.square, 0.0))
+    return out
+
+
+def describe_bayesian_design(ahead: BayesianDesign) -> str:
+    """Return what is foreseen in a sentence."""
+    left, bound, untraced = (f"{float(to_mm(v)):.3f}" for v in (ahead.left, ahead.bound, ahead.unknown.untraced))
+    few = " (too few poses to gain by tracing)" if ahead.left > ahead.unknown.untraced else ""
+    return (
+        f"the tool would keep an error of {left} mm (rms, anywhere in the workspace) once the run is traced{few}; a "
+        f"fit of the geometry alone leaves {untraced} mm even after endless readings; no {len(ahead.chosen)} "
+        f"candidates leave less than {bound} mm; all this if {ASSUMED}"
+    )

@@ -1,0 +1,222 @@
+"""Candidates at the balls of an artifact, and how far off centre an uncalibrated robot first meets a ball (TriCal
+paper, section 3)."""
+
+from dataclasses import asdict, dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import chi2, qmc
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import SAFETY_MARGIN, Workspace
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import Array, read_only, to_mm
+from planner.design.candidates.inverse_kinematics import ON, PointIk, retract_tool
+from planner.design.candidates.pool import Funnel, PoseSet, Progress
+from planner.design.candidates.shell import sampling_box
+from planner.model.model import Model
+from planner.motion.collision.engines import CollisionWorld
+
+LEVEL = 0.95
+STATES = 2000  # of the whole arm, over which its errors are held to what the cell says of them
+
+
+class FirstContact:
+    """Predicts the error of the measured point before calibration, pose by pose.
+
+    The covariance is the prior one of all errors of the robot, of the artifact's place and of the tool point as it was
+    mastered: C = J Σ Jᵀ. How the robot's share is spread over its poses comes from J and the prior sizes; its size is
+    the cell's own figure, ``uncalibrated``, which the 95 % bounds of no pose exceed.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        model = Model.from_cell(cell, frozenset({"fixture", "tool"}))
+        robot = [k for k, p in enumerate(model.parameters) if p.group != "gauge"]
+        self._robot = model.subset(robot)
+        self._rest = model.subset([k for k in range(len(model.parameters)) if k not in robot])
+        head = cell.gauge.head
+        if head is None:
+            raise InputError(f"{cell.path}: only a head of indicators has a first contact")
+        rng = np.random.default_rng(0)
+        states = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (STATES, cell.robot.n_joints))
+        self._scale = (head.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()) ** 2
+
+    def at(self, q: Array) -> Array:
+        """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
+        return length_quantile(self._scale * _prior_covariance(self._robot, q) + _prior_covariance(self._rest, q))
+
+
+def length_quantile(covariance: Array) -> Array:
+    """Return the ``LEVEL`` quantile of the length of normal vectors with covariance (n, 3, 3), (n,).
+
+    The squared length is a weighted sum of χ²; its first two moments fit a scaled χ² (Satterthwaite 1946).
+    """
+    trace = np.trace(covariance, axis1=1, axis2=2)
+    square = np.einsum("nij,nji->n", covariance, covariance)
+    degrees = trace**2 / square
+    return np.asarray(np.sqrt(square / trace * chi2.ppf(LEVEL, degrees)))
+
+
+def first_contact_advice(cell: Cell, found: Array) -> str:
+    """Say what would help where the first contact lies beyond what the head can take, everywhere."""
+    head = cell.gauge.head
+    assert head is not None
+    return (
+        f"the uncalibrated robot would meet it {float(to_mm(found.min())):.1f} mm or more off centre at every pose "
+        f"(95 %), and the indicators make contact within {float(to_mm(head.usable)):g} mm: place the artifact better "
+        "(artifact.prior_mm, prior_deg), or calibrate roughly first (gauge.head.uncalibrated_mm)"
+    )
+
+
+def _prior_covariance(model: Model, q: Array) -> Array:
+    """Covariance of the measured point from the prior sizes of a model's parameters, (n, 3, 3) [m²]."""
+    rows = model.jacobian(q) * model.prior
+    return np.asarray(rows @ np.swapaxes(rows, 1, 2))
+
+
+DRAWS = (1 << 10, 1 << 14, 1 << 17)  # samples of a ball in the first round, at least and at most, and in any later one
+EACH = 16  # samples for each wanted pose in the first round; every round doubles the last
+GIVE_UP = 3 * DRAWS[1]  # samples of which none is left: no more are drawn
+ROUNDS = 12
+NEAR = 2e-4  # [m] beyond the clearance that a pose at a ball keeps: the head stands close to it by design
+ON_THE_WAY = (0.25, 0.5, 0.75)
+BLAMED = 200  # colliding states asked for the pair that collides
+
+
+@dataclass(frozen=True)
+class BallFunnel(Funnel):
+    """Counts of candidates at balls; there are no cones, so those pass all."""
+
+    approach: int = 0
+    contact: int = 0
+
+    names: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "on the ball",
+        "oriented freely",
+        "within the cable",
+        "collision-free",
+        "approached freely",
+        "with first contact within reach of the indicators",
+    )
+
+    def __add__(self, other: Funnel) -> "BallFunnel":
+        """Add two funnels filter by filter."""
+        theirs = asdict(other)
+        return BallFunnel(**{key: value + theirs[key] for key, value in asdict(self).items()})
+
+
+def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+    """Draw ``count`` candidates, shared evenly by the balls, or what the rounds allow.
+
+    Raises:
+        NoSolutionError: a ball is out of reach, or no pose at it passes all filters; the message says which and why.
+    """
+    share = -(-count // len(cell.balls))
+    world, contact = CollisionWorld.from_cell(cell), FirstContact(cell)
+    parts: list[tuple[Array, Array]] = []
+    funnel = BallFunnel()
+    for ball in range(len(cell.balls)):
+        one = _BallFilter(cell, ball, world, contact)
+        q, back, counted = one.draw(share, seed)
+        funnel += counted
+        parts.append((q, back))
+        if progress is not None:
+            progress(ball + 1, len(cell.balls))
+    which = np.repeat(np.arange(len(parts)), [len(q) for q, _ in parts])
+    fixture = np.zeros(len(which), dtype=int)
+    for a in (which, fixture):
+        a.setflags(write=False)
+    q, back = (read_only(np.vstack(p)) for p in zip(*parts, strict=True))
+    return PoseSet(q, fixture, funnel, which, back)
+
+
+class _BallFilter:
+    """The filters at one ball."""
+
+    def __init__(self, cell: Cell, ball: int, world: CollisionWorld, contact: FirstContact) -> None:
+        self.cell, self.ball, self.contact = cell, ball, contact
+        self.away, self.at = world, CollisionWorld(world.scene.at_ball(ball))
+        self.reaching, self.workspace = PointIk(cell), Workspace(cell, bar=False)
+        self.nearest, self.hit, self.met = np.inf, np.zeros(len(self.at.scene.pairs), dtype=int), np.zeros(0)
+
+    def draw(self, count: int, seed: int) -> tuple[Array, Array, BallFunnel]:
+        """Draw until there are ``count``: poses at the ball, their approach poses (n, N) [rad], and what was left."""
+        lower, upper = sampling_box(self.cell)
+        sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng([seed, self.ball]))
+        found: list[tuple[Array, Array]] = []
+        funnel = BallFunnel()
+        first = int(np.clip(1 << (EACH * count - 1).bit_length(), *DRAWS[:2]))
+        for k in range(ROUNDS):
+            q = lower + sequence.random(min(first << k, DRAWS[2])) * (upper - lower)
+            passed, back, counted = self._filter(q)
+            found.append((passed, back))
+            funnel += counted
+            if funnel.contact >= count or (funnel.contact == 0 and funnel.sampled >= GIVE_UP):
+                break
+        if funnel.contact == 0:
+            raise NoSolutionError(self._why_empty(funnel))
+        q, back = (np.vstack(p)[:count] for p in zip(*found, strict=True))
+        return q, back, funnel
+
+    def _filter(self, sample: Array) -> tuple[Array, Array, BallFunnel]:
+        reached = self.reaching.position(sample, self.cell.p_BS[self.ball])
+        self.nearest = min(self.nearest, float(reached.off.min()))
+        within = (self.workspace.stage("joint_limits", reached.q) > SAFETY_MARGIN).all(axis=1)
+        on = within & (reached.off < ON)
+        q = reached.q[on]
+        cable = (self.workspace.stage("cable", q) > SAFETY_MARGIN).all(axis=1)
+        q = q[cable]
+        hits = self.at.collides(q, self.cell.motion.clearance + NEAR)
+        self._blame(q[hits])
+        q = q[~hits]
+        back, free = self._approach(q)
+        q, back = q[free], back[free]
+        self.met = self.contact.at(q) if len(q) else self.met
+        assert self.cell.gauge.head is not None
+        near = self.met < self.cell.gauge.head.usable if len(q) else np.zeros(0, dtype=bool)
+        counts = (len(sample), int(within.sum()), int(on.sum()), int(on.sum()), int(cable.sum()), len(free), len(q))
+        return q[near], back[near], BallFunnel(*counts, int(near.sum()))
+
+    def _approach(self, q: Array) -> tuple[Array, np.ndarray]:
+        """Approach poses (n, N) [rad], and which of them and of the ways from there are free, (n,) bool."""
+        if not len(q):
+            return q, np.zeros(0, dtype=bool)
+        cell = self.cell
+        assert cell.gauge.head is not None
+        back = retract_tool(cell, q, cell.gauge.head.approach)
+        ok = (back.off < 10 * ON) & (self.workspace.margins(back.q) > SAFETY_MARGIN).all(axis=1)
+        ok[ok] = ~self.away.collides(back.q[ok], cell.motion.clearance + SAFETY_MARGIN)
+        for share in ON_THE_WAY:
+            between = q + share * (back.q - q)
+            ok[ok] = ~self.at.collides(between[ok], cell.motion.clearance + NEAR)
+        return back.q, ok
+
+    def _blame(self, q: Array) -> None:
+        """Count which pairs keep the first colliding states from being poses."""
+        if len(q):
+            self.hit += (self.at.distances(q[:BLAMED]) < self.cell.motion.clearance).sum(axis=0)
+
+    def _why_empty(self, funnel: BallFunnel) -> str:
+        name = self.cell.balls[self.ball].name
+        head = f"no candidate pose is left at ball {name}: {funnel.text()}."
+        if funnel.workspace == 0:
+            place = ", ".join(f"{v:.0f}" for v in to_mm(self.cell.p_BS[self.ball]))
+            if self.nearest < ON:
+                return f"{head} Only joint angles beyond the limits reach it: move the artifact."
+            return (
+                f"ball {name}, at [{place}] mm in the base frame, is out of reach by "
+                f"{float(to_mm(self.nearest)):.0f} mm: move the artifact nearer (artifact.position_mm) "
+                "or take a longer tool"
+            )
+        if funnel.cable == 0:
+            return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
+        if funnel.approach == 0:
+            pair = self.at.scene.pair_name(int(np.argmax(self.hit)))
+            where = "there" if funnel.collision == 0 else "on the way there"
+            return (
+                f"{head} Every pose collides {where}, most often {pair}: look at motion.clearance_mm, the stem and "
+                "bodies around it, and the bodies of the tool"
+            )
+        return f"{head} At ball {name} {first_contact_advice(self.cell, self.met)}"

@@ -1,0 +1,210 @@
+"""Draws candidates until there are enough, and counts what every filter leaves."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import astuple, dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, read_only
+from planner.design.candidates.shell import ShellSample, grid_blocks, sample_shell, sobol_sequence
+from planner.motion.collision.engines import CollisionWorld, available_threads
+
+DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
+ROUNDS = 80
+HOPELESS = 50_000  # states that all collide, after which no more are drawn
+CHUNK = 8192
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Funnel:
+    """Counts that survive each filter, in order."""
+
+    sampled: int = 0
+    joint_limits: int = 0
+    workspace: int = 0
+    cones: int = 0
+    cable: int = 0
+    collision: int = 0
+
+    names: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "in the shell",
+        "within both cones",
+        "within the cable",
+        "collision-free",
+    )
+
+    def __add__(self, other: "Funnel") -> "Funnel":
+        """Add two funnels filter by filter."""
+        return Funnel(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def text(self) -> str:
+        """Return the counts as a person reads them."""
+        return ", ".join(f"{n} {name}" for n, name in zip(astuple(self), self.names, strict=True))
+
+
+@dataclass(frozen=True)
+class BeamFunnel(Funnel):
+    """Counts of poses that a tracker sees: the beam is the bar, and may not meet anything either."""
+
+    names: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "in the tracker's range",
+        "with the reflector facing the tracker",
+        "within the cable",
+        "collision-free and in sight",
+    )
+
+
+@dataclass(frozen=True)
+class PoseSet:
+    """Poses that pass every filter.
+
+    Attributes:
+        q: controller angles, (n, N) [rad].
+        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
+        funnel: what each filter left.
+        ball: at which ball, (n,) int, where an artifact's balls are measured.
+        back: the pose from which each is approached, (n, N) [rad], there too.
+    """
+
+    q: Array
+    fixture: np.ndarray
+    funnel: Funnel
+    ball: np.ndarray | None = None
+    back: Array | None = None
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self.q)
+
+    def take(self, rows: np.ndarray) -> "PoseSet":
+        """Return the poses at ``rows`` (positions or a mask), with the same funnel."""
+        which = self.fixture[rows]
+        which.setflags(write=False)
+        if self.ball is None or self.back is None:
+            return PoseSet(read_only(self.q[rows]), which, self.funnel)
+        ball = self.ball[rows]
+        ball.setflags(write=False)
+        return PoseSet(read_only(self.q[rows]), which, self.funnel, ball, read_only(self.back[rows]))
+
+
+def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+    """Draw ``count`` candidates, shared evenly by the fixtures, or what the rounds allow.
+
+    Args:
+        cell: the cell; its ``plan.grid_step`` asks for the paper's joint grid instead of the shell's own samples.
+        count: how many are wanted.
+        seed: of the low-discrepancy sequence.
+        progress: called with (found, wanted).
+
+    Raises:
+        NoSolutionError: no state passes all filters; the message names the filter that emptied, and what would help.
+    """
+    share = -(-count // len(cell.fixtures))
+    parts: list[Array] = []
+    funnel = Funnel()
+    for fixture in range(len(cell.fixtures)):
+        q, counted = _draw_for_fixture(cell, fixture, share, seed, progress)
+        funnel += counted
+        if len(q) == 0:
+            raise NoSolutionError(explain_empty(cell, fixture, counted))
+        parts.append(q)
+    which = np.repeat(np.arange(len(parts)), [len(q) for q in parts])
+    which.setflags(write=False)
+    return PoseSet(read_only(np.vstack(parts)), which, funnel)
+
+
+def _draw_for_fixture(
+    cell: Cell, fixture: int, count: int, seed: int, progress: Progress | None
+) -> tuple[Array, Funnel]:
+    world, workspace = CollisionWorld.from_cell(cell, fixture), Workspace(cell, fixture)
+    found: list[Array] = []
+    funnel, total = Funnel(), 0
+    whole = cell.plan.grid_step is not None
+    for sample in _sample_rounds(cell, fixture, seed):
+        q, counted = _apply_filters(sample, workspace, world)
+        funnel, total = funnel + counted, total + len(q)
+        found.append(q)
+        if progress is not None:
+            progress(min(total, count), count)
+        hopeless = total == 0 and funnel.cable > HOPELESS
+        if (total >= count and not whole) or hopeless:
+            break
+    q = np.vstack(found)
+    if whole and len(q) > count:  # a grid is thinned evenly, not cut off
+        q = q[np.linspace(0, len(q) - 1, count).astype(int)]
+    return q[:count], funnel
+
+
+def _sample_rounds(cell: Cell, fixture: int, seed: int) -> Iterator[ShellSample]:
+    if cell.plan.grid_step is not None:
+        yield from grid_blocks(cell, cell.plan.grid_step)
+        return
+    sequence = sobol_sequence(cell, seed)
+    for k in range(ROUNDS):
+        yield sample_shell(cell, fixture, sequence.random(min(DRAWS[0] << k, DRAWS[1])))
+
+
+def _apply_filters(sample: ShellSample, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
+    """Apply the filters in order, the cheap ones first and in threads (numpy lets them run side by side)."""
+    chunks = [sample.q[i : i + CHUNK] for i in range(0, len(sample.q), CHUNK)]
+    with ThreadPoolExecutor(available_threads()) as threads:
+        results = list(threads.map(lambda q: _apply_workspace_filters(q, workspace), chunks))
+    q = np.vstack([r[0] for r in results]) if results else sample.q
+    counts = np.sum([r[1] for r in results], axis=0) if results else np.zeros(len(STAGES), int)
+    free = q[~world.collides(q, world.cell.motion.clearance + SAFETY_MARGIN)]
+    # states that the arcs never visited passed the joint limits as well
+    outside = sample.stands_for - len(sample.q)
+    within, shell, cones, cable = (int(c) for c in counts)
+    return free, Funnel(sample.stands_for, within + outside, shell, cones, cable, len(free))
+
+
+def _apply_workspace_filters(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
+    counts = []
+    for stage in STAGES:
+        q = q[(workspace.stage(stage, q) > SAFETY_MARGIN).all(axis=1)]
+        counts.append(len(q))
+    return q, counts
+
+
+def explain_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
+    """Say which filter emptied the candidates, with counts, and what would help."""
+    head = f"no candidate pose is left for fixture {cell.place_name(fixture)}: {funnel.text()}."
+    if funnel.workspace == 0:
+        return f"{head} {_explain_out_of_reach(cell, fixture)}"
+    if funnel.cones == 0:
+        turn = "turn fixtures.axis or tool.map_axis towards the bar, or widen gauge.cone_deg"
+        return f"{head} The ball joints' cones reject all: {turn}."
+    if funnel.cable == 0:
+        return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
+    return f"{head} Every state collides: look at motion.clearance_mm, the obstacles and the bodies of tool and bar."
+
+
+def _explain_out_of_reach(cell: Cell, fixture: int) -> str:
+    """Say how far the fixture is out of reach and which way to move it."""
+    cell, rng = cell.at(fixture), np.random.default_rng(0)
+    q = rng.uniform(*_limits(cell), (200_000, cell.robot.n_joints))
+    x, f = cell.map_position(q), cell.fixtures[fixture].p_BX
+    distance = np.linalg.norm(x - f, axis=1)
+    k = int(np.argmin(distance))
+    if distance[k] > cell.gauge.length_max:
+        gap = distance[k] - cell.gauge.length_max
+        move = (x[k] - f) / distance[k] * gap * 1e3
+        return (
+            f"The fixture is about {gap * 1e3:.0f} mm out of reach of the longest bar: "
+            f"move it by about [{move[0]:.0f}, {move[1]:.0f}, {move[2]:.0f}] mm, or take a longer bar."
+        )
+    return "The bar's range and the reachable distances do not meet: check gauge.length_mm."
+
+
+def _limits(cell: Cell) -> tuple[Array, Array]:
+    return cell.robot.q_lower, cell.robot.q_upper

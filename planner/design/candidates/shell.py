@@ -1,0 +1,141 @@
+"""Joint samples in the spherical shell of a bar: arcs of the first joint, or the EDBB paper's equidistant grid
+(2.1.3)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import Array
+
+if TYPE_CHECKING:
+    from scipy.stats import qmc
+
+
+PER_ARC = 4.0  # mean number of points on an arc that is not empty
+
+
+@dataclass(frozen=True)
+class ShellSample:
+    """States in the shell.
+
+    Attributes:
+        q: controller angles, (n, N) [rad].
+        stands_for: how many uniform joint samples, tested one by one, would have given as many.
+    """
+
+    q: Array
+    stands_for: int
+
+
+def sampling_box(cell: Cell) -> tuple[Array, Array]:
+    """Return the range that each joint is sampled in, both ends (N,) [rad].
+
+    One turn about home within the joint limits, narrowed to what the cable's budget lets each axis do.
+    """
+    lower, upper = cell.joint_range
+    for axes, limit in cell.cable.sums:
+        for a in axes:
+            lower[a] = max(lower[a], cell.home[a] - limit)
+            upper[a] = min(upper[a], cell.home[a] + limit)
+    return lower, upper
+
+
+def sobol_sequence(cell: Cell, seed: int) -> "qmc.Sobol":
+    """Return the low-discrepancy sequence over all joints but the first, which the arcs choose.
+
+    Raises:
+        InputError: another joint's axis is coupled to the first one's, so that its circle is none.
+    """
+    if np.any(cell.robot.sense_matrix[1:, 0]):
+        raise InputError(f"{cell.robot.path}: a joint is coupled to joint 1; candidates need joint 1 to turn alone")
+    from scipy.stats import qmc  # costs most of a second, and few commands need it
+
+    return qmc.Sobol(cell.robot.n_joints - 1, scramble=True, rng=np.random.default_rng(seed))
+
+
+def sample_shell(cell: Cell, fixture: int, points: Array) -> ShellSample:
+    """Bring low-discrepancy points into the shell of one fixture.
+
+    Args:
+        cell: the cell.
+        fixture: which fixture holds the bar.
+        points: samples of all joints but the first in the unit cube, (m, N − 1).
+    """
+    cell = cell.at(fixture)
+    lower, upper = sampling_box(cell)
+    q = np.empty((len(points), cell.robot.n_joints))
+    q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
+    start, length = _arcs_in_shell(cell, fixture, q, lower[0], upper[0])
+    return _sample_arcs(q, start, length, float(upper[0] - lower[0]))
+
+
+def _sample_arcs(q: Array, start: Array, length: Array, full: float) -> ShellSample:
+    """Place equidistant points on the concatenated arcs (m, A) of the samples q (m, N)."""
+    ends = np.cumsum(length.ravel())
+    used = np.count_nonzero(length)
+    if used == 0:
+        return ShellSample(q[:0], len(q))
+    spacing = ends[-1] / (PER_ARC * used)
+    s = (np.arange(int(PER_ARC * used)) + 0.5) * spacing
+    arc = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
+    out = q[arc // length.shape[1]].copy()
+    out[:, 0] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))
+    return ShellSample(out, max(len(out), round(len(q) * full / spacing)))
+
+
+def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: float) -> tuple[Array, Array]:
+    """Arcs of the first joint that lie in the shell, for q with q1 = 0: start and length, (m, A) [rad].
+
+    L² = h² + r² + f² − 2 r f cos φ: h along axis 1, r and f the distances of the MAP and the fixture from it,
+    φ the angle between them.
+    """
+    chain, sense = cell.chain, float(cell.robot.sense_matrix[0, 0])
+    first = next(k for k, t in enumerate(chain.transforms) if t.joint == 0)
+    motion = chain.forward(cell.robot.theta(q[:1]))
+    u, c = motion.u[first, :, 0], motion.p[first, :, 0]
+    x, f = cell.map_position(q) - c, cell.fixtures[fixture].p_BX - c
+    e1 = f - (f @ u) * u
+    f_radial = float(np.linalg.norm(e1))
+    e1 = e1 / f_radial if f_radial > 1e-9 else np.linalg.svd(u[None])[2][1]
+    along, across = x @ e1, x @ np.cross(u, e1)
+    r, phi0 = np.hypot(along, across), np.arctan2(across, along)
+    square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
+    scale = np.maximum(2 * r * f_radial, 1e-12)
+    near = np.arccos(np.clip((square - cell.gauge.length_min**2) / scale, -1, 1))
+    far = np.arccos(np.clip((square - cell.gauge.length_max**2) / scale, -1, 1))
+    starts, ends = np.stack([near, -far], axis=1) - phi0[:, None], np.stack([far, -near], axis=1) - phi0[:, None]
+    if sense < 0:
+        starts, ends = -ends, -starts
+    turns = 2 * np.pi * np.arange(np.floor((lower - np.pi) / (2 * np.pi)), np.ceil((upper + np.pi) / (2 * np.pi)) + 1)
+    start = np.maximum(starts[:, :, None] + turns, lower).reshape(len(q), -1)
+    end = np.minimum(ends[:, :, None] + turns, upper).reshape(len(q), -1)
+    return start, np.maximum(end - start, 0.0)
+
+
+GRID_BLOCK = 1 << 18
+LARGEST_GRID = 200_000_000
+
+
+def grid_blocks(cell: Cell, step: float) -> Iterator[ShellSample]:
+    """Yield the states of the equidistant joint grid with ``step`` [rad], centred in each joint's range, in blocks.
+
+    Raises:
+        InputError: the grid has more states than can be visited.
+    """
+    lower, upper = sampling_box(cell)
+    counts = np.maximum(np.floor((upper - lower) / step + 1e-9).astype(int) + 1, 1)
+    total = int(np.prod(counts.astype(object)))
+    if total > LARGEST_GRID:
+        raise InputError(
+            f"plan.grid_step_deg = {np.rad2deg(step):g} gives {total:.3g} joint states; at most {LARGEST_GRID:.3g} can"
+            " be visited: take a wider step"
+        )
+    origin = (lower + upper) / 2 - (counts - 1) * step / 2
+    for start in range(0, total, GRID_BLOCK):
+        index = np.unravel_index(np.arange(start, min(start + GRID_BLOCK, total)), tuple(counts))
+        q: Array = origin + np.stack(index, axis=1) * step
+        yield ShellSample(q, len(q))

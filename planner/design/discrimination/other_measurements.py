@@ -1,0 +1,165 @@
+"""What would tell two effects apart that the cell's poses cannot: other loads, speeds, fixtures and bars are tried."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import MeasurementSetup
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, to_mm
+from planner.design.candidates.pool import draw_candidates
+from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, noncentrality
+from planner.design.discrimination.power import ALIKE, EVIDENCE
+from planner.design.discrimination.predicted_readings import PredictedReadings, candidate_visits
+from planner.design.discrimination.questions import QuestionSet
+from planner.effects.parameters import Parameter, gauge_parameters
+from planner.model.model import Model
+from planner.runs.run import Samples
+
+FEW = 800  # candidates of a cell that is tried
+PAYLOAD = 5.0  # [kg] where the robot's file does not say what it carries
+TURNS = (0.9, -0.9, 1.8, -1.8)  # [rad] about the base's axis to where a second fixture is tried
+LONGER = 1.5  # times the bar's length
+NEW = "another"  # name of that fixture
+SURELY = 2.0  # times what is needed, over poses that nobody chose
+
+
+@dataclass(frozen=True)
+class OtherMeasurement:
+    """Another way to measure: in words, how the readings are seen then, and parameters that come with it."""
+
+    words: str
+    sight: PredictedReadings
+    more: tuple[Parameter, ...] = ()
+
+    def tells(self, asked: QuestionSet, questions: list[DiscriminationQuestion], poses: int) -> bool:
+        """Whether so many poses would tell a pair apart, whichever is the truth."""
+        rows = self.sight.rows((*asked.parameters, *self.more))
+        frame = PoolCoordinates.of(rows)
+        whole = np.eye(frame.to.shape[1]) * (poses / len(rows))
+        new = np.arange(len(asked.parameters), rows.shape[2])
+        for question in questions:
+            q = replace(question, base=np.concatenate([question.base, new]))
+            left, all_ = (noncentrality(frame, whole, q, beside)[0] for beside in (True, False))
+            if left < SURELY * max(EVIDENCE, ALIKE * all_):
+                return False
+        return True
+
+
+@dataclass(frozen=True)
+class OtherMeasurements:
+    """Other ways of measuring ``n`` poses, tried only when there is a pair that needs them."""
+
+    cell: Cell
+    sight: PredictedReadings
+    scale: float
+    n: int
+    seed: int
+
+    @cached_property
+    def tried(self) -> tuple[OtherMeasurement, ...]:
+        """All of them."""
+        return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed))
+
+    def help(self, asked: QuestionSet, pair: int) -> tuple[str, ...]:
+        """Those that would tell a pair apart, in words."""
+        questions = [q for q in asked.questions if q.pair == pair]
+        return tuple(way.words for way in self.tried if way.tells(asked, questions, self.n))
+
+
+def propose_measurements(
+    cell: Cell, sight: PredictedReadings, scale: float, poses: int, seed: int
+) -> Iterator[OtherMeasurement]:
+    """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
+    few = sight.thinned()
+    kilograms = cell.robot.payload or PAYLOAD
+    loaded = tuple(_repeat_visits(s, payload=(0.0, kilograms)) for s in few.samples)
+    words = f"another payload (say {kilograms:g} kg) at half of the poses, payload_kg in the run"
+    yield OtherMeasurement(words, replace(few, samples=loaded, sigma=np.tile(few.sigma, 2)))
+    if few.samples[0].speed is not None:
+        slow = tuple(_repeat_visits(s, speed=(1.0, 0.5)) for s in few.samples)
+        yield OtherMeasurement(
+            "half of the poses at another speed", replace(few, samples=slow, sigma=np.tile(few.sigma, 2))
+        )
+        if not cell.motion.both_ways:
+            back = tuple(replace(s, speed=-np.asarray(s.speed)) for s in few.samples)
+            yield OtherMeasurement(
+                "driving the path both ways (motion.both_ways = true)", replace(few, samples=few.samples + back)
+            )
+    if few.model.rig.kind == "length":
+        yield from _second_fixture(cell, few, scale, poses, seed)
+        longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
+        samples = _draw_visits(longer, poses, seed)
+        if samples:
+            yield OtherMeasurement(
+                "a longer bar", PredictedReadings(few.model, samples, _scaled_noise(few.model, samples, scale))
+            )
+
+
+def _second_fixture(
+    cell: Cell, few: PredictedReadings, scale: float, poses: int, seed: int
+) -> Iterator[OtherMeasurement]:
+    first = cell.fixtures[0]
+    for turn in TURNS:
+        R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+        fixture = replace(first, p_BX=R @ first.p_BX, mount=None)
+        samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed)
+        if not samples:
+            continue
+        rig = few.model.rig
+        model = replace(few.model, rig=_add_place(rig, fixture.p_BX))
+        there = tuple(replace(s, place=np.full(len(s), len(rig.p_BX))) for s in samples)
+        both = tuple(_join_samples(a, b) for a, b in zip(few.samples, there, strict=True))
+        placed = gauge_parameters(model.rig, frozenset({"fixture"}))
+        more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
+        place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))
+        yield OtherMeasurement(
+            f"a second fixture, say at [{place}] mm",
+            PredictedReadings(model, both, _scaled_noise(model, both, scale)),
+            more,
+        )
+        return
+
+
+def _add_place(rig: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
+    n = len(rig.p_BX) + 1
+    return replace(
+        rig,
+        p_BX=np.vstack([rig.p_BX, p_BX]),
+        R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
+        p_BG=np.zeros((n, 3)),
+        place_names=(*rig.place_names, NEW),
+        place_prior=np.append(rig.place_prior, rig.place_prior[0]),
+    )
+
+
+def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
+    """Visits of candidates of another cell; none where it has none."""
+    try:
+        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, FEW, seed), poses, seed)
+    except NoSolutionError:
+        return ()
+
+
+def _scaled_noise(model: Model, samples: tuple[Samples, ...], scale: float) -> Array:
+    return np.asarray(scale * model.noise_of(samples[0]))
+
+
+def _repeat_visits(samples: Samples, **change: tuple[float, float]) -> Samples:
+    """All visits twice: a column that is there times either number, or else the numbers themselves."""
+    n = len(samples)
+    twice = samples.take(np.tile(np.arange(n), 2))
+    columns = {}
+    for name, pair in change.items():
+        factor, now = np.repeat(pair, n), getattr(twice, name)
+        columns[name] = factor if now is None else now * factor[:, None]
+    return replace(twice, **columns)
+
+
+def _join_samples(one: Samples, other: Samples) -> Samples:
+    """The visits of both, in the columns that both have."""
+    pairs = {f.name: (getattr(one, f.name), getattr(other, f.name)) for f in fields(one)}
+    return Samples(**{k: np.concatenate(v) for k, v in pairs.items() if v[0] is not None and v[1] is not None})

@@ -1,0 +1,173 @@
+"""How surely poses discriminate between two effects: noncentrality, power, and the pairs that cannot be separated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from planner.common.units import Array
+from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
+from planner.design.discrimination.questions import QuestionSet, explain_faint, explain_identical
+
+UNSURE = 0.8  # power below which a person is told what would help
+SURE = 0.98  # power below which an effect that nobody named is taken up as a rival
+
+
+@dataclass(frozen=True)
+class PairPower:
+    """A finding and one of its rivals.
+
+    Attributes:
+        finding, rival: names; the finding's with its inner number, where it has one.
+        named: whether the identification names the rival; else it is one that other poses would have brought up.
+        noncentrality: what is left of the one's predicted readings when the other explains what it can, as a sum of
+            squares in noise variances; the less sure of both truths.
+        power: chance that the run then speaks a hundred to one for the truth, as the identification asks for.
+        before: noncentrality of as many poses chosen by the index alone.
+        bound: no set of as many candidates has a larger noncentrality of this pair.
+        help: what else would tell a pair apart that is not told surely.
+    """
+
+    finding: str
+    rival: str
+    named: bool
+    noncentrality: float
+    power: float
+    before: float
+    bound: float
+    help: tuple[str, ...] = ()
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Both names."""
+        return self.finding, self.rival
+
+    @property
+    def power_text(self) -> str:
+        """The power as a person reads it."""
+        return f"{100 * self.power:.0f} %" if self.power < 0.995 else "more than 99 %"
+
+    def text(self) -> str:
+        """Say it in a line."""
+        return (
+            f"{self.finding} from {self.rival}: power {self.power_text} (noncentrality {self.noncentrality:.3g}; "
+            f"{self.before:.3g} with poses chosen by the index alone)"
+        )
+
+
+@dataclass(frozen=True)
+class Discrimination:
+    """How the poses tell findings from their rivals.
+
+    Attributes:
+        told: every pair that poses can tell apart.
+        inseparable: one sentence for every pair that they cannot, and what would.
+        poses: number n of poses chosen.
+        gap: no set of as many candidates betters the criterion by more than this factor less one.
+        verified: whether that was checked again over all candidates.
+        noise: of one reading, as the identification left it [m].
+        alone: observability index of as many poses chosen by it alone.
+    """
+
+    told: tuple[PairPower, ...]
+    inseparable: tuple[str, ...]
+    poses: int
+    gap: float
+    verified: bool
+    noise: float
+    alone: float
+
+    def texts(self) -> tuple[str, ...]:
+        """Say it in a line for each pair that the identification names, and one for all the others."""
+        others = [t for t in self.told if not t.named]
+        own = tuple(t.text() for t in self.told if t.named)
+        if not others:
+            return own
+        least = min(others, key=lambda t: t.power)
+        effects, them = ("1 more effect", "it") if len(others) == 1 else (f"{len(others)} more effects", "them")
+        return (
+            *own,
+            f"{effects} that nobody named and that poses chosen without a look at {them} would tell with a power below "
+            f"{100 * SURE:.0f} %; least surely now {least.text()}",
+        )
+
+
+IDENTICAL_SHARE = 1e-6  # share of a finding's readings below which what a rival leaves of them is rounding
+LEAST = 1.0  # noise variances below which a difference is none
+HOPEFUL = 20.0  # the same for a rival that nobody named: no effort goes where none helps
+EVIDENCE = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
+ALIKE = 0.02  # share of what a finding explains that a rival must leave, for the identification to drop it
+
+
+def discrimination_power(size: float, whole: float) -> float:
+    """Chance that the run tells the truth from the other (Cox 1962, JRSS B 24: tests of separate hypotheses).
+
+    Twice the log likelihood ratio has mean ``size``, the noncentrality, and variance four times that; ``whole`` is all
+    that the truth explains.
+    """
+    needed = max(EVIDENCE, ALIKE * whole)
+    return float(norm.sf((needed - size) / (2 * np.sqrt(max(size, 1e-300)))))
+
+
+def pair_powers(asked: QuestionSet, frame: PoolCoordinates, mass: Array) -> list[tuple[float, float]]:
+    """Noncentrality and power of every pair, the less sure of its truths, at an information (p, p)."""
+    out = []
+    for k in range(len(asked.pairs)):
+        sizes = [
+            (noncentrality(frame, mass, q)[0], noncentrality(frame, mass, q, beside=False)[0])
+            for q in asked.questions
+            if q.pair == k
+        ]
+        out.append((min(s for s, _ in sizes), min(discrimination_power(s, w) for s, w in sizes)))
+    return out
+
+
+def bound_noncentrality(left: Array, rows: Array, n: int) -> float:
+    """Bound on the noncentrality of any n candidates ``rows`` (N, r, p).
+
+    ``left``: the direction in which the truth shows beyond the other effect as that fits the whole pool; any fit of it
+    leaves at least as much as the best one does.
+    """
+    squares = ((rows @ left) ** 2).sum(axis=1)
+    return float(np.sum(np.partition(squares, len(squares) - n)[len(squares) - n :]))
+
+
+@dataclass(frozen=True)
+class InseparablePair:
+    """A pair that n poses cannot tell apart; ``limit``: no more noise variances, ``None`` where nothing differs."""
+
+    pair: int
+    limit: float | None
+
+
+def split_separable(
+    asked: QuestionSet, frame: PoolCoordinates, rows: Array, n: int, which: set[int] | None = None
+) -> tuple[dict[int, float], tuple[InseparablePair, ...]]:
+    """Pairs that n poses can tell apart, with the bound on their noncentrality; and those that they cannot.
+
+    ``which``: only these pairs are looked at.
+    """
+    open_, closed, whole = dict[int, float](), list[InseparablePair](), np.eye(rows.shape[2])
+    for k, pair in enumerate(asked.pairs):
+        if which is not None and k not in which:
+            continue
+        own = [q for q in asked.questions if q.pair == k]
+        left = [noncentrality(frame, whole, q) for q in own]
+        alone = [noncentrality(frame, whole, q, beside=False)[0] for q in own]
+        share = min(size / max(all_, 1e-300) for (size, _), all_ in zip(left, alone, strict=True))
+        limit = min(bound_noncentrality(direction, rows, n) for _, direction in left)
+        if share >= IDENTICAL_SHARE and limit >= (LEAST if pair.named else HOPEFUL):
+            open_[k] = limit
+        else:
+            closed.append(InseparablePair(k, None if share < IDENTICAL_SHARE else limit))
+    return open_, tuple(closed)
+
+
+def explain_inseparable(asked: QuestionSet, closed: InseparablePair, n: int, help_: Sequence[str]) -> str:
+    """Say of a pair that n poses cannot tell apart why, and what would ``help_``."""
+    pair = asked.pairs[closed.pair]
+    if closed.limit is None:
+        return explain_identical(pair.finding, pair.rival, help_)
+    needed = int(np.ceil(2 * EVIDENCE / closed.limit * n))
+    return explain_faint(pair.finding, pair.rival, n, closed.limit, needed, help_)

@@ -1,0 +1,180 @@
+"""``separate()``: choose the poses that tell the findings of an identification from their rivals."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.determinism import Positions, on_one_thread
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array
+from planner.design.candidates.pool import PoseSet
+from planner.design.discrimination.criterion import DTCriterion, PoolCoordinates, dt_criterion
+from planner.design.discrimination.findings import IdentificationResult
+from planner.design.discrimination.induced_rivals import add_induced_rivals
+from planner.design.discrimination.other_measurements import OtherMeasurements
+from planner.design.discrimination.power import (
+    UNSURE,
+    Discrimination,
+    PairPower,
+    explain_inseparable,
+    pair_powers,
+    split_separable,
+)
+from planner.design.discrimination.predicted_readings import (
+    PredictedReadings,
+    approach_axes,
+    approach_both_sides,
+    approach_signs,
+    candidate_visits,
+)
+from planner.design.discrimination.questions import QuestionSet, pose_questions
+from planner.design.discrimination.search import (
+    CriterionBound,
+    bound_criterion,
+    check_bound,
+    descend_criterion,
+    exchange_by_criterion,
+    sum_information,
+)
+from planner.design.pose_selection import PoseChoice
+from planner.runs.run import Samples
+
+ROUNDS = 3  # of choosing, and taking up the rivals that the chosen poses would bring up
+INDUCED_WEIGHT = 0.5  # weight of such a rival; all of them together weigh no more than half of those that are named
+
+
+@dataclass(frozen=True)
+class DiscriminatingChoice:
+    """The choice, and all that is needed to judge other poses of the same plan.
+
+    ``scale``: noise as the identification left it, in the model's.
+    """
+
+    choice: PoseChoice
+    separation: Discrimination
+    asked: QuestionSet
+    frame: PoolCoordinates
+    scale: float
+
+    def as_driven(self, samples: tuple[Samples, ...]) -> Discrimination:
+        """Judge the visits of the finished plan: samples of each, for every way on which it is passed."""
+        model, first = self.choice.model, samples[0]
+        sigma = self.scale * model.noise_of(first)
+        rows = PredictedReadings(model, samples, np.asarray(sigma)).rows(self.asked.parameters)
+        now = pair_powers(self.asked, self.frame, sum_information(self.frame.rows(rows)))
+        sizes = {(p.finding, p.rival): size for p, size in zip(self.asked.pairs, now, strict=True)}
+        told = (replace(t, noncentrality=s[0], power=s[1]) for t in self.separation.told for s in [sizes[t.pair]])
+        return replace(self.separation, told=tuple(told))
+
+
+@dataclass(frozen=True)
+class _ChosenSet:
+    """Candidates, the criterion by which they were chosen, and its bound."""
+
+    places: Positions
+    aim: DTCriterion
+    bound: CriterionBound
+
+
+@on_one_thread
+def select_discriminating_poses(
+    cell: Cell, pool: PoseSet, choice: PoseChoice, identified: IdentificationResult, seed: int
+) -> DiscriminatingChoice:
+    """Choose as many candidates as ``choice`` has, to tell every finding from its rivals.
+
+    Raises:
+        NoSolutionError: no poses can tell any of them from any rival.
+    """
+    noise = identified.noise(choice.model.width)
+    sides = approach_axes(identified, cell)
+    sight, scale = _predict_readings(cell, pool, choice, noise, bool(sides), seed)
+    group = np.arange(len(sight.sigma)) % len(pool)
+    entries = sight.entries()
+    asked = pose_questions(sight, entries, identified)
+    frame, rows = _pool_rows(sight, asked)
+    open_, closed = split_separable(asked, frame, rows, len(choice.chosen))
+    other_ways = OtherMeasurements(cell, sight, scale, len(choice.chosen), seed)
+    sentences = asked.not_shown + tuple(
+        explain_inseparable(asked, c, other_ways.n, other_ways.help(asked, c.pair)) for c in closed
+    )
+    if not open_:
+        raise NoSolutionError(
+            f"{identified.path}: no poses of this cell tell any finding from its rivals: {'; '.join(sentences)}"
+        )
+    places = choice.chosen
+    for _ in range(ROUNDS):
+        places = descend_criterion(rows, _make_criterion(frame, asked, open_), places, group)
+        asked, new = add_induced_rivals(sight, entries, asked, set(open_), places)
+        if not new:
+            break
+        frame, rows = _pool_rows(sight, asked)
+        open_ |= split_separable(asked, frame, rows, len(places), new)[0]
+    done = _search_set(rows, _make_criterion(frame, asked, open_), places, seed, group)
+    now, before = (pair_powers(asked, frame, sum_information(rows[k])) for k in (done.places, choice.chosen))
+    separation = Discrimination(
+        _list_powers(asked, open_, now, before, other_ways),
+        sentences,
+        len(done.places),
+        float(np.expm1(done.bound.value - done.aim.value(sum_information(rows[done.places])))),
+        check_bound(done.bound, rows),
+        noise,
+        choice.value,
+    )
+    kept = _replace_poses(choice, pool, done.places % len(pool))
+    if sides:
+        kept = replace(kept, approach=approach_signs(sight.samples[0].take(done.places), sides))
+    return DiscriminatingChoice(kept, separation, asked, frame, scale)
+
+
+def _predict_readings(
+    cell: Cell, pool: PoseSet, choice: PoseChoice, noise: float, both_sides: bool, seed: int
+) -> tuple[PredictedReadings, float]:
+    """How the candidates are seen, come to from both sides where that counts; and ``noise`` in the model's."""
+    samples = candidate_visits(cell, pool, len(choice.chosen), seed)
+    if both_sides:
+        samples = tuple(approach_both_sides(s) for s in samples)
+    sigma = choice.model.noise_of(samples[0])
+    scale = noise / float(np.sqrt(np.mean(sigma**2)))
+    return PredictedReadings(choice.model, samples, np.asarray(scale * sigma)), scale
+
+
+def _pool_rows(sight: PredictedReadings, asked: QuestionSet) -> tuple[PoolCoordinates, Array]:
+    """Well-conditioned coordinates of all columns, and the rows (n, r, p) of all candidates in them."""
+    rows = sight.rows(asked.parameters)
+    frame = PoolCoordinates.of(rows)
+    return frame, frame.rows(rows)
+
+
+def _make_criterion(frame: PoolCoordinates, asked: QuestionSet, open_: dict[int, float]) -> DTCriterion:
+    """The criterion for the pairs that poses can tell apart; rivals that nobody named count less."""
+    questions = [q for q in asked.questions if q.pair in open_]
+    named = np.array([asked.pairs[q.pair].named for q in questions])
+    weights = np.where(named, 1.0, INDUCED_WEIGHT * min(1.0, named.sum() / max(1, (~named).sum())))
+    return dt_criterion(frame, asked.own, questions, weights)
+
+
+def _search_set(rows: Array, aim: DTCriterion, start: Positions, seed: int, group: Positions) -> _ChosenSet:
+    found = bound_criterion(rows, aim, len(start), start)
+    return _ChosenSet(exchange_by_criterion(rows, aim, found, start, seed, group), aim, found)
+
+
+def _list_powers(
+    asked: QuestionSet,
+    open_: dict[int, float],
+    now: list[tuple[float, float]],
+    before: list[tuple[float, float]],
+    other_ways: OtherMeasurements,
+) -> tuple[PairPower, ...]:
+    out = []
+    for k, pair in enumerate(asked.pairs):
+        if k in open_:
+            help_ = other_ways.help(asked, k) if pair.named and now[k][1] < UNSURE else ()
+            out.append(PairPower(pair.finding, pair.rival, pair.named, *now[k], before[k][0], open_[k], help_))
+    return tuple(out)
+
+
+def _replace_poses(choice: PoseChoice, pool: PoseSet, chosen: Positions) -> PoseChoice:
+    """The choice with the separating candidates in place of its own."""
+    there = replace(choice, fixture=pool.fixture[chosen])
+    return there.with_poses(pool.q[chosen], chosen, pool)

@@ -1,0 +1,140 @@
+"""What a plan and the fit of its run free, and which of its parameters are preferred where some depend on others."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import MeasurementSetup, setup_of
+from planner.common.errors import InputError, did_you_mean
+from planner.common.units import UM, Array
+from planner.design.observability.explanations import explain_direction
+from planner.design.observability.identifiability import DroppedParameter, Identifiability
+from planner.design.observability.information import predict_covariance
+from planner.effects.catalogue import catalogue
+from planner.effects.parameters import Parameter, compliance_parameters
+from planner.model.model import Model
+from planner.model.tool_error import uniform_states
+from planner.runs.run import Samples
+
+COMPLIANCE = "joint compliance"  # the kind that fits have most often beside geometry
+PROBE_STATES = 50  # states that tell whether an effect has a name
+PROBE_POSES = 2000  # poses of a pool that tell which effects show
+DEFAULT_POSES = 80  # poses, where the plan does not say how many
+UNMEASURED_TOOL_PRIOR = 1.0  # [m] what is known of a tool point that nobody measured: nothing
+
+
+def planned_model(cell: Cell, q: Array, place: np.ndarray) -> Model:
+    """Return the model of everything that the cell's ``[plan]`` frees, seen from poses q (n, N) [rad].
+
+    Raises:
+        InputError: an effect that the catalogue does not have, or that these poses do not show.
+    """
+    model = Model.from_cell(cell)
+    rows = np.unique(np.linspace(0, len(q) - 1, min(PROBE_POSES, len(q))).astype(int))
+    return model.plus(declared_parameters(cell, model.rig, model.rig.visits(q[rows], place[rows])))
+
+
+def declared_parameters(
+    cell: Cell, rig: MeasurementSetup, samples: Samples, more: tuple[str, ...] = ()
+) -> list[Parameter]:
+    """Return the parameters of the effects in the cell's ``[plan]``, each kind a group, as far as the samples show any.
+
+    Kinds in ``more`` come behind them; of those nothing need show.
+
+    Raises:
+        InputError: ``[plan]`` has a kind that the catalogue does not have, or that these samples do not show.
+    """
+    kinds = tuple(dict.fromkeys((*cell.plan.effects, *more)))
+    if not kinds:
+        return []
+    entries = [e for e in catalogue(rig, samples) if e.inner is None]
+    known = {e.kind for e in entries}
+    for wanted in cell.plan.effects:
+        if wanted not in known:
+            raise InputError(
+                f"{cell.path}: plan.effects names '{wanted}'{did_you_mean(wanted, sorted(known))}; these poses can show"
+                f" {', '.join(sorted(known))}"
+            )
+    return [replace(p, group=kind) for kind in kinds for e in entries if e.kind == kind for p in e.make(None)]
+
+
+def check_effects(cell: Cell) -> None:
+    """Refuse effects in ``[plan]`` that no poses of the cell's robot would show, before a minute's work.
+
+    Raises:
+        InputError: as :func:`declared_parameters`.
+    """
+    rig = setup_of(cell)
+    _ = declared_parameters(cell, rig, rig.visits(uniform_states(cell, PROBE_STATES, 0)))
+
+
+def preference_order(model: Model) -> list[int]:
+    """Return positions of the parameters, best kept first.
+
+    A bar's as they stand. Where a frame takes up how the arm's first rows stand, the rows nearest to the tool are
+    kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
+    """
+    order = range(len(model.parameters))
+    if model.rig.kind == "length":
+        return list(order)
+    kinds = [p.group for p in model.parameters]
+    last = [k for k in order if model.parameters[k].name == f"theta{model.rig.robot.n_joints}"]
+    inwards = [k for k in reversed(order) if kinds[k] == "geometry" and k not in last]
+    return [
+        *(k for k in order if kinds[k] == "gauge"),
+        *inwards,
+        *last,
+        *(k for k in order if kinds[k] not in ("gauge", "geometry")),
+    ]
+
+
+def hold_measured_tool(
+    cell: Cell, model: Model, rows: Array, noise: float, poses: int | None = None
+) -> tuple[DroppedParameter, ...]:
+    """Return the tool's parameters that were measured to less than the noise of one reading.
+
+    Freed they would only take up what others do: the reading cannot see them off by that much, and a point that is
+    wrong by as little is no matter. Said beside it: what the readings alone would tell of them.
+
+    Args:
+        cell: the cell; without ``tool.map_sigma_um`` nothing is held.
+        model: all that is freed.
+        rows: its rows over candidates, or over what was measured, (n, r, P).
+        noise: of one reading [m].
+        poses: how many were measured; ``None`` for a plan, which says how many will be.
+    """
+    if not cell.tool.measured:
+        return ()
+    part = rows[:: max(1, len(rows) // PROBE_POSES)]
+    per_reading = noise * np.sqrt(len(part) / (poses or cell.plan.poses or DEFAULT_POSES))
+    whose = "planned" if poses is None else "run's"
+    moves = np.sqrt((part**2).sum(axis=1).mean(axis=0))
+    out = []
+    for k, p in enumerate(model.parameters):
+        if not p.name.startswith("map_") or p.prior * moves[k] > noise:
+            continue
+        prior = model.prior.copy()
+        prior[k] = UNMEASURED_TOOL_PRIOR
+        std = float(predict_covariance(part, per_reading, prior).std[k])
+        told = f"{float(f'{std / UM:.2g}'):g} µm"
+        why = (
+            f"{p.name} was measured on the tool to {p.prior / UM:.2g} µm (tool.map_sigma_um), less than the noise of "
+            f"one reading, {noise / UM:.2g} µm; the {whose} readings alone would tell it to {told}: held"
+        )
+        out.append(DroppedParameter(p.name, why, ((p.name, 1.0),)))
+    return tuple(out)
+
+
+def unloaded_compliances(kinds: tuple[str, ...], model: Model) -> tuple[DroppedParameter, ...]:
+    """Return the joint compliances that are asked for and no pose can show, as no weight turns the joint."""
+    if COMPLIANCE not in kinds:
+        return ()
+    missing = [p for p in compliance_parameters(model.rig) if p.name not in model.names]
+    return tuple(DroppedParameter(p.name, explain_direction(d := ((p.name, 1.0),)), d) for p in missing)
+
+
+def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[DroppedParameter, ...]) -> Identifiability:
+    """Return what is seen, its positions counted in all of ``names``, and beside it what else was left out."""
+    kept = tuple(names.index(name) for name in seen.names)
+    return replace(seen, kept=kept, dropped=(*seen.dropped, *others))

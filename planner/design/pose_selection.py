@@ -1,0 +1,215 @@
+"""Which poses are measured: what can be identified, how many poses, the selection, its certificate, refinement."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import SAFETY_MARGIN, Workspace
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import Array
+from planner.design.candidates.pool import PoseSet
+from planner.design.free_parameters import (
+    add_dropped,
+    hold_measured_tool,
+    planned_model,
+    preference_order,
+    unloaded_compliances,
+)
+from planner.design.observability.identifiability import Identifiability, find_identifiable
+from planner.design.observability.information import Indices, all_indices, index_value
+from planner.design.selection.certificate import Certificate
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.d_optimal import EqualShares, detmax
+from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_curves import BackgroundCurve
+from planner.design.selection.refinement import refine_off_grid
+from planner.model.model import Model
+from planner.motion.collision.engines import CollisionWorld
+
+MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
+CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
+
+
+@dataclass(frozen=True)
+class PoseChoice:
+    """The poses that a plan measures, and why.
+
+    Attributes:
+        model: the measurement model with the identifiable parameters only.
+        seen: what the candidates can see, and why the rest is dropped.
+        q: chosen controller angles, refined off the grid where asked, (n, N) [rad].
+        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
+        chosen: positions of the on-grid selection in the pool, (n,) int.
+        index: name of the index.
+        value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
+        certificate: no set of as many candidates beats its value.
+        raw, scaled: O1 … O5 in metres and radians, and unit-free by the parameters' prior sizes.
+        ball: at which ball, (n,) int, where an artifact's balls are measured.
+        approach: wanted sign of each axis' last movement before each pose, (n, N), 0 where any will do.
+    """
+
+    model: Model
+    seen: Identifiability
+    q: Array
+    fixture: np.ndarray
+    chosen: np.ndarray
+    index: str
+    value: float
+    on_grid_value: float
+    certificate: Certificate
+    raw: Indices
+    scaled: Indices
+    ball: np.ndarray | None = None
+    approach: np.ndarray | None = None
+
+    def with_poses(self, q: Array, chosen: np.ndarray, pool: PoseSet) -> "PoseChoice":
+        """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
+        grid = index_value(self.index, self.model.jacobian(pool.q[chosen], self.fixture))
+        ball = None if pool.ball is None else pool.ball[chosen]
+        return replace(self.moved(q), chosen=chosen, on_grid_value=grid, ball=ball)
+
+    def moved(self, q: Array) -> "PoseChoice":
+        """Return the choice with its poses moved off the grid to q (n, N) [rad], the indices computed anew."""
+        rows = self.model.jacobian(q, self.fixture)
+        value = index_value(self.index, rows)
+        raw, scaled = all_indices(rows), all_indices(rows, self.model.prior)
+        return replace(self, q=q, value=value, raw=raw, scaled=scaled)
+
+
+def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
+    """Return the model of the identifiable parameters, why the others are dropped, and the rows of the pool.
+
+    Raises:
+        NoSolutionError: too few candidates to tell.
+    """
+    model = planned_model(cell, pool.q, pool.fixture)
+    if len(pool) < MIN_CANDIDATES_PER_PARAMETER * len(model.names):
+        raise NoSolutionError(
+            f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
+            "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
+        )
+    rows = model.jacobian(pool.q, pool.fixture)
+    noise = float(np.median(model.noise(pool.q[:1000], pool.fixture[:1000])))
+    out = hold_measured_tool(cell, model, rows, noise)
+    names, free = model.names, [k for k, name in enumerate(model.names) if name not in {d.name for d in out}]
+    if out:
+        model, rows = model.subset(free), rows[:, :, free]
+    seen = find_identifiable(rows, model.names, model.prior, prefer=preference_order(model), noise=noise)
+    kept = list(seen.kept)
+    seen = add_dropped(seen, names, (*out, *unloaded_compliances(cell.plan.effects, model)))
+    return model.subset(kept), seen, np.ascontiguousarray(rows[:, :, kept])
+
+
+def select_poses(
+    cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int
+) -> tuple[PoseChoice, BackgroundCurve]:
+    """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
+
+    Returns:
+        The choice, and the curve, which is still being computed on the other processor.
+
+    Raises:
+        InputError: fewer poses than parameters.
+        NoSolutionError: fewer candidates than poses.
+    """
+    model, seen, rows = identify_candidates(cell, pool)
+    least = -(-seen.rank // model.width)
+    _check_count(poses, least, len(pool), seen.rank)
+    if pool.ball is not None and poses is not None:
+        _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
+    sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if least < n <= len(pool)]
+    with BackgroundCurve(rows, sizes, index, seed, help_out=poses is None) as curve:
+        n = poses or curve.result().knee
+        certificate = certify_bound(rows, index, poses=n)
+        chosen = _search_poses(rows, n, index, seed, certificate, pool)
+        choice = _make_choice(model, seen, rows, pool, chosen, certificate)
+    return choice, curve
+
+
+def judge_given_poses(
+    cell: Cell, pool: PoseSet, chosen: np.ndarray, index: str, seed: int
+) -> tuple[PoseChoice, BackgroundCurve]:
+    """Return poses that were not chosen by their index, judged by it; else as :func:`choose`."""
+    model, seen, rows = identify_candidates(cell, pool)
+    least = -(-seen.rank // model.width)
+    _check_count(len(chosen), least, len(pool), seen.rank)
+    sizes = [n for n in CURVE_SIZES if least < n <= len(pool)]
+    with BackgroundCurve(rows, sizes, index, seed) as curve:
+        certificate = certify_bound(rows, index, poses=len(chosen))
+        choice = _make_choice(model, seen, rows, pool, chosen, certificate)
+    return choice, curve
+
+
+def _make_choice(
+    model: Model, seen: Identifiability, rows: Array, pool: PoseSet, chosen: np.ndarray, certificate: Certificate
+) -> PoseChoice:
+    q, fixture = pool.q[chosen], pool.fixture[chosen]
+    ball = None if pool.ball is None else pool.ball[chosen]
+    index, final = certificate.index, model.jacobian(q, fixture)
+    value, grid = index_value(index, final), index_value(index, rows[chosen])
+    raw, scaled = all_indices(final), all_indices(final, model.prior)
+    return PoseChoice(model, seen, q, fixture, chosen, index, value, grid, certificate, raw, scaled, ball)
+
+
+def _search_poses(rows: Array, n: int, index: str, seed: int, certificate: Certificate, pool: PoseSet) -> np.ndarray:
+    """Positions of the chosen candidates: by exchange, or by DETMAX with as many at each ball."""
+    if pool.ball is None:
+        return exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
+    return detmax(rows, n, seed=seed, group=pool.ball)
+
+
+def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
+    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
+    if not cell.plan.refine or choice.ball is not None:
+        return choice
+    filters = [(Workspace(cell, k), CollisionWorld.from_cell(cell, k)) for k in range(len(cell.fixtures))]
+
+    def rows(states: Array, pose: np.ndarray) -> Array:
+        return choice.model.jacobian(states, choice.fixture[pose])
+
+    def valid(states: Array, pose: np.ndarray) -> np.ndarray:
+        ok = np.zeros(len(states), dtype=bool)
+        for k, (workspace, world) in enumerate(filters):
+            mine = np.flatnonzero(choice.fixture[pose] == k)
+            mine = mine[(workspace.margins(states[mine]) > SAFETY_MARGIN).all(axis=1)]
+            ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
+        return ok
+
+    return choice.moved(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed).q)
+
+
+def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:
+    if poses is not None and poses < least:
+        raise InputError(
+            f"{poses} poses cannot identify {parameters} parameters: ask for at least {least}, better "
+            f"{int(1.5 * least)}, or free fewer in [plan]"
+        )
+    if candidates < (poses or least):
+        raise NoSolutionError(
+            f"only {candidates} candidate poses are left, fewer than the {poses or least} wanted: "
+            "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
+        )
+
+
+TRACEABLE = 20  # readings beyond the parameters, below which an identification traces nothing
+SPARE_READINGS = 10  # readings more, for the effects' own parameters and poses that are lost
+
+
+def traceable_pose_count(cell: Cell, pool: PoseSet) -> int | None:
+    """Number of poses where nobody gives one; ``None`` for a run in motion, which has readings in plenty."""
+    if cell.motion.measure != "static":
+        return None
+    model, seen, _ = identify_candidates(cell, pool)
+    return min(len(pool), -(-(seen.rank + TRACEABLE + SPARE_READINGS) // model.width))
+
+
+def warn_too_few_readings(readings: int, parameters: int) -> str | None:
+    """Say that so few readings will not be traced, or nothing."""
+    if readings - parameters >= TRACEABLE:
+        return None
+    return (
+        f"{readings} readings for {parameters} parameters and the effects beside them: an identification of this run"
+        f" alone traces nothing; ask for at least {parameters + TRACEABLE + SPARE_READINGS} readings (--poses), or"
+        " identify it together with the run before"
+    )

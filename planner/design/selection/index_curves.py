@@ -1,0 +1,161 @@
+"""The index against the number of poses, its certified bound and bend, and the worker process that computes it."""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from planner.common.determinism import Positions, on_one_thread
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.design.observability.information import find_rule
+from planner.design.selection.certificate import Certificate
+from planner.design.selection.column_generation import certify_bound
+from planner.design.selection.exchange_search import PoseSelection, exchange_poses
+
+_TOLERANCE = 5e-3
+_WIDTH = 4_000  # candidates by price: further down no swap was seen to help
+
+
+@dataclass(frozen=True)
+class IndexCurve:
+    """``sizes`` (k,), ``values`` (k,) reached and ``bounds`` (k,) proven for sets of each size; the sets themselves."""
+
+    index: str
+    sizes: Positions
+    values: Array
+    bounds: Array
+    selections: tuple[PoseSelection, ...]
+
+    @property
+    def knee(self) -> int:
+        """The number of poses where the curve bends (see :func:`find_knee`)."""
+        return find_knee(self.sizes, self.values, self.index)
+
+    def joined(self, other: "IndexCurve") -> "IndexCurve":
+        """Return the curve over the sizes of both."""
+        order = np.argsort(np.concatenate([self.sizes, other.sizes]))
+        sets = (*self.selections, *other.selections)
+        return IndexCurve(
+            self.index,
+            np.concatenate([self.sizes, other.sizes])[order],
+            read_only(np.concatenate([self.values, other.values])[order]),
+            read_only(np.concatenate([self.bounds, other.bounds])[order]),
+            tuple(sets[int(k)] for k in order),
+        )
+
+
+@on_one_thread
+def compute_index_curve(
+    rows: Array, sizes: Sequence[int], index: str = "O2", seed: int = 0, steps: int = 400
+) -> IndexCurve:
+    """Return the index reached and its bound for each number of poses in ``sizes``.
+
+    ``rows`` (N, r, P) reduced to identifiable columns. Each bound starts from the support of the one before and is
+    verified over all candidates.
+
+    Raises:
+        InputError: a size below the number of parameters or above the number of candidates.
+    """
+    found: list[PoseSelection] = []
+    before: Certificate | None = None
+    for n in sorted(set(sizes)):
+        before = certify_bound(rows, index, n, tolerance=_TOLERANCE, seed=seed, near=before)
+        found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=_WIDTH))
+    bounds = [each.certificate.value for each in found if each.certificate]
+    return IndexCurve(
+        index,
+        np.array(sorted(set(sizes))),
+        read_only([each.value for each in found]),
+        read_only(bounds),
+        tuple(found),
+    )
+
+
+def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array, index: str = "O2") -> int:
+    """Return the number of poses where the curve bends.
+
+    The rule: take the curve on logarithmic axes (twice the poses, how many per cent better?), made monotone from the
+    left so that search noise cannot bend it, scale both ranges to one and take the size furthest from the chord between
+    the ends (Satopaa et al. 2011, "kneedle"; ties to fewer poses).
+
+    Raises:
+        InputError: fewer than three sizes, or not as many values.
+    """
+    n, v = np.asarray(sizes, dtype=float), np.asarray(values, dtype=float)
+    if len(n) < 3 or len(n) != len(v):
+        raise InputError(f"a bend needs at least three sizes with a value each, not {len(n)} and {len(v)}")
+    order = np.argsort(n)
+    height = np.log(v[order]) * (1.0 if find_rule(index).maximise else -1.0)
+    height, width = np.maximum.accumulate(height), np.log(n[order])
+    if height[-1] <= height[0]:
+        return int(n[order][0])
+    x = (width - width[0]) / (width[-1] - width[0])
+    y = (height - height[0]) / (height[-1] - height[0])
+    return int(n[order][int(np.argmax(np.round(y - x, 9)))])
+
+
+class BackgroundCurve:
+    """Computes :func:`index_curve` in another process; the context ends that process if its caller fails.
+
+    The process is a plain call of this module, not :mod:`multiprocessing`, so that scripts need no main guard.
+
+    Args:
+        rows: of the candidates, (N, r, P), reduced to identifiable columns.
+        sizes: numbers of poses.
+        index: name of the index.
+        seed: of the searches.
+        help_out: whoever waits for the curve has nothing else to do: it computes every other size itself.
+    """
+
+    def __init__(self, rows: Array, sizes: Sequence[int], index: str, seed: int, help_out: bool = False) -> None:
+        self._own = (rows, list(sizes)[1::2] if help_out else [], index, seed)
+        task = pickle.dumps((rows, [n for n in sizes if n not in self._own[1]], index, seed))
+        command = [sys.executable, "-c", "from planner.design.selection.index_curves import run_worker; run_worker()"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self._thread = ThreadPoolExecutor(1)
+        self._answer = self._thread.submit(self._process.communicate, task)
+
+    def result(self) -> IndexCurve:
+        """Wait for the curve.
+
+        Raises:
+            RuntimeError: the worker failed; its last words are in the message.
+        """
+        return self._curve
+
+    @cached_property
+    def _curve(self) -> IndexCurve:
+        mine = compute_index_curve(*self._own) if self._own[1] else None
+        answer, words = self._answer.result()
+        self._thread.shutdown()
+        if self._process.returncode != 0:
+            raise RuntimeError(f"the worker for the index curve failed: {words.decode(errors='replace')[-2000:]}")
+        curve = pickle.loads(answer)
+        assert isinstance(curve, IndexCurve)
+        return curve if mine is None else curve.joined(mine)
+
+    def __enter__(self) -> Self:
+        """Return the running task."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the worker if the caller failed or was interrupted; else let it go on."""
+        if kind is not None:
+            self._process.kill()
+            self._thread.shutdown()
+
+
+def run_worker() -> None:
+    """Body of the worker: a task on standard input, the curve on standard output."""
+    rows, sizes, index, seed = pickle.load(sys.stdin.buffer)
+    sys.stdout.buffer.write(pickle.dumps(compute_index_curve(rows, sizes, index, seed)))

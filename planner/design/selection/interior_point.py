@@ -1,0 +1,158 @@
+"""A primal-dual interior-point method for the relaxations: a dozen or two dense Newton systems.
+
+Predictor and corrector of Mehrotra 1992 with the direction of Helmberg, Rendl, Vanderbei, Wolkowicz 1996 (HKM). The
+primal stays feasible throughout; the dual gets there by itself. Nothing here is trusted: :mod:`.certificate` checks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from planner.common.units import Array
+from planner.design.selection.relaxation import RelaxationProblem
+
+_STEPS = 60
+_BACK = 0.95  # share of the way to the boundary that a step may go
+
+
+@dataclass(frozen=True)
+class _PrimalDual:
+    """Unknowns z, matrix duals X, slack duals x."""
+
+    z: Array
+    X: list[Array]
+    x: Array
+
+
+def solve_interior_point(problem: RelaxationProblem, z: Array, tolerance: float) -> tuple[Array, list[Array]]:
+    """Return (z, X) with a relative duality gap of about ``tolerance``, from a strictly feasible z."""
+    slack = problem.slacks(z)
+    mu = max(abs(problem.objective(z)), 1.0) / (len(slack) + 1)
+    point = _PrimalDual(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
+    for _ in range(_STEPS):
+        gap, degree = _duality_gap(problem, point)
+        scale = 1.0 if problem.index == "O1" else abs(problem.objective(point.z))
+        hessian, slope = _newton_system(problem, point)
+        residual = slope - problem.pull(point.X) - problem.slack_pull(point.x, len(slope))
+        if gap < tolerance * scale and np.max(np.abs(residual * point.z)) < tolerance * scale:
+            break
+        new = _take_step(problem, point, hessian, slope, gap / degree)
+        if new is None:
+            break
+        point = new
+    return point.z, point.X
+
+
+def _duality_gap(problem: RelaxationProblem, point: _PrimalDual) -> tuple[float, int]:
+    matrices, slack = problem.matrices(point.z), problem.slacks(point.z)
+    total = float(slack @ point.x) + sum(float(np.sum(S * X)) for S, X in zip(matrices, point.X, strict=True))
+    return total, len(slack) + sum(len(S) for S in matrices)
+
+
+def _newton_system(problem: RelaxationProblem, point: _PrimalDual) -> tuple[Array, Array]:
+    """The normal matrix of the Newton step and the slope of the objective."""
+    inverses = [_inverse(S) for S in problem.matrices(point.z)]
+    hessian = problem.coupling(inverses, point.X) if inverses else np.zeros((len(point.z),) * 2)
+    problem.add_slack_coupling(point.x / problem.slacks(point.z), hessian)
+    slope = problem.slope(point.z, hessian)
+    return hessian, slope
+
+
+def _inverse(matrix: Array) -> Array:
+    inverse = np.linalg.inv(matrix)
+    return np.asarray((inverse + inverse.T) / 2)
+
+
+def _take_step(
+    problem: RelaxationProblem, point: _PrimalDual, hessian: Array, slope: Array, mu: float
+) -> _PrimalDual | None:
+    """One predictor-corrector step, or None when rounding has the last word."""
+    scale = 1.0 / np.sqrt(np.diag(hessian))
+    system = hessian * scale * scale[:, None]
+    system[np.diag_indices_from(system)] += 1e-13
+    try:
+        factor = cho_factor(system, lower=True, overwrite_a=True)
+        inverses = [_inverse(S) for S in problem.matrices(point.z)]
+        slack = problem.slacks(point.z)
+        none = [np.zeros_like(S) for S in inverses]
+        args = problem, point, (factor, scale), slope, inverses, slack
+        dz, dX, dx = _newton_direction(*args, 0.0, none, np.zeros_like(slack))
+        dS, ds = problem.changes(dz), _slack_change(problem, dz)
+        ahead = _PrimalDual(
+            point.z + _primal_step_limit(problem, point.z, dz) * dz,
+            *_advance_duals(point, dX, dx, _dual_step_limit(point, dX, dx)),
+        )
+        sigma = min(1.0, max(_duality_gap(problem, ahead)[0] / _duality_gap(problem, point)[0], 0.0)) ** 3
+        sigma = max(sigma, 1e-6)
+        second = [_symmetrise(a @ b @ S) for a, b, S in zip(dX, dS, inverses, strict=True)]
+        dz, dX, dx = _newton_direction(*args, sigma * mu, second, dx * ds / slack)
+        primal, dual = _BACK * _primal_step_limit(problem, point.z, dz), _BACK * _dual_step_limit(point, dX, dx)
+    except np.linalg.LinAlgError:
+        return None
+    primal, dual = min(1.0, primal), min(1.0, dual)
+    if problem.index in ("O1", "O5"):  # a curved objective ties the two together
+        primal = dual = min(primal, dual)
+    if primal < 1e-8 and dual < 1e-8:
+        return None
+    return _PrimalDual(point.z + primal * dz, *_advance_duals(point, dX, dx, dual))
+
+
+def _newton_direction(
+    problem: RelaxationProblem,
+    point: _PrimalDual,
+    system: tuple[tuple[Array, bool], Array],
+    slope: Array,
+    inverses: list[Array],
+    slack: Array,
+    target: float,
+    second: list[Array],
+    second_slack: Array,
+) -> tuple[Array, list[Array], Array]:
+    """Newton direction towards complementarity ``target``, with second-order terms."""
+    (factor, scale), wanted = system, target / slack - second_slack
+    right = problem.slack_pull(wanted, len(slope)) - slope
+    aims = [target * S - c for S, c in zip(inverses, second, strict=True)]
+    right = right + problem.pull(aims)[: len(right)] if aims else right
+    dz = scale * cho_solve(factor, scale * right)
+    changes = problem.changes(dz)
+    dX = [aim - X - _symmetrise(X @ dS @ S) for aim, X, dS, S in zip(aims, point.X, changes, inverses, strict=True)]
+    dx = wanted - point.x - point.x / slack * _slack_change(problem, dz)
+    return np.asarray(dz), dX, np.asarray(dx)
+
+
+def _symmetrise(matrix: Array) -> Array:
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def _slack_change(problem: RelaxationProblem, dz: Array) -> Array:
+    return problem.slacks(dz)
+
+
+def _advance_duals(point: _PrimalDual, dX: list[Array], dx: Array, length: float) -> tuple[list[Array], Array]:
+    return [X + length * d for X, d in zip(point.X, dX, strict=True)], point.x + length * dx
+
+
+def _primal_step_limit(problem: RelaxationProblem, z: Array, dz: Array) -> float:
+    """Largest step before the primal leaves its cone, at most 1 / 0.95."""
+    rooms = [_vector_step_limit(problem.slacks(z), problem.slacks(dz))]
+    rooms += [_matrix_step_limit(S, d) for S, d in zip(problem.matrices(z), problem.changes(dz), strict=True)]
+    return min(1.0 / _BACK, *rooms)
+
+
+def _dual_step_limit(point: _PrimalDual, dX: list[Array], dx: Array) -> float:
+    rooms = [_vector_step_limit(point.x, dx)] + [_matrix_step_limit(X, d) for X, d in zip(point.X, dX, strict=True)]
+    return min(1.0 / _BACK, *rooms)
+
+
+def _vector_step_limit(value: Array, change: Array) -> float:
+    shrinking = change < 0
+    return float(np.min(-value[shrinking] / change[shrinking])) if shrinking.any() else np.inf
+
+
+def _matrix_step_limit(matrix: Array, change: Array) -> float:
+    """Largest a with matrix + a change positive semidefinite."""
+    lower = np.linalg.cholesky(matrix)
+    half = solve_triangular(lower, change, lower=True)
+    least = float(np.linalg.eigvalsh(_symmetrise(solve_triangular(lower, half.T, lower=True)))[0])
+    return -1.0 / least if least < 0 else np.inf

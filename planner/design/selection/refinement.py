@@ -1,0 +1,133 @@
+"""Off-grid refinement: the chosen poses move in joint space, all filters kept, and the index only gets better.
+
+Around each pose trial poses are drawn, all of them in one batch; the poses then take turns to accept their best valid
+trial, scored exactly against the set as it stands. Reach grows where trials succeed and shrinks where they fail.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.determinism import on_one_thread
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.design.observability.information import find_rule
+from planner.design.selection.swap_scores import (
+    BarrierPotential,
+    SwapTable,
+    eigenvalues,
+    index_of_information,
+    information_matrix,
+    is_exact,
+)
+
+_STRENGTHS = (0.1, 0.03, 0.01, 0.003)
+_TRIALS = 24
+_REACH = 0.2  # [rad] at first
+_SMALLEST = 1e-4  # [rad]
+
+RowsOf = Callable[[Array, np.ndarray], Array]
+Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
+
+
+@dataclass(frozen=True)
+class RefinedPoses:
+    """Poses ``q`` (n, N) [rad] after refinement, their ``rows`` (n, r, P), index ``value`` and that ``before``."""
+
+    q: Array
+    rows: Array
+    index: str
+    value: float
+    before: float
+    moved: int
+
+
+@on_one_thread
+def refine_off_grid(
+    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 60
+) -> RefinedPoses:
+    """Return poses near ``q0`` (n, N) [rad] with a better index.
+
+    ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,)
+    which joint angles pass every filter; both are told (m,) of which pose each is a trial. ``rounds`` of trials at
+    each of four barrier strengths. Deterministic. The result is ``q0`` itself when nothing better is found.
+
+    Raises:
+        InputError: a starting pose is not valid.
+    """
+    find_rule(index)
+    q0 = np.asarray(q0, dtype=float)
+    own = np.arange(len(q0))
+    fine = np.asarray(valid(q0, own), dtype=bool)
+    if not fine.all():
+        raise InputError(
+            f"pose {int(np.flatnonzero(~fine)[0])} does not pass the filters: refinement starts from valid poses"
+        )
+    rng = np.random.default_rng(seed)
+    q, rows = q0.copy(), rows_of(q0, own)
+    before = _index_of_rows(rows, index)
+    best = q, rows, before
+    for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
+        reach = np.full(len(q), _REACH)
+        for _ in range(rounds):
+            q, rows, reach = _run_round(q, rows, reach, rows_of, valid, BarrierPotential(index, strength), rng)
+            value = _index_of_rows(rows, index)
+            if find_rule(index).better(value, best[2]):
+                best = q, rows, value
+            if np.all(reach <= _SMALLEST):
+                break
+        q, rows = best[0], best[1]
+    moved = int(np.sum(np.any(best[0] != q0, axis=1)))
+    return RefinedPoses(read_only(best[0]), read_only(best[1]), index, best[2], before, moved)
+
+
+def _index_of_rows(rows: Array, index: str) -> float:
+    return float(index_of_information(index, information_matrix(rows), len(rows)))
+
+
+def _run_round(
+    q: Array,
+    rows: Array,
+    reach: Array,
+    rows_of: RowsOf,
+    valid: Valid,
+    potential: BarrierPotential,
+    rng: np.random.Generator,
+) -> tuple[Array, Array, Array]:
+    """One batch of trials around every pose, then a turn for each."""
+    n, joints = q.shape
+    step = rng.standard_normal((n, _TRIALS, joints)) / np.sqrt(joints)
+    trial = q[:, None] + reach[:, None, None] * step
+    which = np.repeat(np.arange(n), _TRIALS).reshape(n, _TRIALS)
+    trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(n, _TRIALS, *rows.shape[1:])
+    gains = np.array([_trial_gains(rows, k, trial_rows[k], potential) for k in range(n)])
+    hopeful = gains > 0
+    passed = np.zeros(gains.shape, dtype=bool)
+    if hopeful.any():
+        passed[hopeful] = valid(trial[hopeful], which[hopeful])
+    q, rows, reach = q.copy(), rows.copy(), reach.copy()
+    for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
+        gain = (
+            np.where(passed[k], _trial_gains(rows, k, trial_rows[k], potential), -np.inf)
+            if passed[k].any()
+            else gains[k]
+        )
+        best = int(np.argmax(gain))
+        if passed[k].any() and gain[best] > 1e-10:
+            q[k], rows[k] = trial[k, best], trial_rows[k, best]
+            reach[k] *= 1.4
+        else:
+            reach[k] *= 0.7
+    return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH)
+
+
+def _trial_gains(rows: Array, position: int, trials: Array, potential: BarrierPotential) -> Array:
+    """Gain (T,) of the potential when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
+    if is_exact(rows, potential):
+        return np.asarray(SwapTable(rows, potential).of(trials, slice(position, position + 1))[0])
+    mass = information_matrix(rows)
+    mu = eigenvalues(mass)
+    shifts = potential.shifts(mu)
+    after = mass - information_matrix(rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
+    return np.asarray(potential.barrier(eigenvalues(after), *shifts) - potential.barrier(mu, *shifts))

@@ -1,0 +1,239 @@
+"""A smooth stand-in for an index, exact for swaps: barriers below the smallest and above the largest eigenvalue.
+
+With information matrix M and eigenvalues lambda, the logarithm of kappa^2 is the least log(u / l) with
+l I <= M <= u I. The potential adds barriers to it,
+
+    f(M) = min over l, u of  log u - b log l - m log det(M / l - I) - k log det(I - M / u)
+
+and tends to the index as m and k fall to zero (b = 1 for O2, 2 for O4; O3 has the lower half alone; O1 is l = 0). Two
+things make it the right tool for exchanges: at fixed l and u a swap changes it by a ratio of small determinants, known
+exactly for all pairs at the price of one matrix product; and the minimum over l and u makes that change an upper bound,
+so every swap that looks better is better. Barriers of this kind: Batson, Spielman and Srivastava 2012.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.determinism import Positions, round_significant
+from planner.common.units import Array
+from planner.design.observability.information import find_rule
+from planner.design.selection.relaxation import quadratic_form
+
+_LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}
+_UPPER = ("O2", "O4")
+_UPPER_SHARE = 0.15  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
+_NEWTON = 25
+
+
+@dataclass(frozen=True)
+class BarrierPotential:
+    """The stand-in for ``index``; ``strength`` (0 to 1) is how much the barriers weigh."""
+
+    index: str
+    strength: float
+
+    def weights(self, size: int) -> tuple[float, float]:
+        """Return the barrier weights (m, k) for ``size`` parameters."""
+        if self.index not in _LOWER:
+            return 1.0, 0.0
+        return self.strength / size, _UPPER_SHARE * self.strength if self.index in _UPPER else 0.0
+
+    def shifts(self, mu: Array) -> tuple[float, float]:
+        """Return the best l and u for eigenvalues ``mu`` (P,), ascending; l 0 and u inf where a half is missing."""
+        m, k = self.weights(len(mu))
+        lower, upper = 0.0, np.inf
+        if self.index in _LOWER:
+            lower = _solve_lower_shift(mu, m, _LOWER[self.index] - m * len(mu))
+        if k > 0:
+            upper = _solve_upper_shift(mu, k, 1.0 + k * len(mu))
+        return lower, upper
+
+    def barrier(self, mu: Array, lower: float, upper: float) -> Array:
+        """The barriers at fixed l and u, (...) for eigenvalues (..., P): higher is better, -inf outside."""
+        with np.errstate(divide="ignore"):
+            if self.index == "O5":
+                return np.asarray(-np.log(np.sum(np.maximum(mu, 0.0) ** -0.5, axis=-1)))
+            m, k = self.weights(mu.shape[-1])
+            total = m * np.sum(np.log(np.maximum(mu - lower, 0.0)), axis=-1)
+            if k > 0:
+                total = total + k * np.sum(np.log(np.maximum(upper - mu, 0.0)), axis=-1)
+        return np.asarray(total)
+
+    def inverses(self, mu: Array, axes: Array, lower: float, upper: float) -> tuple[Array, Array]:
+        """Return (M - l I)^-1 and (u I - M)^-1, (P, P): slopes of the barriers; zero where there is no upper half."""
+        below = (axes * (mu - lower) ** (-1.5 if self.index == "O5" else -1.0)) @ axes.T
+        return below, (axes / (upper - mu)) @ axes.T if np.isfinite(upper) else np.zeros_like(below)
+
+
+def _solve_lower_shift(mu: Array, m: float, rest: float) -> float:
+    """Solve m sum l / (mu - l) = rest by Newton from above: convex and increasing, so it comes down monotonely."""
+    at = float(mu[0]) * rest / (rest + m)
+    for _ in range(_NEWTON):
+        inverse = 1.0 / (mu - at)
+        miss = m * at * float(np.sum(inverse)) - rest
+        if miss <= 1e-9 * rest:
+            break
+        at -= miss / (m * float(np.sum(mu * inverse**2)))
+    return at
+
+
+def _solve_upper_shift(mu: Array, k: float, total: float) -> float:
+    """Solve k sum 1 / (1 - v mu) = total for v = 1 / u, in the same way."""
+    at = (1.0 - k / total) / float(mu[-1])
+    for _ in range(_NEWTON):
+        inverse = 1.0 / (1.0 - at * mu)
+        miss = k * float(np.sum(inverse)) - total
+        if miss <= 1e-9 * total:
+            break
+        at -= miss / (k * float(np.sum(mu * inverse**2)))
+    return 1.0 / at
+
+
+_BLOCK = 2_000_000  # pairs scored at a time
+_EXACT = 48  # pairs whose eigenvalues are computed
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Position ``out`` in the chosen set and candidate ``into`` that takes its place."""
+
+    out: int
+    into: int
+
+
+def information_matrix(rows: Array) -> Array:
+    """Sum of J_i'J_i, (P, P), over rows (n, r, P)."""
+    tall = rows.reshape(-1, rows.shape[2])
+    return np.asarray(tall.T @ tall)
+
+
+def eigenvalues(mass: Array) -> Array:
+    """Eigenvalues (..., P), ascending, of symmetric matrices (..., P, P)."""
+    return np.asarray(np.linalg.eigvalsh(mass), dtype=float)
+
+
+def index_of_information(kind: str, mass: Array, poses: int) -> Array:
+    """Return the index of information matrices (..., P, P)."""
+    mu = np.sqrt(np.maximum(eigenvalues(mass)[..., ::-1], 0.0))
+    return find_rule(kind).of(mu, poses)
+
+
+def rank_swaps(
+    rows: Array,
+    chosen: Positions,
+    pool: Positions,
+    potential: BarrierPotential,
+    keep: int,
+    group: Positions | None = None,
+) -> tuple[list[Swap], Array]:
+    """Return the ``keep`` most promising swaps and their scores, best first.
+
+    Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise. Swaps
+    between different groups of ``group`` (N,) come last.
+    """
+    if len(pool) == 0:
+        return [], np.zeros(0)
+    score = SwapTable(rows[chosen], potential)
+    width = max(1, _BLOCK // len(chosen))
+    scores, places = [], []
+    for k in range(0, len(pool), width):
+        table = score.of(rows[pool[k : k + width]])
+        if group is not None:
+            table[group[chosen][:, None] != group[pool[k : k + width]][None]] = -np.inf
+        best = np.argpartition(-table, min(keep, table.size - 1), axis=None)[:keep]
+        scores.append(table.ravel()[best])
+        out, into = np.unravel_index(best, table.shape)
+        places.append(np.stack([out, into + k], axis=1))
+    found, place = np.concatenate(scores), np.concatenate(places)
+    order = np.lexsort((place[:, 0], place[:, 1], -round_significant(found)))[:keep]
+    return [Swap(int(i), int(pool[j])) for i, j in place[order]], found[order]
+
+
+class SwapTable:
+    """Scores of swaps out of one chosen set ``inner`` (n, r, P)."""
+
+    def __init__(self, inner: Array, potential: BarrierPotential) -> None:
+        self.inner, self.exact = inner, is_exact(inner, potential)
+        self.weights = potential.weights(inner.shape[2])
+        self.mu, axes = np.linalg.eigh(information_matrix(inner))
+        self.below, self.above = potential.inverses(self.mu, axes, *potential.shifts(self.mu))
+
+    def of(self, outer: Array, members: slice = slice(None)) -> Array:
+        """Scores (n, N) of taking each of ``outer`` (N, r, P) for each of the chosen, or of a slice of them."""
+        m, k = self.weights
+        inner = self.inner[members]
+        if self.exact:
+            table = m * _log_ratio(inner[:, 0], outer[:, 0], self.below, 1.0)
+            return table if k == 0 else table + k * _log_ratio(inner[:, 0], outer[:, 0], self.above, -1.0)
+        slope = m * self.below - k * self.above
+        return np.asarray(quadratic_form(outer, slope)[None, :] - quadratic_form(inner, slope)[:, None])
+
+
+def is_exact(rows: Array, potential: BarrierPotential) -> bool:
+    """Tell whether the table is the exact change: one reading a pose, and an index made of determinants."""
+    return rows.shape[1] == 1 and potential.index != "O5"
+
+
+def _log_ratio(inner: Array, outer: Array, inverse: Array, sign: float) -> Array:
+    """Log of det(A + sign (v v' - u u')) / det(A) for u in ``inner``, v in ``outer``; very low outside the cone.
+
+    A rank-two change: (1 + s v'A^-1 v)(1 - s u'A^-1 u) + (u'A^-1 v)^2. Adding first shows that only one eigenvalue can
+    turn negative, so the sign of the ratio tells whether the matrix stays positive definite.
+    """
+    half = inner @ inverse
+    ratio = (half @ outer.T) ** 2
+    own = 1.0 - sign * np.sum(half * inner, axis=1)
+    ratio += np.outer(own, 1.0 + sign * np.einsum("ij,ij->i", outer @ inverse, outer))
+    return np.asarray(np.log(np.maximum(ratio, 1e-300, out=ratio), out=ratio))
+
+
+def information_after(rows: Array, chosen: Positions, swaps: list[Swap]) -> Array:
+    """Information matrices (k, P, P) after each of ``swaps``."""
+    out = rows[chosen[[s.out for s in swaps]]]
+    into = rows[[s.into for s in swaps]]
+    change = np.swapaxes(into, 1, 2) @ into - np.swapaxes(out, 1, 2) @ out
+    return np.asarray(information_matrix(rows[chosen]) + change)
+
+
+def best_swap_by_potential(
+    rows: Array, chosen: Positions, pool: Positions, potential: BarrierPotential, group: Positions | None = None
+) -> Swap | None:
+    """The swap that betters the potential most, of those within a group if there are groups, or None."""
+    sure = is_exact(rows, potential)
+    if sure and potential.index == "O1":
+        pool = _prefilter(rows, chosen, pool)
+    swaps, scores = rank_swaps(rows, chosen, pool, potential, 1 if sure else _EXACT, group)
+    if group is not None:
+        kept = [k for k, s in enumerate(swaps) if group[chosen[s.out]] == group[s.into]]
+        swaps, scores = [swaps[k] for k in kept], scores[kept]
+    if sure:
+        return swaps[0] if swaps and scores[0] > 1e-10 else None
+    if not swaps:
+        return None
+    mu = eigenvalues(information_matrix(rows[chosen]))
+    shifts = potential.shifts(mu)
+    gains = round_significant(potential.barrier(eigenvalues(information_after(rows, chosen, swaps)), *shifts))
+    best = int(np.argmax(gains))
+    return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + 1e-10 else None
+
+
+def _prefilter(rows: Array, chosen: Positions, pool: Positions) -> Positions:
+    """Candidates that can gain determinant at all: by Cauchy-Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
+    inverse = np.asarray(np.linalg.inv(information_matrix(rows[chosen])), dtype=float)
+    return pool[quadratic_form(rows[pool], inverse) > np.min(quadratic_form(rows[chosen], inverse))]
+
+
+def best_swap_by_index(rows: Array, chosen: Positions, pool: Positions, potential: BarrierPotential) -> Swap | None:
+    """The swap that betters the index itself most, among those the potential finds most promising, or None."""
+    swaps, _ = rank_swaps(rows, chosen, pool, potential, _EXACT)
+    if not swaps:
+        return None
+    index = find_rule(potential.index)
+    now = float(index_of_information(potential.index, information_matrix(rows[chosen]), len(chosen)))
+    values = round_significant(
+        index_of_information(potential.index, information_after(rows, chosen, swaps), len(chosen))
+    )
+    best = int(np.argmax(values) if index.maximise else np.argmin(values))
+    better = index.gap(now, float(values[best])) > 1e-10 if index.maximise else now / values[best] - 1 > 1e-10
+    return swaps[best] if better else None

@@ -1,0 +1,75 @@
+"""What may be wrong with an arm beside its geometry, before anybody has looked: sizes as the catalogue expects them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array
+from planner.design.free_parameters import planned_model
+from planner.effects.nonparametric import CURVE_SIZE, gear_curve
+from planner.effects.parameters import compliance_parameters
+from planner.model.model import Model
+from planner.model.tool_error import ToolError
+
+HIGHEST_WAVE = 15.0  # waves a turn within which most of a gear's error is expected
+ASSUMED = (
+    f"every gear errs by {CURVE_SIZE * 1e6:.0f} µrad in waves of up to {HIGHEST_WAVE:.0f} a turn, and every joint"
+    " gives way"
+)
+UNKNOWN_PRIOR = 1.0  # [m, rad] prior size of what is not known at all
+
+
+@dataclass(frozen=True)
+class UndeclaredErrors:
+    """The model of everything that may have to be found, and what it does to the tool.
+
+    Attributes:
+        model: with the geometry that is freed, and the effects that nobody declared.
+        prior: one-sigma sizes, (P,), finite.
+        weight: mean square error of the tool per squared errors, (P, P).
+        untraced: error of the tool [m] that the gears' errors leave even where all else is fitted as well as can be.
+    """
+
+    model: Model
+    prior: Array
+    weight: Array
+    untraced: float
+
+    @property
+    def scaled(self) -> Array:
+        """The weight for errors in prior sizes, (P, P) [m²]."""
+        return np.asarray(self.weight * np.outer(self.prior, self.prior))
+
+    def white(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
+        """Return the rows of readings at q (n, N) [rad] in standard deviations per prior size, (n, P)."""
+        noise = self.model.noise(q, fixture)
+        return np.asarray(self.model.jacobian(q, fixture)[:, 0] / noise[:, None] * self.prior)
+
+
+def undeclared_errors(cell: Cell, q: Array, fixture: np.ndarray) -> UndeclaredErrors:
+    """Return what may have to be found in a cell, seen from poses q (n, N) [rad] on the fixtures (n,).
+
+    Raises:
+        InputError: the cell declares an effect that these poses do not show.
+    """
+    base = planned_model(cell, q, fixture)
+    ends = np.array(cell.joint_range)
+    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base.rig, ends, j, HIGHEST_WAVE).make(None)]
+    declared = set(base.names)
+    soft = compliance_parameters(base.rig) if base.rig.weighs else []
+    model = base.plus([*gears, *(p for p in soft if p.name not in declared)])
+    prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
+    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry")]
+    weight = ToolError.of(cell, effects).weight(model.names)
+    return UndeclaredErrors(model, prior, weight, _untraced_error(weight, prior, [p.name for p in gears], model))
+
+
+def _untraced_error(weight: Array, prior: Array, hidden: list[str], model: Model) -> float:
+    """Square of the hidden effects' prior sizes through what is left of the weight when all else fits them best."""
+    unseen = [k for k, name in enumerate(model.names) if name in set(hidden)]
+    fitted = [k for k in range(len(prior)) if k not in set(unseen)]
+    W = weight * np.outer(prior, prior)
+    uu, uf, ff = (W[np.ix_(a, b)] for a, b in ((unseen, unseen), (unseen, fitted), (fitted, fitted)))
+    left = np.trace(uu) - np.trace(uf @ np.linalg.pinv(ff, rcond=1e-10, hermitian=True) @ uf.T)
+    return float(np.sqrt(max(left, 0.0)))

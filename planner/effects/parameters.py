@@ -1,0 +1,177 @@
+"""The parameters of a model: pairs of what they move and a basis function, each with its size before measuring."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.common.units import MM
+from planner.effects.basis import ONE, AtPlace, AtPoint, LoadTorque, Phi
+from planner.effects.gauge_functions import LengthLag, PointLag
+
+PRIOR_ZERO = 1.0 * MM
+PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
+ParameterUnit = str  # m, rad, s, or a product such as rad/Nm
+
+
+@dataclass(frozen=True)
+class ParameterMove:
+    """What a parameter moves, an elementary transform of the rig's chain or a number of the reading, times ``phi``."""
+
+    on: Literal["transform", "reading"]
+    index: int
+    phi: Phi = ONE
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One error parameter.
+
+    Attributes:
+        name: for instance ``alpha2``, ``fixture_A_x``, ``map_z``, ``zero``, ``compliance2``.
+        unit: of its value.
+        prior: one-sigma size expected before any measurement, in that unit.
+        what: what it is, in a mechanic's words.
+        moves: all that it moves; most parameters move one thing.
+        group: ``gauge`` (it places the gauge), ``geometry``, or the effect it belongs to.
+    """
+
+    name: str
+    unit: ParameterUnit
+    prior: float
+    what: str
+    moves: tuple[ParameterMove, ...]
+    group: str = "geometry"
+
+    @property
+    def main(self) -> ParameterMove:
+        """The first thing it moves."""
+        return self.moves[0]
+
+
+def transform_move(index: int, phi: Phi = ONE) -> tuple[ParameterMove, ...]:
+    """Move one transform."""
+    return (ParameterMove("transform", index, phi),)
+
+
+def reading_move(phi: Phi = ONE, index: int = 0) -> tuple[ParameterMove, ...]:
+    """Move one number of the reading."""
+    return (ParameterMove("reading", index, phi),)
+
+
+def gauge_parameters(rig: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+    """Parameters that place the gauge: fixture or frame, targets on the tool, zero."""
+    if rig.kind == "length":
+        if "fixture" in free:
+            yield from _fixture_parameters(rig)
+    else:
+        yield from _frame_parameters(rig)
+    if "tool" in free:
+        yield from _tool_parameters(rig)
+    if rig.kind == "length" and "zero" in free:
+        yield from _zero_parameters(rig)
+
+
+def _fixture_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+    """A fixture that lies further out looks like a base that stands further back, hence the sign."""
+    for s, name in enumerate(rig.place_names):
+        label = f"fixture_{name}" if name else "fixture"
+        prior = float(rig.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of fixture {name} along {axis}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, AtPlace(s, -1.0)), "gauge")
+
+
+def _zero_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+    """One zero, or where a loaded bar stands beside another one for each of the two."""
+    under = [name in rig.loaded for name in rig.place_names]
+    if all(under) or not any(under):
+        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading_move(), "gauge")
+        return
+    for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
+        moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))
+        yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")
+
+
+def _frame_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+    for s, name in enumerate(rig.place_names):
+        label = f"base_{name}" if name else "base"
+        whose = f" for {name}" if name else ""
+        phi = AtPlace(s) if len(rig.place_names) > 1 else ONE
+        prior = float(rig.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of the base along {axis}{whose}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, phi), "gauge")
+        for a, axis in enumerate("xyz"):
+            what = f"tilt of the base about {axis}{whose}"
+            yield Parameter(f"{label}_r{axis}", "rad", rig.turn_prior, what, transform_move(3 + a, phi), "gauge")
+
+
+def _tool_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+    for t, name in enumerate(rig.point_names):
+        label = f"map_{name}" if name else "map"
+        phi = AtPoint(t) if len(rig.point_names) > 1 else ONE
+        for axis in "xyz":
+            what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
+            yield Parameter(
+                f"{label}_{axis}",
+                "m",
+                rig.tool_prior,
+                what,
+                transform_move(rig.chain.index(f"map_{axis}"), phi),
+                "gauge",
+            )
+    if rig.kind == "pose":
+        for axis in "xyz":
+            k = rig.chain.index(f"probe_r{axis}")
+            what = f"turn of the probe about {axis}"
+            yield Parameter(f"probe_r{axis}", "rad", rig.turn_prior, what, transform_move(k), "gauge")
+
+
+def robot_parameters(rig: MeasurementSetup) -> list[Parameter]:
+    """Errors of the robot's own transforms; fixed turns that only align an axis are no errors of their own.
+
+    The last joint's angle comes last: a point on the last axis cannot see it.
+    """
+    robot = rig.robot
+    out: list[Parameter] = []
+    last: list[Parameter] = []
+    for k, t in enumerate(robot.transforms):
+        if t.name.startswith("aligned_") or t.name.endswith("_flange"):
+            continue
+        if t.joint is not None:
+            what = f"zero of joint {t.joint + 1}"
+        else:
+            link = int(np.searchsorted(robot.link_end, k, side="right"))
+            what = f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
+        prior = robot.priors.length if t.kind == "translation" else robot.priors.angle
+        parameter = Parameter(
+            t.name, "m" if t.kind == "translation" else "rad", prior, what, transform_move(N_BASE_TRANSFORMS + k)
+        )
+        (last if t.joint == robot.n_joints - 1 else out).append(parameter)
+    return out + last
+
+
+def clock_offset_parameter(rig: MeasurementSetup) -> Parameter:
+    """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
+    length, point = reading_move(LengthLag()), tuple(ParameterMove("reading", a, PointLag(a)) for a in range(3))
+    moves = length if rig.kind == "length" else point
+    return Parameter("lag", "s", PRIOR_LAG, "lag of the gauge's clock behind the controller's", moves, "gauge")
+
+
+def compliance_parameters(rig: MeasurementSetup) -> list[Parameter]:
+    """Compliance of each joint under gravity, payload and the bar's pull [rad/Nm]."""
+    joints = [(k, t.joint) for k, t in enumerate(rig.chain.transforms) if t.joint is not None]
+    return [
+        Parameter(
+            f"compliance{i + 1}",
+            "rad/Nm",
+            rig.robot.priors.compliance,
+            f"compliance of joint {i + 1}",
+            transform_move(k, LoadTorque(i)),
+            "joint compliance",
+        )
+        for k, i in sorted(joints, key=lambda pair: pair[1])
+    ]

@@ -1,0 +1,130 @@
+"""What every placing asks of its inputs, and the spread of rows that it works on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+
+IntArray = np.ndarray  # of integers
+
+
+@dataclass(frozen=True)
+class FlangePoses:
+    """Where the flange stood at n samples, and which place and point each belongs to.
+
+    Attributes:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m] and (n, 3, 3).
+        place, point: fixture, plate or station, and target on the tool, (n,) int.
+        n_places, n_points: S and T.
+    """
+
+    p_BF: Array
+    R_BF: Array
+    place: IntArray
+    point: IntArray
+    n_places: int
+    n_points: int
+
+    def __len__(self) -> int:
+        """Return the number of samples n."""
+        return len(self.p_BF)
+
+    def take(self, which: IntArray) -> "FlangePoses":
+        """Return the samples at ``which``."""
+        rows = (self.p_BF[which], self.R_BF[which], self.place[which], self.point[which])
+        return FlangePoses(*rows, self.n_places, self.n_points)
+
+    def carried(self, p_FM: Array) -> Array:
+        """Return the targets (k, n, 3) [m] in the base frame for points p_FM (k, T, 3) on the flange."""
+        m = p_FM[:, self.point]
+        return np.asarray(np.matmul(self.R_BF, m[..., None])[..., 0] + self.p_BF)
+
+    def spread(self, most: int) -> IntArray:
+        """Return at most about ``most`` row numbers, evenly over each (place, point) pair."""
+        if len(self) <= most:
+            return np.arange(len(self))
+        pair = self.place.astype(np.int64) * self.n_points + self.point
+        kinds, counts = np.unique(pair, return_counts=True)
+        share = np.maximum(most * counts // len(self), min(12, most // len(kinds)))
+        picks = [
+            np.flatnonzero(pair == kind)[np.unique(np.linspace(0, count - 1, min(count, take)).round().astype(int))]
+            for kind, count, take in zip(kinds, counts, share, strict=True)
+        ]
+        return np.sort(np.concatenate(picks))
+
+
+def flange_poses(
+    p_BF: Array, R_BF: Array, place: IntArray, point: IntArray, places: int = 0, points: int = 0
+) -> FlangePoses:
+    """Check shapes, finiteness and indices of the samples; ``places`` and ``points`` are S and T where known.
+
+    Raises:
+        InputError: naming the array and what was found.
+    """
+    n = len(p_BF)
+    if n == 0:
+        raise InputError("the run has no samples, so nothing can be placed")
+    place, point = np.asarray(place, dtype=np.int64), np.asarray(point, dtype=np.int64)
+    check_arrays((("p_BF", p_BF, (n, 3)), ("R_BF", R_BF, (n, 3, 3)), ("place", place, (n,)), ("point", point, (n,))))
+    for name, index in (("place", place), ("point", point)):
+        if index.min() < 0:
+            raise InputError(f"{name} holds the index {index.min()}; indices count from 0")
+    S, T = places or int(place.max()) + 1, points or int(point.max()) + 1
+    for name, index, count in (("place", place, S), ("point", point, T)):
+        if index.max() >= count:
+            raise InputError(f"{name} holds the index {index.max()}, but only {count} are given")
+        unused = sorted(set(range(count)) - set(np.unique(index).tolist()))
+        if unused and not (places if name == "place" else points):
+            raise InputError(f"no sample was taken with {name} {unused[0] + 1}, so it cannot be located")
+    return FlangePoses(np.asarray(p_BF, dtype=float), np.asarray(R_BF, dtype=float), place, point, S, T)
+
+
+def check_arrays(arrays: tuple[tuple[str, Array, tuple[int, ...]], ...]) -> None:
+    """Check (name, array, wanted shape) for shape and finite numbers.
+
+    Raises:
+        InputError: naming the array, what was found and what is wanted.
+    """
+    for name, array, shape in arrays:
+        if np.shape(array) != shape:
+            raise InputError(f"{name} has the shape {np.shape(array)}, but {shape} is wanted")
+        if not np.all(np.isfinite(array)):
+            bad = int(np.flatnonzero(~np.isfinite(np.asarray(array).reshape(len(array), -1)).all(axis=1))[0])
+            raise InputError(f"{name} holds a number that is not finite, first in row {bad + 1}")
+
+
+def tool_grid() -> Array:
+    """Return tool points to start from, (43, 3) [m]: the flange, and 14 directions at three distances."""
+    return np.concatenate([np.zeros((1, 3)), *(r * directions() for r in (0.1, 0.25, 0.5))])
+
+
+def directions() -> Array:
+    """Return the unit vectors to the faces and corners of a cube, (14, 3)."""
+    corners = np.array(np.meshgrid([1, -1], [1, -1], [1, -1], indexing="ij")).reshape(3, -1).T / np.sqrt(3.0)
+    return read_only(np.concatenate([np.eye(3), -np.eye(3), corners]))
+
+
+@dataclass(frozen=True)
+class PlacementFrames:
+    """k sets of frames: R_BG (k, S, 3, 3), p_BG (k, S, 3), p_FM (k, T, 3), R_FM (k, T, 3, 3)."""
+
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    R_FM: Array
+
+    def packed(self) -> Array:
+        """Return the states (k, D)."""
+        k = len(self.R_BG)
+        return np.concatenate([v.reshape(k, -1) for v in (self.R_BG, self.p_BG, self.p_FM, self.R_FM)], axis=1)
+
+
+def unpack_frames(state: Array, s: FlangePoses) -> PlacementFrames:
+    """Return the frames of states (k, D)."""
+    k, S, T = len(state), s.n_places, s.n_points
+    R_BG, p_BG, p_FM, R_FM = np.split(state, np.cumsum([9 * S, 3 * S, 3 * T]), axis=1)
+    return PlacementFrames(
+        R_BG.reshape(k, S, 3, 3), p_BG.reshape(k, S, 3), p_FM.reshape(k, T, 3), R_FM.reshape(k, T, 3, 3)
+    )

@@ -1,0 +1,236 @@
+"""Where a tracker stands and where its targets sit on the tool, from any start."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.gauges.placement.flange_poses import (
+    FlangePoses,
+    IntArray,
+    PlacementFrames,
+    check_arrays,
+    flange_poses,
+    unpack_frames,
+)
+from planner.gauges.placement.frame_starts import frame_starts
+from planner.gauges.placement.rotations import exp3, log3, skew
+from planner.gauges.placement.solver import (
+    PlacementUnknown,
+    best_first,
+    outlier_limit,
+    refine,
+    require_determined,
+    robust_scale,
+)
+
+
+@dataclass(frozen=True)
+class FrameProblem:
+    """R_BF p_FM + p_BF = R_BG p_GM + p_BG, and R_BF R_FM = R_BG R_GM where the probe gives its orientation.
+
+    A step is (turns of R_BG in the base's axes (3S), p_BG (3S), p_FM (3T), turns of R_FM in the flange's axes (3T)).
+
+    Attributes:
+        stand: flange poses.
+        p_GM: readings, (n, 3) [m]; ``R_GM`` (n, 3, 3) or ``None``.
+        free: which columns of the step move, bool; the last 3T are there only with orientation.
+        per_radian: what a radian counts [m].
+    """
+
+    stand: FlangePoses
+    p_GM: Array
+    R_GM: Array | None
+    free: np.ndarray
+    per_radian: float = 1.0
+
+    def take(self, which: np.ndarray) -> "FrameProblem":
+        """Return the problem of only the rows ``which``."""
+        R_GM = None if self.R_GM is None else self.R_GM[which]
+        return replace(self, stand=self.stand.take(which), p_GM=self.p_GM[which], R_GM=R_GM)
+
+    def evaluate(self, state: Array) -> tuple[Array, Array]:
+        """Return residuals (k, n, 3 or 6) [m] and derivatives."""
+        s, f, k = self.stand, unpack_frames(state, self.stand), len(state)
+        S, T, n = s.n_places, s.n_points, len(s)
+        A = f.R_BG[:, s.place]
+        reading = np.matmul(A, self.p_GM[..., None])[..., 0]
+        r = s.carried(f.p_FM) - reading - f.p_BG[:, s.place]
+        d = 3 if self.R_GM is None else 6
+        J = np.zeros((k, n, d, 6 * S + (3 if d == 3 else 6) * T))
+        row, axis = np.arange(n)[:, None, None], np.arange(3)[None, :, None]
+        of_place, of_point = 3 * s.place[:, None, None] + np.arange(3), 3 * s.point[:, None, None] + np.arange(3)
+        J[:, row, axis, of_place] = skew(reading)
+        J[:, row, axis, 3 * S + of_place] = -np.eye(3)
+        J[:, row, axis, 6 * S + of_point] = s.R_BF
+        if self.R_GM is not None:
+            probe = np.matmul(s.R_BF, f.R_FM[:, s.point])
+            turn = log3(np.matmul(probe, np.matmul(A, self.R_GM).swapaxes(-1, -2)))
+            r = np.concatenate([r, self.per_radian * turn], axis=2)
+            J[:, row, 3 + axis, of_place] = -self.per_radian * np.eye(3)  # exact where the residual is small
+            J[:, row, 3 + axis, 6 * S + 3 * T + of_point] = self.per_radian * s.R_BF
+        return r, J[..., self.free]
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the moved states (k, D)."""
+        s, k = self.stand, len(state)
+        S, T = s.n_places, s.n_points
+        full = np.zeros((k, 6 * S + 6 * T))
+        full[:, : len(self.free)][:, self.free] = step
+        turn_G, p_BG, p_FM, turn_M = (
+            v.reshape(k, -1, 3) for v in np.split(full, np.cumsum([3 * S, 3 * S, 3 * T]), axis=1)
+        )
+        f = unpack_frames(state, s)
+        return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).packed()
+
+
+FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
+TRIED, KEPT = 12, 3  # starts that are refined at all, and refined on many rows
+PER_RADIAN = 1.0  # [m] an angle of 1 mrad counts like 1 mm: what a joint's error does at a metre's reach
+_FIRST = ((8, "huber"), (8, "huber"))
+LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+
+
+@dataclass(frozen=True)
+class PointPlacement:
+    """Where the gauge's frames G stand.
+
+    Attributes:
+        R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
+        p_FM: targets on the flange, (T, 3) [m].
+        rms: of the distances that are not outliers [m].
+        outlier: readings beyond about 5.6 robust standard deviations, (n,) bool.
+    """
+
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    rms: float
+    outlier: np.ndarray
+
+
+@dataclass(frozen=True)
+class PosePlacement:
+    """Where the gauge's frames G stand, and how the probes M sit on the flange.
+
+    Attributes:
+        R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
+        p_FM, R_FM: probes on the flange, (T, 3) [m] and (T, 3, 3).
+        rms: of the distances that are not outliers [m]; ``rms_angle`` of their angles [rad].
+        outlier: readings beyond about 6.4 robust standard deviations, (n,) bool.
+    """
+
+    R_BG: Array
+    p_BG: Array
+    p_FM: Array
+    R_FM: Array
+    rms: float
+    rms_angle: float
+    outlier: np.ndarray
+
+
+def place_points(
+    p_BF: Array, R_BF: Array, p_GM: Array, place: IntArray, point: IntArray, p_FM: Array | None = None
+) -> PointPlacement:
+    """Find frames and targets from positions: R_BG p_GM + p_BG = R_BF p_FM + p_BF.
+
+    Starts: readings are linear in (R_GB, R_GB ⊗ p_FM, t); and registration (Umeyama) for a grid of tool points. All
+    are refined at once and the one with the least robust residual is kept.
+
+    Args:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        p_GM: readings in the gauge's own frame, (n, 3) [m].
+        place, point: which station, which target on the tool, (n,) int.
+        p_FM: targets on the flange where known (then held), (T, 3) [m].
+
+    Raises:
+        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    s = flange_poses(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
+    check_arrays((("p_GM", p_GM, (len(s), 3)),))
+    free = np.concatenate([np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)])
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), None, free)
+    state = _solve_frames(problem, p_FM, None)
+    f = unpack_frames(state, s)
+    error, outlier = find_outliers(problem, state)
+    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
+    return PointPlacement(read_only(f.R_BG[0]), read_only(f.p_BG[0]), read_only(f.p_FM[0]), rms, outlier)
+
+
+def place_poses(
+    p_BF: Array,
+    R_BF: Array,
+    p_GM: Array,
+    R_GM: Array,
+    place: IntArray,
+    point: IntArray,
+    p_FM: Array | None = None,
+    R_FM: Array | None = None,
+    per_radian: float = PER_RADIAN,
+) -> PosePlacement:
+    """Find frames and probes from positions and orientations: also R_BG R_GM = R_BF R_FM.
+
+    Starts: as :func:`place_points`, and robot-world/hand-eye by singular vectors (Shah 2013). Then all together, an
+    angle of 1 rad counting ``per_radian`` metres.
+
+    Args:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3).
+        place, point: which station, which probe on the tool, (n,) int.
+        p_FM, R_FM: probes on the flange where known (then held), (T, 3) [m], (T, 3, 3).
+        per_radian: weight of the angles [m].
+
+    Raises:
+        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    known = p_FM if p_FM is not None else R_FM
+    s = flange_poses(p_BF, R_BF, place, point, points=0 if known is None else len(known))
+    check_arrays((("p_GM", p_GM, (len(s), 3)), ("R_GM", R_GM, (len(s), 3, 3))))
+    open_point, open_turn = np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_points, R_FM is None)
+    free = np.concatenate([np.full(6 * s.n_places, True), open_point, open_turn])
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), np.asarray(R_GM, dtype=float), free, per_radian)
+    state = _solve_frames(problem, p_FM, R_FM)
+    f = unpack_frames(state, s)
+    _, outlier = find_outliers(problem, state)
+    gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", f.R_BG[0, s.place], p_GM) - f.p_BG[0, s.place]
+    turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (f.R_BG[0, s.place] @ R_GM).swapaxes(-1, -2))
+    rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
+    R_BG, p_BG, m, turns = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
+    return PosePlacement(R_BG, p_BG, m, turns, rms, rms_angle, outlier)
+
+
+def _solve_frames(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Array:
+    """Return the best state (1, D)."""
+    s, d = problem.stand, 3 if problem.R_GM is None else 6
+    if d * len(s) < problem.free.sum():
+        raise InputError(
+            f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
+        )
+    few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
+    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).packed()
+    promising = best_first(refine(few, starts, ()), d)[:TRIED]
+    found = refine(few, starts[promising], _FIRST)
+    found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)
+    best = best_first(found, d)[0]
+    require_determined(found.jacobian[best], found.error[best], frame_unknowns(s, problem.free), many.stand)
+    return found.state[[best]]
+
+
+def frame_unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:
+    """Return what each free column of a step belongs to."""
+    owner = [PlacementUnknown("rotation", k) for k in range(s.n_places) for _ in range(3)]
+    owner += [PlacementUnknown("position", k) for k in range(s.n_places) for _ in range(3)]
+    owner += [PlacementUnknown("point", t) for t in range(s.n_points) for _ in range(3)]
+    owner += [PlacementUnknown("turn", t) for t in range(s.n_points) for _ in range(3)]
+    return tuple(o for o, f in zip(owner, free, strict=False) if f)
+
+
+def find_outliers(problem: FrameProblem, state: Array, chunk: int = 20000) -> tuple[Array, np.ndarray]:
+    """Return all rows' block norms (n,) [m] and which are outliers (n,), in chunks so that memory stays flat."""
+    n, d = len(problem.stand), 3 if problem.R_GM is None else 6
+    parts = [problem.take(np.arange(k, min(n, k + chunk))).evaluate(state)[0][0] for k in range(0, n, chunk)]
+    error = np.linalg.norm(np.concatenate(parts), axis=1)
+    return error, error > outlier_limit(d) * robust_scale(error, d)[0]

@@ -1,0 +1,317 @@
+"""Where the fixtures of a length gauge stand and where its ball sits on the tool, from any start."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.gauges.placement.flange_poses import (
+    FlangePoses,
+    IntArray,
+    check_arrays,
+    directions,
+    flange_poses,
+    tool_grid,
+)
+from planner.gauges.placement.solver import (
+    PlacementUnknown,
+    RefinedStates,
+    best_first,
+    outlier_limit,
+    refine,
+    require_determined,
+    robust_scale,
+)
+
+
+@dataclass(frozen=True)
+class BarProblem:
+    """length = |R m + p − X| + zero; a state is (m (3T), X (3S), zero), of which ``free`` (bool) move."""
+
+    stand: FlangePoses
+    length: Array
+    free: np.ndarray
+
+    def evaluate(self, state: Array) -> tuple[Array, Array]:
+        """Return residuals (k, n, 1) [m] and derivatives (k, n, 1, P)."""
+        s, k = self.stand, len(state)
+        m, X, zero = unpack_bar(state, s)
+        apart = s.carried(m) - X[:, s.place]
+        distance = np.linalg.norm(apart, axis=2)
+        u = apart / np.maximum(distance, 1e-9)[..., None]
+        J = np.zeros((k, len(s), state.shape[1]))
+        row = np.arange(len(s))[:, None]
+        J[:, row, 3 * s.point[:, None] + np.arange(3)] = np.matmul(u[..., None, :], s.R_BF)[..., 0, :]
+        J[:, row, 3 * (s.n_points + s.place[:, None]) + np.arange(3)] = -u
+        J[:, :, -1] = 1.0
+        return (distance + zero[:, None] - self.length)[..., None], J[:, :, None, self.free]
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the moved states (k, D)."""
+        out = state.copy()
+        out[:, self.free] += step
+        return out
+
+
+def unpack_bar(state: Array, stand: FlangePoses) -> tuple[Array, Array, Array]:
+    """Return p_FM (k, T, 3), p_BX (k, S, 3) and the zero (k,) of states (k, D)."""
+    T, k = stand.n_points, len(state)
+    return state[:, : 3 * T].reshape(k, T, 3), state[:, 3 * T : -1].reshape(k, -1, 3), state[:, -1]
+
+
+def pack_bar(p_FM: Array, p_BX: Array, zero: Array) -> Array:
+    """Return states (k, D) of :func:`unpacked`."""
+    k = len(zero)
+    return np.concatenate([p_FM.reshape(k, -1), p_BX.reshape(k, -1), zero[:, None]], axis=1)
+
+
+def trilateration(centre: Array, length: Array, zero: Array) -> tuple[Array, Array]:
+    """Locate a point from lengths to known centres; the difference of squared lengths is linear in it.
+
+    L² − |c|² = 2 z L − 2 c·X + (|X|² − z²), reweighted against outliers.
+
+    Args:
+        centre: (k, n, 3) [m].
+        length: (n,) [m].
+        zero: (k,) [m]; NaN: unknown, a column L is added.
+
+    Returns:
+        The point (k, 3) and the zero (k,) [m].
+    """
+    known = bool(np.isfinite(zero).all())
+    reach = length - (zero[:, None] if known else 0.0)
+    b = reach**2 - (centre**2).sum(axis=2)
+    columns = -2.0 * centre
+    if not known:
+        columns = np.concatenate([columns, np.broadcast_to(2.0 * length[:, None], (*b.shape, 1))], axis=2)
+    x = solve_reweighted(columns, b)
+    return x[:, :3], zero if known else x[:, 3]
+
+
+def solve_reweighted(columns: Array, b: Array) -> Array:
+    """Return x (k, P) of columns (k, n, P) x + constant = b (k, n), by least squares with three Huber reweightings."""
+    weight = np.ones_like(b)
+    for _ in range(4):
+        w = weight / weight.sum(axis=1, keepdims=True)
+        C = columns - np.einsum("kn,knp->kp", w, columns)[:, None]
+        d = b - np.einsum("kn,kn->k", w, b)[:, None]
+        Cw = (C * w[..., None]).transpose(0, 2, 1)
+        x = np.matmul(np.linalg.pinv(Cw @ C, rcond=1e-11, hermitian=True), Cw @ d[..., None])
+        r = np.abs(d - (C @ x)[..., 0])
+        scale = np.maximum(np.median(r, axis=1, keepdims=True) / 0.6745, 1e-12)
+        weight = np.minimum(1.0, 1.5 * scale / np.maximum(r, 1e-300))
+    return np.asarray(x[..., 0])
+
+
+def linear_bar_start(stand: FlangePoses, length: Array) -> tuple[Array, Array, Array]:
+    """Locate tool point and fixture of one pair together, no start needed, from 17 linear unknowns.
+
+    L² − |p|² = 2 z L + 2 (Rᵀp)·m − 2 p·X − 2 Xᵀ R m + constant: the products X mᵀ (9) are taken as unknowns of their
+    own, then split into their strongest rank-one part.
+
+    Returns:
+        m (2, 3), X (2, 3), zero (2,) [m]: from the linear terms, and with m from the products.
+    """
+    origin = stand.p_BF.mean(axis=0)
+    p, n = stand.p_BF - origin, len(stand)
+    turned = np.einsum("nji,nj->ni", stand.R_BF, p)
+    columns = np.concatenate([2 * turned, -2 * p, 2 * length[:, None], -2 * stand.R_BF.reshape(n, 9)], axis=1)
+    x = solve_reweighted(columns[None], (length**2 - (p**2).sum(axis=1))[None])[0]
+    m, X, product = x[:3], x[3:6], x[7:].reshape(3, 3)
+    by_product = product.T @ X / max(float(X @ X), 1e-12)
+    return np.stack([m, by_product]), np.stack([X, X]) + origin, np.full(2, x[6])
+
+
+FEW, MANY = 100, 400  # rows for the many starts, and for the few that are left
+TRIED, KEPT = 24, 6  # starts left after each of the first two rounds
+_FIRST, _NEXT = ((6, "huber"),), ((7, "huber"), (7, "huber"))
+_LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+_REACHES = (0.3, 0.7)  # [m] distances to start from where the bar's zero is unknown
+_TIE = 0.02  # relative difference of rms below which two places explain the lengths alike
+
+
+@dataclass(frozen=True)
+class LengthPlacement:
+    """Where the gauge stands.
+
+    Attributes:
+        p_BX: fixtures in the base frame, (S, 3) [m].
+        p_FM: ball on the flange, (T, 3) [m].
+        zero: of the bar [m], one for all fixtures.
+        rms: of the residuals that are not outliers [m].
+        outlier: residuals beyond about 4.7 robust standard deviations, (n,) bool.
+    """
+
+    p_BX: Array
+    p_FM: Array
+    zero: float
+    rms: float
+    outlier: np.ndarray
+
+
+def place_lengths(
+    p_BF: Array,
+    R_BF: Array,
+    length: Array,
+    place: IntArray,
+    point: IntArray,
+    p_FM: Array | None = None,
+    p_BX: Array | None = None,
+    zero_known: bool = False,
+    nominal_FM: Array | None = None,
+    nominal_BX: Array | None = None,
+) -> LengthPlacement:
+    """Find fixtures, ball on the tool and zero of a bar: length = |R_BF p_FM + p_BF − p_BX| + zero.
+
+    Starts: squared lengths, linear in products of the unknowns (17 of them), trilateration for a grid of tool points,
+    and fixtures in 14 directions; all are refined at once, and the one with the least robust residual is kept.
+
+    Args:
+        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        length: readings, (n,) [m].
+        place, point: which fixture, which ball on the tool, (n,) int.
+        p_FM: balls on the flange where known (then held), (T, 3) [m].
+        p_BX: fixtures where known (then held), (S, 3) [m].
+        zero_known: whether the lengths are absolute (the zero is held at 0).
+        nominal_FM, nominal_BX: where they are thought to be, (T, 3) and (S, 3) [m]: one more start, and the
+            judge between mirror solutions that explain the lengths alike.
+
+    Raises:
+        InputError: shapes, numbers or indices are wrong, or there are fewer lengths than unknowns.
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    given = tuple(0 if v is None else len(v) for v in (p_BX, p_FM))
+    s = flange_poses(p_BF, R_BF, place, point, *given)
+    check_arrays((("length", length, (len(s),)),))
+    free = np.concatenate(
+        [np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [not zero_known]]
+    )
+    if len(s) < free.sum():
+        raise InputError(f"{len(s)} lengths cannot place a gauge of {free.sum()} unknowns; more poses would help")
+    few, many = s.spread(FEW), s.spread(MANY)
+    starts = _starts(s.take(many), length[many], p_FM, p_BX, zero_known)
+    nominal = _nominal_start(s, p_FM, p_BX, nominal_FM, nominal_BX)
+    if nominal is not None:
+        starts = np.concatenate([pack_bar(*nominal, np.zeros(1)), starts])
+    if not free.any():
+        starts = starts[:1]
+    problem = BarProblem(s.take(few), length[few], free)
+    found = refine(problem, starts, _FIRST)
+    found = refine(problem, found.state[best_first(found, 1)[:TRIED]], _NEXT)
+    state = found.state[best_first(found, 1)[:KEPT]]
+    found = refine(BarProblem(s.take(many), length[many], free), state, _LAST)
+    best = _choose(found, s, nominal)
+    require_determined(best.jacobian[0], best.error[0], _unknowns(s, free), s.take(many))
+    return _evaluate_placement(s, length, best.state[:1])
+
+
+def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | None, zero_known: bool) -> Array:
+    """Return the starts (k, D): seeds of what is thinkable, completed by trilateration."""
+    seeds = []
+    T, S = s.n_points, s.n_places
+    zero = np.full(1, 0.0 if zero_known else np.nan)
+
+    def seed(m: Array, X: Array, z: Array) -> None:
+        m = np.broadcast_to(m if p_FM is None else p_FM, (len(m), T, 3)).copy()
+        X = np.broadcast_to(X if p_BX is None else p_BX, (len(m), S, 3)).copy()
+        seeds.append(_complete_seeds(s, length, m, X, np.broadcast_to(z, len(m)).copy()))
+
+    open_m, open_X = np.full((1, T, 3), np.nan), np.full((1, S, 3), np.nan)
+    main = int(np.argmax(np.bincount(s.point)))
+    grid = tool_grid() if p_FM is None else np.zeros((1, 3))
+    of_main = np.broadcast_to(open_m, (len(grid), T, 3)).copy()
+    of_main[:, main] = grid
+    if p_FM is None or p_BX is None:
+        pair = s.take(_largest_pair(s))
+        m, X, z = linear_bar_start(pair, length[_largest_pair(s)])
+        both_m, both_X = np.repeat(open_m, 2, axis=0), np.repeat(open_X, 2, axis=0)
+        both_m[:, pair.point[0]], both_X[:, pair.place[0]] = m, X
+        seed(both_m, both_X, zero if zero_known else z)
+    if p_FM is None and p_BX is not None:
+        seed(open_m, open_X, zero)
+        seed(np.broadcast_to(grid[:, None], (len(grid), T, 3)), open_X, zero)
+    seed(of_main, open_X, zero)
+    if p_BX is None:
+        reach = (float(length.mean()),) if zero_known else _REACHES
+        middle = s.carried(np.zeros((1, T, 3)) if p_FM is None else p_FM[None])[0]
+        centre = np.array([middle[s.place == k].mean(axis=0) if np.any(s.place == k) else middle[0] for k in range(S)])
+        for r in reach:
+            X = centre + r * directions()[:, None]
+            seed(np.zeros((len(X), T, 3)), X, zero)
+    return np.concatenate(seeds)
+
+
+def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Array) -> Array:
+    """Fill what is NaN in the seeds: fixtures from known tool points and tool points from known fixtures."""
+    known_m, known_X = np.isfinite(m[0, :, 0]), np.isfinite(X[0, :, 0])
+    while not (known_m.all() and known_X.all()):
+        ready = known_m[s.point] & ~known_X[s.place]
+        if ready.any():
+            k = int(np.argmax(np.bincount(s.place[ready])))
+            at = np.flatnonzero(ready & (s.place == k))
+            X[:, k], zero = trilateration(s.take(at).carried(m), length[at], zero)
+            known_X[k] = True
+            continue
+        ready = ~known_m[s.point] & known_X[s.place]
+        if ready.any():
+            k = int(np.argmax(np.bincount(s.point[ready])))
+            at = np.flatnonzero(ready & (s.point == k))
+            to = X[:, s.place[at]] - s.p_BF[at]
+            m[:, k], zero = trilateration(np.einsum("nji,knj->kni", s.R_BF[at], to), length[at], zero)
+            known_m[k] = True
+        elif not known_m.all():
+            first = int(np.argmin(known_m))
+            m[:, first], known_m[first] = 0.0, True
+        else:
+            X[:, ~known_X], known_X[:] = 0.0, True
+    if not np.isfinite(zero).all():
+        distance = np.linalg.norm(s.carried(m) - X[:, s.place], axis=2)
+        zero = np.median(length - distance, axis=1)
+    return pack_bar(m, X, zero)
+
+
+def _largest_pair(s: FlangePoses) -> IntArray:
+    """Return the rows of the (fixture, ball) pair with the most samples."""
+    pair = s.place * s.n_points + s.point
+    return np.flatnonzero(pair == np.argmax(np.bincount(pair)))
+
+
+def _nominal_start(
+    s: FlangePoses, p_FM: Array | None, p_BX: Array | None, nominal_FM: Array | None, nominal_BX: Array | None
+) -> tuple[Array, Array] | None:
+    """Return p_FM (1, T, 3) and p_BX (1, S, 3) as they are thought to be, or ``None`` where one of them is not."""
+    m, X = nominal_FM if p_FM is None else p_FM, nominal_BX if p_BX is None else p_BX
+    if m is None or X is None:
+        return None
+    check_arrays((("nominal_FM", m, (s.n_points, 3)), ("nominal_BX", X, (s.n_places, 3))))
+    return np.asarray(m, dtype=float)[None], np.asarray(X, dtype=float)[None]
+
+
+def _choose(found: RefinedStates, s: FlangePoses, nominal: tuple[Array, Array] | None) -> RefinedStates:
+    """Return the best state; among those that explain the lengths alike, the one nearest to the nominal."""
+    order = best_first(found, 1)
+    if nominal is None:
+        return found.take(order[:1])
+    limit = outlier_limit(1) * robust_scale(found.error, 1).min()
+    rms = np.sqrt((np.minimum(found.error, limit) ** 2).mean(axis=1))
+    alike = order[rms[order] <= rms[order[0]] * (1 + _TIE) + 1e-9]
+    m, X, _ = unpack_bar(found.state[alike], s)
+    away = ((m - nominal[0]) ** 2).sum(axis=(1, 2)) + ((X - nominal[1]) ** 2).sum(axis=(1, 2))
+    return found.take(alike[np.argmin(np.round(away, 9))][None])
+
+
+def _unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:
+    """Return what each free column belongs to."""
+    owner = [PlacementUnknown("point", t) for t in range(s.n_points) for _ in range(3)]
+    owner += [PlacementUnknown("fixture", k) for k in range(s.n_places) for _ in range(3)]
+    return tuple(o for o, f in zip([*owner, PlacementUnknown("zero", 0)], free, strict=True) if f)
+
+
+def _evaluate_placement(s: FlangePoses, length: Array, state: Array) -> LengthPlacement:
+    """Judge all rows with the state (1, D)."""
+    m, X, zero = unpack_bar(state, s)
+    error = np.abs(np.linalg.norm(s.carried(m)[0] - X[0, s.place], axis=1) + zero[0] - length)
+    outlier = error > outlier_limit(1) * robust_scale(error, 1)[0]
+    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
+    return LengthPlacement(read_only(X[0]), read_only(m[0]), float(zero[0]), rms, outlier)

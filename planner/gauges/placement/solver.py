@@ -1,0 +1,204 @@
+"""Robust Levenberg-Marquardt over many starts at once, and the sentence that names directions which the data leave
+open."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array
+from planner.gauges.placement.flange_poses import FlangePoses, IntArray
+from planner.gauges.placement.rotations import log3
+
+# scale of a block's norm of d unit normals: its median (square root of the χ² median)
+_MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
+_SMALLEST = 4e-3  # [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
+_HUBER, _TUKEY = 1.5, 4.7
+
+
+class PlacementProblem(Protocol):
+    """Residuals of n rows, each a block of d numbers [m], over k states at once."""
+
+    def evaluate(self, state: Array) -> tuple[Array, Array]:
+        """Return residuals (k, n, d) [m] and their derivatives (k, n, d, P) at states (k, D)."""
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the states (k, D) moved by steps (k, P)."""
+
+
+@dataclass(frozen=True)
+class RefinedStates:
+    """States (k, D), block norms of their residuals (k, n) [m], and derivatives (k, n, d, P)."""
+
+    state: Array
+    error: Array
+    jacobian: Array
+
+    def take(self, which: Array) -> "RefinedStates":
+        """Return only the states at ``which``."""
+        return RefinedStates(self.state[which], self.error[which], self.jacobian[which])
+
+
+def robust_scale(error: Array, d: int) -> Array:
+    """Return the standard deviation of one number from the medians of block norms (..., n), (..., 1) [m]."""
+    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / _MEDIAN[d], _SMALLEST))
+
+
+def outlier_limit(d: int) -> float:
+    """Return the multiple of the scale from which a block of d numbers is an outlier."""
+    return 3.5 + 1.2 * float(np.sqrt(d))
+
+
+def refine(
+    problem: PlacementProblem, state: Array, schedule: tuple[tuple[int, str], ...], floor: float = 0.0
+) -> RefinedStates:
+    """Refine k states by Levenberg–Marquardt with weights that follow the residual.
+
+    Args:
+        problem: gives residuals and derivatives.
+        state: starts, (k, D).
+        schedule: rounds (iterations, weights): ``huber`` converges from afar, ``tukey`` forgets outliers. The scale
+            of the weights is the residual's median, found anew for each round.
+        floor: directions that move the readings by less than this per unit (rms) are held where they are.
+
+    Source: Marquardt, SIAM 11 (1963); Holland and Welsch, Comm. Stat. A6 (1977), for the weights.
+    """
+    r, J = problem.evaluate(state)
+    d = r.shape[2]
+    for iterations, kind in schedule:
+        scale = robust_scale(np.linalg.norm(r, axis=2), d)
+        damping = np.full(len(state), 1e-3)
+        for _ in range(iterations):
+            weight, cost = _weights(np.linalg.norm(r, axis=2) / scale, kind, d)
+            trial = problem.moved(state, _step(r, J, weight, damping, floor))
+            r_new, J_new = problem.evaluate(trial)
+            _, cost_new = _weights(np.linalg.norm(r_new, axis=2) / scale, kind, d)
+            better = cost_new <= cost
+            state = np.where(better[:, None], trial, state)
+            r = np.where(better[:, None, None], r_new, r)
+            J = np.where(better[:, None, None, None], J_new, J)
+            damping = np.clip(np.where(better, damping * 0.1, damping * 10.0), 1e-12, 1e6)
+            if np.all(np.abs(cost_new - cost) <= 1e-13 * cost):
+                break
+    return RefinedStates(state, np.linalg.norm(r, axis=2), J)
+
+
+def best_first(found: RefinedStates, d: int) -> IntArray:
+    """Return the order of the states, best first: squared residuals, each cut off at the smallest scale's limit."""
+    limit = outlier_limit(d) * robust_scale(found.error, d).min()
+    cost = (np.minimum(found.error, limit) ** 2).sum(axis=1)
+    # beyond the limit all are alike: the median decides there; equal costs keep the order of the starts
+    return np.lexsort((np.median(found.error, axis=1), np.round(cost / limit**2, 9)))
+
+
+def open_directions(jacobian: Array, limit: float) -> Array:
+    """Return the directions (m, P) that move no reading by more than ``limit`` per unit, rms; jacobian (n, d, P)."""
+    flat = jacobian.reshape(-1, jacobian.shape[-1])
+    values, vectors = np.linalg.eigh(flat.T @ flat / max(1, len(jacobian)))
+    return np.asarray(vectors[:, values < limit**2].T)
+
+
+def _weights(u: Array, kind: str, d: int) -> tuple[Array, Array]:
+    """Return weights (k, n) and costs (k,) of scaled block norms u (k, n)."""
+    if kind == "huber":
+        c = _HUBER * np.sqrt(d)
+        big = u > c
+        safe = np.where(big, u, 1.0)
+        return np.where(big, c / safe, 1.0), np.where(big, 2 * c * u - c * c, u * u).sum(axis=1)
+    c = outlier_limit(d)
+    inside = np.clip(1.0 - (u / c) ** 2, 0.0, None)
+    return inside**2, (c * c / 3.0 * (1.0 - inside**3)).sum(axis=1)
+
+
+def _step(r: Array, J: Array, weight: Array, damping: Array, floor: float) -> Array:
+    """Return the damped step (k, P) within the directions that the data see."""
+    k, n, d, P = J.shape
+    flat = J.reshape(k, n * d, P)
+    weighted = (J * weight[:, :, None, None]).reshape(k, n * d, P).transpose(0, 2, 1)
+    values, V = np.linalg.eigh(weighted @ flat)
+    gradient = (weighted @ r.reshape(k, n * d, 1))[:, :, 0]
+    largest = np.maximum(values[:, -1:], 1e-300)
+    seen = values > np.maximum(floor**2 * n, 1e-14 * largest)
+    along = np.einsum("kpi,kp->ki", V, gradient) / (np.maximum(values, 0.0) + damping[:, None] * largest)
+    return np.asarray(-np.einsum("kpi,ki->kp", V, np.where(seen, along, 0.0)))
+
+
+UnknownKind = Literal["point", "fixture", "zero", "position", "rotation", "turn"]
+
+LIMIT = 0.25  # [m] or [rad] standard deviation from which a direction counts as open
+_ERROR = 1e-3  # [m] the least that a nominal robot is taken to be wrong by
+_NAMES: dict[UnknownKind, str] = {
+    "point": "tool point {}",
+    "fixture": "position of fixture {}",
+    "zero": "zero of the bar",
+    "position": "position of gauge frame {}",
+    "rotation": "rotation of gauge frame {}",
+    "turn": "orientation of probe {}",
+}
+
+
+@dataclass(frozen=True)
+class PlacementUnknown:
+    """What a column belongs to: a kind, and which one of it (from 0)."""
+
+    kind: UnknownKind
+    index: int
+
+    def __str__(self) -> str:
+        """Return the name as a person says it."""
+        return _NAMES[self.kind].format(self.index + 1)
+
+
+def undetermined_unknowns(
+    jacobian: Array, error: Array, unknowns: tuple[PlacementUnknown, ...]
+) -> tuple[PlacementUnknown, ...]:
+    """Return the unknowns that the rows leave open by more than ``LIMIT``, in the order of their columns.
+
+    Args:
+        jacobian: (n, d, P) at the solution; rows that are outliers count like all others.
+        error: block norms of the residuals, (n,) [m].
+        unknowns: what each of the P columns belongs to.
+    """
+    if not unknowns:
+        return ()
+    sigma = max(_ERROR, float(np.median(error)))
+    directions = open_directions(jacobian, sigma / LIMIT / np.sqrt(len(error)))
+    touched = np.abs(directions).max(axis=0, initial=0.0) > 0.2
+    return tuple(dict.fromkeys(u for u, hit in zip(unknowns, touched, strict=True) if hit))
+
+
+def require_determined(
+    jacobian: Array, error: Array, unknowns: tuple[PlacementUnknown, ...], stand: FlangePoses
+) -> None:
+    """Raise where the poses leave an unknown open.
+
+    Raises:
+        NoSolutionError: names what is open and what would help.
+    """
+    missing = undetermined_unknowns(jacobian, error, unknowns)
+    if missing:
+        names = " and ".join(
+            (", ".join(str(u) for u in missing[:-1]), str(missing[-1])) if missing[1:] else [str(missing[0])]
+        )
+        raise NoSolutionError(
+            f"the {len(stand)} poses do not determine the {names}; {advice(missing, stand)} would help"
+        )
+
+
+def advice(missing: tuple[PlacementUnknown, ...], stand: FlangePoses) -> str:
+    """Return what would determine the missing unknowns."""
+    kinds = {u.kind for u in missing}
+    turns = orientation_spread(stand)
+    if ("point" in kinds or "turn" in kinds) and turns[1] < 0.1:
+        axes = "about no axis" if turns[0] < 0.1 else "about one axis only"
+        return f"poses that turn the flange about two axes or more (now it turns {axes}), or a measured tool point,"
+    if "zero" in kinds:
+        return "a wider range of lengths, or a bar with a known zero,"
+    return "more poses, spread over all three directions,"
+
+
+def orientation_spread(stand: FlangePoses) -> Array:
+    """Return the spread (rms) of the flange's orientation along its principal axes, strongest first, (3,) [rad]."""
+    w = log3(np.matmul(stand.R_BF[len(stand) // 2].T, stand.R_BF))
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(w.T @ w / len(w))[::-1], 0.0)))

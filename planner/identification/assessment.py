@@ -1,0 +1,197 @@
+"""From the last stage to the calibration: uncertainties, checks and warnings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.file import FIRST_POINT
+from planner.common.determinism import even_positions
+from planner.common.units import DEG, MM, Array
+from planner.design.observability.information import r_factor
+from planner.identification.artifact_pose import declared_pose_warnings
+from planner.identification.calibration import Calibration, Estimate, Metrics, TracingResult, error_size
+from planner.identification.covariance import (
+    consider_covariance,
+    parameter_covariance,
+    workspace_error,
+    workspace_warning,
+)
+from planner.identification.cross_validation import Split, finer_split, number_poses, predict_held_out
+from planner.identification.estimates import estimate_parameters
+from planner.identification.identifiable_parameters import FittedParameters
+from planner.identification.least_squares import Fit
+from planner.identification.stages import FitContext, FittedStage
+from planner.identification.validation import new_frames
+from planner.runs.run import Run
+
+LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
+TRACEABLE_READINGS = 20  # readings beyond the parameters, below which nothing is traced
+LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
+STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
+NAMED_OUTLIERS = 5  # outliers that a warning names
+
+
+def find_problems(table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit) -> tuple[str, ...]:
+    """Return the reasons not to use the result; none when it passed."""
+    out = [
+        f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
+        f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
+        for e in table
+        if e.group == "geometry" and abs(e.value - e.nominal) > LARGEST_ERROR.get(e.unit, np.inf)
+    ]
+    factor = found.solution.factor
+    if len(factor) and not np.all(np.isfinite(factor)):
+        out.append("the information of the fit is not finite")
+    before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
+    if last.rms > LARGEST_HELD_OUT:
+        out.append(
+            f"held-out poses are still {last.rms / MM:.1f} mm off: readings do not belong to these poses; look for "
+            "rows that were exchanged, another ball, fixture or tool point, and units"
+        )
+    elif last.rms > before.rms:
+        out.append(
+            f"held-out poses got worse, {before.rms / MM:.3g} mm to {last.rms / MM:.3g} mm: too few readings for so "
+            "many parameters, or an error that is nothing but noise"
+        )
+    return tuple(out)
+
+
+def too_few_text(spare: int) -> str:
+    """Say why nothing was traced."""
+    return f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought"
+
+
+def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
+    """Return what a person should know."""
+    out, rig = [], found.model.rig
+    if cell.file.controller.accuracy_model == "on":
+        out.append("the controller already corrects the robot: what was identified is what its correction leaves")
+    out += [*_of_bar(run, cell), *_other_point(run, cell), *declared_pose_warnings(cell, rig)]
+    if len(found.outliers):
+        named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED_OUTLIERS])
+        more = f"; and {len(found.outliers) - NAMED_OUTLIERS} more" if len(found.outliers) > NAMED_OUTLIERS else ""
+        out.append(f"{len(found.outliers)} samples are outliers ({named}{more}); they were kept in the fit")
+    if all(m is None for m in rig.robot.masses):
+        out.append(
+            f"{rig.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
+        )
+    if validation is not None and new_frames(rig, validation):
+        out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
+    return out
+
+
+def _of_bar(run: Run, cell: Cell) -> list[str]:
+    length, force = run.readings.length, run.samples.force
+    if length is None:
+        return []
+    out, beyond = [], int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
+    if beyond:
+        out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
+    if force is not None and np.abs(force).max() > STRONG_PULL:
+        out.append(
+            f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
+            "sheet; edbb loaded fits circles under load with the arm in balance"
+        )
+    return out
+
+
+def _other_point(run: Run, cell: Cell) -> list[str]:
+    """What is to be told where a bar's run names a tool point and the cell has one without a name."""
+    if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_bar or cell.tool.points:
+        return []
+    return [
+        f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "
+        "for that; if it is another, give it in [[tool.points]]"
+    ]
+
+
+CONDITION_SAMPLES = 8_000  # samples of a long run that the condition number is of
+
+
+def assess_fit(
+    stages: list[FittedStage],
+    free: FittedParameters,
+    bench: FitContext,
+    cell: Cell,
+    validation: Run | None,
+    traced: TracingResult | None,
+    notes: Sequence[str] = (),
+) -> Calibration:
+    """Judge the last stage and put everything together; of a long run it is fitted once more, to all of it."""
+    run, parts = bench.run, bench.split
+    if len(run) > len(stages[-1].fit.problem):
+        last = stages[-1]
+        stages = [*stages[:-1], bench.fitted(last.stage.name, last.fit.model, last.fit, whole=True)]
+    found = stages[-1].fit
+    known = set(free.whole.names)
+    whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
+    covariance, time = parameter_covariance(found, run.continuous)
+    covariance = covariance + consider_covariance(found, free.held)
+    expected = workspace_error(cell, run, found, covariance)
+    table = estimate_parameters(whole, found, free.dropped, covariance)
+    return Calibration(
+        run=run,
+        split_by=parts.by,
+        hold_out=1.0 / parts.folds,
+        n_groups=parts.groups,
+        within=_within(run, parts, found),
+        stages=tuple(s.stage for s in stages),
+        fit=found,
+        dropped=free.dropped,
+        estimates=table,
+        covariance=covariance,
+        correlation_time=time,
+        condition_number=_condition(found),
+        noise_floor=_noise_floor(run, stages[-1].stage.residual),
+        workspace_error=expected,
+        traced=traced,
+        problems=find_problems(table, stages, found),
+        warnings=(
+            *(*run.warnings, *collect_warnings(run, cell, found, validation)),
+            *(*notes, *_fitted_there(parts, stages[-1])),
+            *workspace_warning(expected, stages[-1].stage.held_out, found.model.width),
+        ),
+    )
+
+
+def _within(run: Run, parts: Split, found: Fit) -> Metrics | None:
+    """Errors of the last stage where single poses are held out, for a run that is split by something coarser."""
+    finer = finer_split(run, parts)
+    return None if finer is None else Metrics.of(predict_held_out(found, finer).residual, finer.fold)
+
+
+def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
+    """What a reader of the held-out errors must know: numbers that were found on the held-out samples themselves."""
+    if not last.refitted:
+        return []
+    what = next(p.what for p in last.fit.model.parameters if p.name in last.refitted)
+    return [
+        f"each {parts.by} has numbers of its own, such as the {what}: they were fitted on the {parts.by} itself where "
+        "it was held out"
+    ]
+
+
+def _condition(found: Fit) -> float:
+    """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out."""
+    problem = found.problem
+    own = [k for k, p in enumerate(found.model.parameters) if p.group in ("gauge", "geometry")]
+    if not own:
+        return 1.0
+    few = problem.take(even_positions(len(problem), CONDITION_SAMPLES))
+    mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows[:, :, own]), compute_uv=False)
+    return float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
+
+
+def _noise_floor(run: Run, residual: Array) -> float | None:
+    """Standard deviation of readings repeated at the same pose [m], from residuals (n, r); ``None`` without repeats."""
+    if run.continuous:
+        return None
+    group = number_poses(run.samples.q) * len(run.places) + run.samples.place
+    _, group = np.unique(group, return_inverse=True)
+    count = np.bincount(group)
+    spare = int((count - 1).sum())
+    if spare < 3:
+        return None
+    mean = np.stack([np.bincount(group, residual[:, k]) / count for k in range(residual.shape[1])], axis=1)
+    return float(np.sqrt((error_size(residual - mean[group]) ** 2).sum() / spare))

@@ -1,0 +1,240 @@
+"""The calibrated robot: its forward kinematics with the identified effects, and its files."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import PurePath
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell.setup import N_BASE_TRANSFORMS, STANDARD_GRAVITY, MeasurementSetup
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.effects.basis import Phi
+from planner.effects.context import Context
+from planner.effects.phi_keys import belongs_to_gauge, is_static, needs_loads, patterns_of, phi_from_key
+from planner.identification.calibration import Calibration
+from planner.kinematics.robot import Loads, Robot, RobotEffect
+from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_robot
+from planner.runs.run import Samples
+
+CAUSES = {  # by the first word of the basis function
+    "drive": "giving way under measured drive torques",
+    "speed-sign": "what depends on the sense of motion",
+    "behind": "lag behind the command",
+    "approach": "play",
+    "hysteresis": "hysteresis",
+    "unsettled": "standing elsewhere than commanded",
+    "warmth": "growth with temperature",
+    "elapsed": "drift with time",
+    "warm-up": "warming up",
+    "session": "steps between sessions",
+}
+OTHER_CAUSE = "what belongs to the gauge"
+
+
+def uncorrected_text(effects: Iterable[RobotEffect]) -> str | None:
+    """Say which effects targets are not corrected for, each cause once with where it acts; ``None`` without any.
+
+    Args:
+        effects: those that hang on more than joint angles and loads.
+    """
+    where = dict[str, dict[str, list[int]]]()
+    for e in effects:
+        cause = next((CAUSES[f.word] for f in patterns_of(e.phi) if f.word in CAUSES), OTHER_CAUSE)
+        part, number = _part(e.on)
+        numbers = where.setdefault(cause, {}).setdefault(part, [])
+        if number is not None and number not in numbers:
+            numbers.append(number)
+    if not where:
+        return None
+    causes = (f"{cause} ({'; '.join(_several(p, n) for p, n in parts.items())})" for cause, parts in where.items())
+    return f"not corrected: {', '.join(causes)}: it depends on more than joint angles and loads"
+
+
+def _part(transform: str) -> tuple[str, int | None]:
+    """Return the part of the arm that a transform belongs to, and its number."""
+    if transform.startswith("base"):
+        return "base", None
+    number = re.search(r"\d+", transform)
+    if number is None:
+        return "flange", None
+    return "joint" if transform.startswith("theta") else "link", int(number[0])
+
+
+def _several(part: str, numbers: list[int]) -> str:
+    if not numbers:
+        return part
+    return f"{part}{'s' * (len(numbers) > 1)} {', '.join(str(n) for n in sorted(numbers))}"
+
+
+CHUNK = 8192  # poses a pass
+NO_LOADS = Loads(0.0, np.zeros(3), np.zeros(3))
+
+
+@dataclass(frozen=True)
+class CalibratedRobot:
+    """A robot with the effects of its file, as far as joint angles and loads alone decide them.
+
+    Torques are those of the nominal geometry, as in the fit that found the compliances; on the corrected geometry the
+    deflections would differ by about a thousandth of their size.
+
+    Raises:
+        InputError: an effect has a basis function that is unknown or does not fit, or loads are missing.
+    """
+
+    robot: Robot
+
+    def __post_init__(self) -> None:
+        """Check every effect, used or not."""
+        _ = self._acting
+
+    @property
+    def left_out(self) -> tuple[RobotEffect, ...]:
+        """Effects that need more than joint angles and loads: speed, time, temperature, the place of the gauge."""
+        return tuple(e for e in self.robot.effects if not e.static)
+
+    @property
+    def sentence(self) -> str | None:
+        """Say what is left out, or ``None``."""
+        return uncorrected_text(self.left_out)
+
+    def flange(self, q: Array) -> tuple[Array, Array]:
+        """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""
+        p, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+        for start in range(0, len(q), CHUNK):
+            part = slice(start, start + CHUNK)
+            theta = self.robot.theta(q[part])
+            motion = self._rig.chain.forward(theta, self._delta(q[part]))
+            p[part], R[part] = motion.x.T, np.moveaxis(motion.R, 2, 0)
+        return p, R
+
+    def _delta(self, q: Array) -> list[float | Array]:
+        """What the effects add to every transform of the rig's chain [m, rad]."""
+        rig = self._nominal_rig
+        context = Context(rig, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
+        known: dict[Phi, Array] = {}
+        out: list[float | Array] = [0.0] * len(self._rig.chain)
+        for k, phi, value in self._acting:
+            if phi not in known:
+                known[phi] = phi(context)
+            out[k] = out[k] + value * known[phi]
+        return out
+
+    @cached_property
+    def _rig(self) -> MeasurementSetup:
+        return _rig(self.robot, self.robot.loads or NO_LOADS)
+
+    @cached_property
+    def _nominal_rig(self) -> MeasurementSetup:
+        return _rig(self.robot.nominal, self.robot.loads or NO_LOADS)
+
+    @cached_property
+    def _acting(self) -> tuple[tuple[int, Phi, float], ...]:
+        """Transform, basis function and value of every effect that is used."""
+        return tuple(self._checked())
+
+    def _checked(self) -> Iterator[tuple[int, Phi, float]]:
+        names = [t.name for t in self._rig.chain.transforms[: N_BASE_TRANSFORMS + len(self.robot.transforms)]]
+        for e in self.robot.effects:
+            where = f"{self.robot.path}: effect '{e.name}'"
+            try:
+                phi = phi_from_key(e.phi, self.robot.n_joints)
+            except InputError as err:
+                raise InputError(f"{where}: {err}") from err
+            if e.static:
+                self._check_static(where, e)
+                yield names.index(e.on), phi, e.value
+
+    def _check_static(self, where: str, e: RobotEffect) -> None:
+        if not is_static(e.phi):
+            raise InputError(
+                f"{where}: '{e.phi}' depends on more than joint angles and loads, so it needs static = false"
+            )
+        if needs_loads(e.phi) and self.robot.loads is None:
+            raise InputError(
+                f"{where}: '{e.phi}' depends on the loads, but the file has no [loads] "
+                "(payload_kg, com_mm, base_rpy_deg)"
+            )
+
+
+def _rig(robot: Robot, loads: Loads) -> MeasurementSetup:
+    """Return the robot with its loads, measured at the flange in its own base frame."""
+    R_WB = Rotation.from_euler("xyz", loads.base_rpy).as_matrix()
+    return MeasurementSetup(
+        robot=robot,
+        kind="position",
+        p_BX=np.zeros((0, 3)),
+        R_BG=np.eye(3)[None],
+        p_BG=np.zeros((1, 3)),
+        p_FM=np.zeros((1, 3)),
+        R_FM=np.eye(3)[None],
+        p_GS=np.zeros((0, 3)),
+        place_names=("",),
+        point_names=("",),
+        place_prior=np.zeros(1),
+        tool_prior=0.0,
+        turn_prior=0.0,
+        noise=0.0,
+        noise_angle=0.0,
+        joint_sigma=0.0,
+        gravity_B=R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
+        tool_mass=loads.payload,
+        com_F=loads.com_F,
+    )
+
+
+def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
+    """Return name and text of ``robot.toml`` and, for a robot given as URDF, of the corrected ``robot.urdf``.
+
+    The geometry goes into the kinematic rows (or the URDF's origins), effects of the robot into ``[[effects]]`` and
+    the loads that they were found under into ``[loads]``; what belongs to the gauge stays out. All else is as it was.
+
+    Raises:
+        InputError: the robot's own file can no longer be read.
+    """
+    robot = calibration.fit.model.rig.robot
+    effects = tuple(_effects(calibration))
+    loads = _loads(calibration.fit.model.rig) if effects else None
+    return write_robot(robot, RobotCorrections(tuple(_geometry(calibration)), effects, loads, _source(calibration)))
+
+
+def calibrated_meshes(calibration: Calibration) -> tuple[tuple[str, bytes], ...]:
+    """Return name (``meshes/…``) and content of the collision meshes that :func:`calibrated_files` refers to."""
+    return mesh_files(calibration.fit.model.rig.robot)
+
+
+def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
+    for e in c.estimates:
+        if e.group == "geometry" and e.value != e.nominal:
+            yield e.name, e.value
+
+
+def _effects(c: Calibration) -> Iterator[RobotEffect]:
+    """Effects on the base and the robot; a parameter that moves several transforms gives one entry for each."""
+    chain, model = c.fit.model.rig.chain, c.fit.model
+    end = N_BASE_TRANSFORMS + len(model.rig.robot.transforms)
+    for p, value in zip(model.parameters, c.fit.errors, strict=True):
+        for move in p.moves if p.group not in ("gauge", "geometry") else ():
+            key = move.phi.key
+            if move.on == "transform" and move.index < end and not belongs_to_gauge(key):
+                on = chain.transforms[move.index].name
+                yield RobotEffect(p.name, on, key, float(value), p.unit, is_static(key))
+
+
+def _loads(rig: MeasurementSetup) -> Loads:
+    """Tool and base of a rig; gravity does not tell the base's turn about the vertical, which is left at zero."""
+    return Loads(rig.tool_mass, read_only(rig.com_F), read_only(_tilt(rig.gravity_B)))
+
+
+def _tilt(gravity_B: Array) -> Array:
+    up = -gravity_B / np.linalg.norm(gravity_B)
+    return np.array([np.arctan2(up[1], up[2]), np.arctan2(-up[0], np.hypot(up[1], up[2])), 0.0])
+
+
+def _source(c: Calibration) -> str:
+    effects = [g for g in c.stages[-1].effects if g not in ("gauge", "geometry")]
+    what = "; ".join(["geometry", *effects])  # their names have commas inside
+    return f"Identified from {PurePath(c.run.name).name}, {len(c.run)} samples: {what}."

@@ -1,0 +1,140 @@
+"""Covariance of the fitted parameters, and the error of the tool over the workspace that it lets expect."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import MM, Array
+from planner.effects.parameters import Parameter
+from planner.identification.calibration import Metrics
+from planner.identification.least_squares import MEDIAN_RMS, Fit
+from planner.model.tool_error import STATES, ToolError, moves_robot, uniform_states
+from planner.runs.run import Run, Samples
+
+BLOCK_TIMES = 10  # correlation times in one block of a continuous run
+BLOCKS_PER_PARAMETER = 3  # blocks for each parameter that it takes to trust their scatter
+LONGEST_LAG = 20_000  # samples over which the correlation is looked for
+
+
+def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
+    """Return the covariance of the parameters (P, P) and how many samples are worth one, for their correlation.
+
+    For poses at rest it is the information's inverse, noise as estimated. Along a continuous run errors stay what they
+    are from sample to sample: the scatter of the scores over blocks, each many correlation times long, replaces that
+    of single samples (Liang and Zeger 1986); where the run is too short for that, the correlation time scales it all.
+    """
+    problem, solution = fit.problem, fit.solution
+    root = solution.root(problem.prior)
+    plain = root @ root.T * _robust_factor(fit)
+    if not continuous:
+        return plain, 1.0
+    white = problem.white_residual(fit.errors)
+    time = correlation_time(white[:, 0])
+    size = max(1, int(np.ceil(BLOCK_TIMES * time)))
+    count = len(problem) // size
+    if count < BLOCKS_PER_PARAMETER * len(fit.errors):
+        return plain * time, time
+    scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
+    bread = np.linalg.inv(solution.factor)
+    inverse = bread @ bread.T  # of the information, in prior sizes
+    half = inverse @ scores.T
+    white_noise = half @ half.T * count / max(1.0, count - fit.effective)
+    return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), time
+
+
+def _robust_factor(fit: Fit) -> float:
+    """What Huber's variance is of the one that the weighted rows alone would give (Huber 1981, eq. 6.5)."""
+    weight = fit.problem.weight
+    if np.all(weight == 1.0):
+        return 1.0
+    u = fit.problem.white_residual(fit.errors)
+    u = u / max(float(np.median(np.sqrt((u**2).mean(axis=1)))) / MEDIAN_RMS[u.shape[1]], 1e-300)
+    psi, inside = u * weight[:, None], float((weight == 1.0).mean())
+    stretch = 1 + fit.effective / u.size * (1 - inside) / inside
+    stated = float((weight[:, None] * u**2).mean() / weight.mean())
+    return stretch**2 * float((psi**2).mean()) / inside**2 / stated
+
+
+def correlation_time(x: Array) -> float:
+    """Number of samples that are worth one, 1 + 2 Σ ρ_k up to the first ρ below noise (Sokal's window)."""
+    x = x[: LONGEST_LAG * 5] - x.mean()
+    n = len(x)
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(x, size)) ** 2
+    rho = np.fft.irfft(power)[: min(n, LONGEST_LAG)]
+    rho /= max(rho[0], 1e-300)
+    total = 1 + 2 * np.cumsum(rho[1:])
+    wide = np.flatnonzero(np.arange(1, len(rho)) >= 5 * np.maximum(total, 1.0))
+    return float(max(1.0, total[wide[0]] if len(wide) else total[-1]))
+
+
+def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
+    """Sum of rowᵀ·residual over every block, (blocks, P), in prior sizes."""
+    problem = fit.problem
+
+    def one(part: slice) -> Array:
+        piece = problem.piece(part, fit.errors)
+        each = np.einsum("nrp,nr->np", piece.rows, piece.residual)
+        out = np.zeros((count, each.shape[1]))
+        np.add.at(out, block[part], each)
+        return out
+
+    return np.asarray(sum(problem.over_pieces(one)))
+
+
+def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
+    """Return what the held parameters, each off by its prior size, add to the covariance of the fitted ones, (P, P)."""
+    count = len(fit.errors)
+    if not held or not count:
+        return np.zeros((count, count))
+    wider = fit.problem.with_model(fit.model.plus(list(held)))
+    errors = np.append(fit.errors, np.zeros(len(held)))
+    gram = np.asarray(sum(wider.over_pieces(lambda part: wider.piece(part, errors).gram)))
+    information = fit.solution.factor.T @ fit.solution.factor  # in prior sizes, the prior's own with it
+    moved = fit.problem.prior[:, None] * np.linalg.solve(information, gram[:count, count:-1])
+    return np.asarray(moved @ moved.T)
+
+
+MUCH_WORSE = 3.0  # times the held-out error, from which on that one says little of the rest of the workspace
+POSITION_AXES = 3
+
+
+def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> float:
+    """Return the error of the tool [m] that the covariance lets expect, rms over the workspace.
+
+    A new alignment of the base is left out. States are uniform over joint space; time, loads, temperature and
+    directions in them are those of samples of the run, drawn at random.
+
+    Args:
+        cell, run, found: what was fitted to what.
+        covariance: of the parameters, (P, P).
+    """
+    model = found.model
+    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry") and moves_robot(p, model.rig)]
+    return ToolError.at(_states(cell, run), model.rig, effects).rms(model.names, covariance)
+
+
+def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
+    """Return what a reader of the held-out error must know where the rest of the workspace is known far worse.
+
+    Args:
+        known: error of the tool that is to be expected over the workspace [m].
+        held_out: errors of the last stage on held-out samples.
+        width: numbers in one reading.
+    """
+    there = held_out.rms * np.sqrt(POSITION_AXES / min(width, POSITION_AXES))  # a bar reads one of three axes
+    if known <= MUCH_WORSE * there:
+        return []
+    return [
+        f"held-out samples are like those measured; over the whole workspace the tool is known to {known / MM:.3f} mm "
+        "(rms) by the covariance of the fit: measure more poses all over it, with a bar those of edbb plan --aim "
+        "tracing or about a further fixture"
+    ]
+
+
+def _states(cell: Cell, run: Run) -> Samples:
+    q = uniform_states(cell, STATES, 0)
+    like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
+    return replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)

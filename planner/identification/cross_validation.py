@@ -1,0 +1,231 @@
+"""Cross-validation: which samples are held out together, and the error on samples that the fit did not see."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from planner.common.units import Array
+from planner.identification.least_squares import Fit
+from planner.identification.problem import FitProblem
+from planner.runs.run import Run
+
+SAME_POSE = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
+STRETCHES = 8  # stretches for each fold of a continuous run: every fold sees every part of it
+FEWEST = 5  # placements or sessions that make a split of their own: held out, a fold of fewer is too large a part
+SEVERAL = 3  # placements or sessions from which on neighbours in the run's order are held out together
+FAIR_SHARE = 0.03  # share of the samples that a session must hold to count
+
+
+@dataclass(frozen=True)
+class Split:
+    """Groups that are never torn apart, dealt into folds.
+
+    Attributes:
+        by: ``pose``, ``placement``, ``session``, ``block`` (of a static run in its order) or ``stretch``.
+        group: of every sample, (n,) int.
+        fold: of every sample, (n,) int from 0.
+        fine: poses with their repeats, or stretches: what scatters for itself, (n,) int.
+    """
+
+    by: str
+    group: np.ndarray
+    fold: np.ndarray
+    fine: np.ndarray
+
+    @property
+    def folds(self) -> int:
+        """Number of folds."""
+        return int(self.fold.max()) + 1
+
+    @property
+    def groups(self) -> int:
+        """Number of groups."""
+        return len(np.unique(self.group))
+
+    def take(self, which: np.ndarray) -> "Split":
+        """Return the split of the samples at ``which``, the folds as they are."""
+        return Split(self.by, self.group[which], self.fold[which], self.fine[which])
+
+
+def split_run(run: Run, hold_out: float = 0.2, seed: int = 0) -> Split:
+    """Deal a run into folds of about ``hold_out`` of its groups each."""
+    by, group = run_groups(run)
+    labels, group = np.unique(group, return_inverse=True)
+    group = group.reshape(-1)
+    folds = min(len(labels), max(2, round(1 / hold_out)))
+    if by in ("stretch", "block"):
+        deal = np.arange(len(labels)) % folds
+    else:
+        order = np.random.default_rng(seed).permutation(len(labels))
+        deal = np.empty(len(labels), dtype=int)
+        deal[order] = np.arange(len(labels)) % folds
+    fine = np.unique(finest_groups(run), return_inverse=True)[1].reshape(-1)
+    return Split(by, group, deal[group], fine)
+
+
+def finer_split(run: Run, whole: Split) -> Split | None:
+    """Return the finer split beside one by sessions, placements or blocks: single poses; ``None`` where it is as fine.
+
+    What comes anew with each session or placement cannot be predicted where that is held out whole; here it can.
+    """
+    if whole.by not in ("session", "placement", "block"):
+        return None
+    labels, group = np.unique(whole.fine, return_inverse=True)
+    deal = np.random.default_rng(0).permutation(len(labels)) % whole.folds
+    return Split("pose", whole.fine, deal[group.reshape(-1)], whole.fine)
+
+
+def run_groups(run: Run) -> tuple[str, np.ndarray]:
+    """Return what the groups are and the group of every sample, (n,).
+
+    Whole placements and whole sessions where there are enough of them. Of three whole ones each fold would lose a
+    third of the run, and all that was measured about one fixture: then it is blocks of the run in its order, every fold
+    with its share of each.
+    """
+    samples = run.samples
+    stood = samples.place if run.readings.length is None else np.zeros(len(run), dtype=int)
+    if len(np.unique(stood)) >= FEWEST:
+        return "placement", stood
+    if run.continuous:
+        return "stretch", _stretches(len(run))
+    session = np.zeros(len(run), dtype=int) if samples.session is None else samples.session
+    if _balanced(session):
+        return "session", session
+    whole = finest_groups(run)
+    if max(len(np.unique(session)), len(np.unique(stood))) >= SEVERAL:
+        block = join_groups(_stretches(len(run)), whole)
+        if len(np.unique(block)) >= 2 * FEWEST:  # poses measured again and again would chain them all
+            return "block", block
+    return "pose", whole
+
+
+def finest_groups(run: Run) -> np.ndarray:
+    """The finest groups that are never torn apart, (n,): poses with their repeats, or stretches."""
+    return _stretches(len(run)) if run.continuous else join_groups(number_poses(run.samples.q), run.samples.pose)
+
+
+def _stretches(n: int) -> np.ndarray:
+    return np.arange(n) * (STRETCHES * 5) // max(1, n)
+
+
+def _balanced(session: np.ndarray) -> bool:
+    """Tell whether sessions are fit to be held out: enough of them hold a fair part, and none holds most."""
+    share = np.unique(session, return_counts=True)[1] / len(session)
+    return bool((share > FAIR_SHARE).sum() >= FEWEST and share.max() <= 0.5)
+
+
+def number_poses(q: Array) -> np.ndarray:
+    """Number the poses (n, N) [rad] so that a pose measured again has the number of the first time, (n,)."""
+    return np.unique(np.round(q / SAME_POSE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def join_groups(a: np.ndarray, b: np.ndarray | None) -> np.ndarray:
+    """Join the groups a (n,) that share a group of b (n,), negative numbers of b standing for none, (n,)."""
+    if b is None:
+        return a
+    known = b >= 0
+    b = np.unique(b, return_inverse=True)[1].reshape(-1)
+    edges = coo_array((np.ones(known.sum()), (a[known], a.max() + 1 + b[known])), shape=(a.max() + b.max() + 2,) * 2)
+    return np.asarray(connected_components(edges, directed=False)[1][a])
+
+
+NO_INFORMATION = 1e-9  # share of a column's information below which the training folds say nothing of its parameter
+
+
+@dataclass(frozen=True)
+class HeldOutPrediction:
+    """Residuals on samples that were held out.
+
+    Attributes:
+        residual: reading − prediction by the fit without the sample's fold, (n, r) [m, rad].
+        shift: what taking out each fold moves the parameters by, (folds, P).
+        refitted: names of parameters that were fitted on the held-out samples, for only these know them.
+    """
+
+    residual: Array
+    shift: Array
+    refitted: tuple[str, ...]
+
+
+def predict_held_out(fit: Fit, split: Split) -> HeldOutPrediction:
+    """Predict every sample by the fit without its fold."""
+    return _judged(fit, split, _grams(fit.problem, fit.errors, split), np.full(len(fit.errors), np.nan))
+
+
+def predict_held_out_without(
+    fit: Fit, split: Split, effects: Sequence[Sequence[int]], known: Sequence[int] = ()
+) -> Iterator[HeldOutPrediction]:
+    """Yield the same with each of some effects left out and everything else fitted anew beside it.
+
+    Args:
+        fit: with all of them; its noise and prior sizes stay.
+        split: of the fit's samples.
+        effects: positions of each effect's parameters.
+        known: positions of parameters that stay as they are.
+    """
+    grams = _grams(fit.problem, fit.errors, split)
+    for which in effects:
+        step = np.full(len(fit.errors), np.nan)
+        step[list(known)] = 0.0
+        step[list(which)] = -(fit.errors / fit.problem.prior)[list(which)]
+        yield _judged(fit, split, grams, step)
+
+
+def _judged(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPrediction:
+    """Predict every sample; ``step`` (P,): steps in prior sizes that are given, not a number where one is sought."""
+    problem, errors = fit.problem, fit.errors
+    total = grams.sum(axis=0)
+    z = errors / problem.prior
+    shift = np.zeros((split.folds, len(errors)))
+    own = np.zeros(shift.shape, dtype=bool)
+    for f, gram in enumerate(grams):
+        own[f] = np.isnan(step) & (np.diag(gram)[:-1] > (1 - NO_INFORMATION) * np.diag(total)[:-1])
+        shift[f] = problem.prior * _without(total - gram, gram, z, own[f], step)
+    names = fit.model.names
+    return HeldOutPrediction(
+        _moved(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
+    )
+
+
+def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
+    """Information [J r]ᵀ[J r] of every fold, (folds, P+1, P+1)."""
+
+    def one(part: slice) -> Array:
+        piece = problem.piece(part, errors)
+        fold, size = split.fold[part], len(piece.columns)
+        out = np.zeros((split.folds, size, size))
+        for f in np.unique(fold):
+            columns = piece.columns[:, :, fold == f].reshape(size, -1)
+            out[f] = columns @ columns.T
+        return out
+
+    return np.asarray(sum(problem.over_pieces(one)))
+
+
+def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array) -> Array:
+    """Step in prior sizes from the whole fit to the fit by the ``train`` information.
+
+    Parameters that only the fold knows (where its plate lies) are then fitted on the fold itself.
+    """
+    move = np.where(np.isnan(step), 0.0, step)
+    common = np.flatnonzero(~own & np.isnan(step))
+    H = train[np.ix_(common, common)] + np.eye(len(common))
+    move[common] = np.linalg.solve(H, train[common, -1] - z[common] - train[common, :-1] @ move)
+    if own.any():
+        mine = np.flatnonzero(own)
+        H = fold[np.ix_(mine, mine)] + np.eye(len(mine))
+        move[mine] = np.linalg.solve(H, fold[mine, -1] - fold[mine, :-1] @ move - z[mine])
+    return move
+
+
+def _moved(problem: FitProblem, errors: Array, shift: Array, split: Split) -> Array:
+    """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
+
+    def one(part: slice) -> Array:
+        linear = problem.linear(part, errors)
+        return np.asarray(linear.residual - np.einsum("nrp,np->nr", linear.rows, shift[split.fold[part]]))
+
+    return np.concatenate(list(problem.over_pieces(one)))

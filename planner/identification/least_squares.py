@@ -1,0 +1,263 @@
+"""Regularised non-linear least squares: Levenberg–Marquardt with the priors as further readings.
+
+The prior sizes in the robot's file say how large an error of each kind usually is. How far *this* robot is off is
+estimated from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sizes, at
+the value that maximises the evidence of the run (MacKay 1992). Where the run says little the factor stays near 1."""
+
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from planner.common.determinism import even_positions
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array
+from planner.effects.parameters import Parameter
+from planner.identification.noise import Noise, estimated
+from planner.identification.problem import FitProblem
+from planner.model.model import Model
+
+START_SAMPLES = 3_000  # samples of a long run that find the minimum before all of them polish it
+ROUGHLY_CONVERGED = 0.05  # the same while noise and priors are still being settled
+FLAT_COST = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
+MAX_STEPS = 50
+CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the fit came to rest.
+
+    Attributes:
+        errors: values of the parameters, (P,).
+        factor: R (P, P), upper triangular, of rows per prior size with the prior: RᵀR is the information.
+        cost: weighted sum of squares with the prior's.
+        steps: how many were taken.
+    """
+
+    errors: Array
+    factor: Array
+    cost: float
+    steps: int
+
+    def root(self, prior: Array) -> Array:
+        """Square root S (P, P) of the covariance, S Sᵀ, in the parameters' units."""
+        return np.asarray(prior[:, None] * np.linalg.inv(self.factor))
+
+
+def solve(problem: FitProblem, start: Array | None = None, converged: float = CONVERGED) -> Solution:
+    """Fit the model's parameters; ``converged`` in standard deviations ends it.
+
+    Raises:
+        NoSolutionError: the fit does not come to rest.
+    """
+    errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
+    if len(problem) > 2 * START_SAMPLES:
+        few = problem.take(even_positions(len(problem), START_SAMPLES))
+        errors = _descend(few, errors, ROUGHLY_CONVERGED).errors
+    return _descend(problem, errors, converged)
+
+
+@dataclass(frozen=True)
+class _Triangle:
+    """The whole problem about some errors, rows and residuals with the prior's, in P + 1 rows.
+
+    ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
+    The columns are per prior size and the prior is in: the information is never below 1, its root by Cholesky exact
+    enough.
+    """
+
+    factor: Array
+    right: Array
+    cost: float
+
+    @classmethod
+    def about(cls, problem: FitProblem, errors: Array) -> "_Triangle":
+        """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
+        whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
+        z = errors / problem.prior
+        if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow
+            return cls(np.eye(len(z)), 0 * z, np.inf)
+        factor = cholesky(whole[:-1, :-1] + np.eye(len(z)))
+        right = solve_triangular(factor, whole[:-1, -1] - z, trans="T")
+        return cls(factor, right, float(whole[-1, -1] + z @ z))
+
+    def step(self, damping: float) -> Array:
+        """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
+        if damping == 0.0:
+            return np.asarray(solve_triangular(self.factor, self.right))
+        brake = np.sqrt(damping) * np.linalg.norm(self.factor, axis=0)
+        return np.asarray(
+            np.linalg.lstsq(np.vstack([self.factor, np.diag(brake)]), np.append(self.right, 0 * brake))[0]
+        )
+
+
+def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
+    here, damping = _Triangle.about(problem, errors), 0.0
+    readings = len(problem) * problem.model.width
+    for step in range(1, MAX_STEPS + 1):
+        z = here.step(damping)
+        trial = errors + problem.prior * z
+        there = _Triangle.about(problem, trial)
+        sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
+        fall = abs(here.cost - there.cost)
+        small = float(np.linalg.norm(here.factor @ z)) < converged * sigma or fall < FLAT_COST * sigma**2
+        if there.cost <= here.cost * (1 + 1e-9):
+            errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
+        else:
+            damping = max(10 * damping, 1e-3)
+        if small:
+            return Solution(errors, here.factor, here.cost, step)
+    raise NoSolutionError(
+        f"the fit did not come to rest in {MAX_STEPS} steps: the start is too far off, or the readings contradict "
+        "each other"
+    )
+
+
+MAX_ROUNDS = 12
+SETTLED = 0.02  # relative change of noise and factors that ends the rounds
+# an error of a kind is never believed to be smaller or larger than this times its prior size
+FACTOR_RANGE = (0.1, 50.0)
+SETTLING_SAMPLES = 3_000  # samples of a long run that settle noise and factors
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted to a problem.
+
+    Attributes:
+        problem: with the noise and prior sizes as they were found.
+        solution: parameters and information.
+        effective: number of parameters that the readings, not the prior, decide.
+        outliers: samples whose residual the noise does not explain, (m,) int.
+    """
+
+    problem: FitProblem
+    solution: Solution
+    effective: float
+    outliers: np.ndarray
+
+    @property
+    def model(self) -> Model:
+        """The model that was fitted."""
+        return self.problem.model
+
+    @property
+    def errors(self) -> Array:
+        """Values of the parameters, (P,)."""
+        return self.solution.errors
+
+
+def fit(
+    problem: FitProblem,
+    robust: bool = False,
+    start: Array | None = None,
+    settle: bool = True,
+    factors: Array | None = None,
+) -> Fit:
+    """Fit the model of ``problem``, its noise and the factors on its prior sizes (not with ``settle`` false).
+
+    ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with.
+
+    Raises:
+        NoSolutionError: the fit does not come to rest.
+    """
+    look = subset_size(problem.model, SETTLING_SAMPLES)
+    long = len(problem) > 2 * look
+    few = problem.take(even_positions(len(problem), look)) if long else problem
+    prior, errors = problem.model.prior, start
+    if factors is not None:
+        few = few.with_model(_with_prior(few.model, prior * factors))
+    for _ in range(MAX_ROUNDS if settle else 0):
+        solution = solve(few, errors, ROUGHLY_CONVERGED)
+        errors = solution.errors
+        weight = _weights(few, errors) if robust else few.weight
+        shrunk = _undecided(solution)
+        noise = estimated(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
+        model = _with_prior(few.model, prior * _factors(few.model, prior, errors, shrunk))
+        change = max(
+            _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
+        )
+        few = replace(few.with_noise(noise).with_model(model), weight=weight)
+        if change < SETTLED:
+            break
+    whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
+    if long and robust and errors is not None:
+        whole = replace(whole, weight=_weights(whole, errors))
+    solution = solve(whole, errors)
+    return Fit(whole, solution, float((1 - _undecided(solution)).sum()), _outliers(whole, solution))
+
+
+def subset_size(model: Model, samples: int) -> int:
+    """So many samples, or fewer where each of them brings more than three numbers."""
+    return samples * 3 // max(3, model.width)
+
+
+def _leverage(problem: FitProblem, solution: Solution) -> Array:
+    """How much each reading holds its own prediction, (n, r), 0 … 1."""
+    root = np.linalg.inv(solution.factor)
+
+    def one(part: slice) -> Array:
+        return np.asarray(((problem.piece(part, solution.errors).rows @ root) ** 2).sum(axis=2))
+
+    return np.concatenate(list(problem.over_pieces(one)))
+
+
+def _undecided(solution: Solution) -> Array:
+    """Share of each parameter's prior variance that is left after the readings, (P,), 0 … 1."""
+    root = np.linalg.inv(solution.factor)
+    return np.asarray((root**2).sum(axis=1))
+
+
+def prior_groups(model: Model) -> Iterator[list[int]]:
+    """Positions of the parameters that share a factor: same group, same unit; what places the gauge has none."""
+    labels = [(p.group, p.unit) for p in model.parameters]
+    for label in dict.fromkeys(labels):
+        if label[0] != "gauge":
+            yield [j for j, other in enumerate(labels) if other == label]
+
+
+def _factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
+    """Factor of each prior size at which the run is likeliest: Σ z² over the number of well-decided parameters.
+
+    One decided parameter's worth of the prior itself (factor 1) is added, so that few or faint ones keep it.
+    """
+    out = np.ones(len(prior))
+    for which in prior_groups(model):
+        decided = float((1 - shrunk[which]).sum())
+        square = (float(((errors[which] / prior[which]) ** 2).sum()) + 1.0) / (decided + 1.0)
+        out[which] = np.clip(np.sqrt(square), *FACTOR_RANGE)
+    return out
+
+
+def _with_prior(model: Model, prior: Array) -> Model:
+    parameters = [replace(p, prior=float(s)) for p, s in zip(model.parameters, prior, strict=True)]
+    return replace(model, parameters=tuple[Parameter, ...](parameters))
+
+
+def _change(a: Noise, b: Noise) -> float:
+    return max(abs(float(x) / float(y) - 1) for x, y in zip(astuple(a), astuple(b), strict=True))
+
+
+HUBER = 1.5  # in standard deviations: 95 % as sharp as least squares where the noise is normal
+OUTLIER = 4.5  # standard deviations, of one reading in about 150 000
+
+
+def _size(problem: FitProblem, errors: Array) -> Array:
+    """Residual of each sample in standard deviations of the middle half of them, (n,)."""
+    white = problem.white_residual(errors)
+    size = np.sqrt((white**2).mean(axis=1))
+    return np.asarray(size / max(float(np.median(size)) / MEDIAN_RMS[white.shape[1]], 1e-300))
+
+
+MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441}  # of the root mean square of r standard normal numbers
+
+
+def _weights(problem: FitProblem, errors: Array) -> Array:
+    """Huber's weights, (n,)."""
+    return np.minimum(1.0, HUBER / np.maximum(_size(problem, errors), 1e-12))
+
+
+def _outliers(problem: FitProblem, solution: Solution) -> np.ndarray:
+    return np.flatnonzero(_size(problem, solution.errors) > OUTLIER)

@@ -1,0 +1,98 @@
+"""``identify()``: from a run to a calibrated robot, stage by stage."""
+
+from dataclasses import dataclass
+
+from planner.cell.cell import Cell
+from planner.common.determinism import on_one_thread
+from planner.common.errors import InputError
+from planner.design.free_parameters import COMPLIANCE
+from planner.identification.artifact_pose import use_declared_pose
+from planner.identification.assessment import TRACEABLE_READINGS, assess_fit, too_few_text
+from planner.identification.calibration import Calibration, Metrics
+from planner.identification.cross_validation import split_run
+from planner.identification.identifiable_parameters import choose_parameters
+from planner.identification.least_squares import Fit
+from planner.identification.run_setup import add_motion, check_pull, locate_gauge, run_rig
+from planner.identification.stages import (
+    SPARE_READINGS,
+    FitContext,
+    Progress,
+    Tracer,
+    add_declared_stages,
+    add_stage_if_gain,
+    frames_only,
+    nominal_stage,
+)
+from planner.identification.validation import validate_fit
+from planner.model.model import Model
+from planner.runs.run import Run
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What the user may choose: share of the groups held out, robust loss, seed of the folds."""
+
+    hold_out: float = 0.2
+    robust: bool = False
+    seed: int = 0
+
+
+@on_one_thread
+def identify(
+    run: Run,
+    cell: Cell,
+    validation: Run | None = None,
+    settings: FitSettings | None = None,
+    say: Progress = lambda _: None,
+    tracer: Tracer | None = None,
+) -> Calibration:
+    """Identify the robot of a run; with a ``tracer`` what the geometry leaves is traced to its causes.
+
+    Raises:
+        InputError: run and cell do not belong together, or the run is too small.
+        NoSolutionError: the fit does not come to rest.
+    """
+    settings = settings or FitSettings()
+    run = add_motion(run)
+    validation = None if validation is None else add_motion(validation)
+    say("placing the gauge")
+    rig = use_declared_pose(cell, locate_gauge(run_rig(cell, run), run))
+    check_pull(cell, rig, run)
+    bare = None if validation is None else run_rig(cell, validation)
+    parts = split_run(run, settings.hold_out, settings.seed)
+
+    def judge(found: Fit) -> Metrics | None:
+        return None if validation is None or bare is None else validate_fit(found, validation, bare)
+
+    bench = FitContext(run, parts, judge, settings.robust)
+    free = choose_parameters(cell, rig, run)
+    _check_size(bench, free.model)
+    model = free.upto(())
+    say("nominal robot")
+    stages = [nominal_stage(model, run, parts, judge)]
+    say("frames")
+    stages.append(bench.fitted("frames", frames_only(model)))
+    say("geometry")
+    stages.append(bench.fitted("geometry", model, stages[-1].fit))
+    stages, notes = add_declared_stages(stages, free, cell.plan.effects, bench, say)
+    if tracer is not None and bench.spare(free.model) >= TRACEABLE_READINGS:
+        more, traced = tracer(stages[-1], bench, say)
+        return assess_fit([*stages, *more], free, bench, cell, validation, traced, notes)
+    if tracer is not None:
+        notes.append(too_few_text(bench.spare(free.model)))
+    if COMPLIANCE not in cell.plan.effects and (rig.weighs or run.samples.force is not None):
+        say(COMPLIANCE)
+        stages, free = add_stage_if_gain(
+            stages, free, choose_parameters(cell, rig, run, (COMPLIANCE,)), COMPLIANCE, bench
+        )
+    return assess_fit(stages, free, bench, cell, validation, None, notes)
+
+
+def _check_size(bench: FitContext, model: Model) -> None:
+    run = bench.run
+    if bench.spare(model) < SPARE_READINGS:
+        raise InputError(
+            f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for"
+            f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + SPARE_READINGS}, better"
+            " twice that, or free fewer in [plan]"
+        )

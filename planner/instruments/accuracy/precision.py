@@ -1,0 +1,179 @@
+"""Precision of a head of indicators: repeated centrings and checks against the master ball (TriCal paper)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.places import nests_frame
+from planner.common.errors import InputError
+from planner.common.schema import read_json, validate
+from planner.common.units import UM, Array, read_only, to_mm
+from planner.model.model import Model
+from planner.runs.reference_readings import ReferenceReadings
+from planner.runs.run import Run, Samples
+from planner.session.plan_file import PartialModel
+
+TOLERANCE = (
+    3 * UM
+)  # [m] to which balls are centred (section 3): a zero that is further off moves the tool point by more
+
+
+@dataclass(frozen=True)
+class Mastering:
+    """Readings at the master ball.
+
+    Attributes:
+        wanted: what each indicator should show [m].
+        off: of each check, what the three showed beyond that, (k, 3) [m].
+        drift: from the first check to the last, (3,) [m]; zero where there is but one.
+    """
+
+    wanted: float
+    off: Array
+    drift: Array
+
+    @property
+    def good(self) -> bool:
+        """Whether all checks are within the tolerance."""
+        return bool(np.abs(self.off).max() <= TOLERANCE)
+
+    def text(self) -> str:
+        """Say it in one sentence."""
+        checks = f"{len(self.off)} check{'s' * (len(self.off) > 1)} of the master ball"
+        worst, wanted = float(np.abs(self.off).max()) / UM, float(to_mm(self.wanted))
+        drift = f", drift from first to last {float(np.abs(self.drift).max()) / UM:.1f} µm" if len(self.off) > 1 else ""
+        said = "" if self.good else "; the tool point is off by as much: master the indicators again"
+        return f"{checks}: at most {worst:.1f} µm from {wanted:.3f} mm{drift}{said}"
+
+
+def check_mastering(cell: Cell, said: ReferenceReadings) -> Mastering | None:
+    """Judge the checks that a run's file has above its columns; ``None`` where it has none."""
+    if not said.masters or cell.gauge.head is None:
+        return None
+    wanted = cell.gauge.head.master / 2 - cell.balls[0].radius
+    off = np.array(said.masters) - wanted
+    return Mastering(wanted, read_only(off), read_only(off[-1] - off[0]))
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How closely repeated centrings agree.
+
+    Attributes:
+        poses: how many were centred more than once.
+        centrings: of all these together.
+        largest: distance of a centring from its pose's mean, or from the reference where there is one [m].
+        rms: of these distances [m].
+        apart: largest distance of two centrings of one pose [m].
+        axis_std: standard deviation of one centring along each axis, within poses, (3,) [m].
+    """
+
+    poses: int
+    centrings: int
+    largest: float
+    rms: float
+    apart: float
+    axis_std: Array
+
+
+class _Pose(PartialModel):
+    id: int
+    repeats: int | None = None
+
+
+class _Poses(PartialModel):
+    poses: tuple[_Pose, ...]
+
+
+def repeat_groups(plan: Path) -> dict[int, int]:
+    """Return for each pose of the plan at ``plan`` the one that it repeats, or itself.
+
+    Raises:
+        InputError: no plan.
+    """
+    found = validate(read_json(plan), _Poses, str(plan))
+    return {p.id: p.id if p.repeats is None else p.repeats for p in found.poses}
+
+
+def repeat_precision(position: Array, group: np.ndarray, reference: Array | None = None) -> Precision:
+    """Judge positions (n, 3) [m] of balls centred repeatedly; ``group`` (n,) int says which pose each belongs to.
+
+    ``reference`` (3,) [m] is the master ball's centre where a CMM measured it, as in the paper's Table 3.
+
+    Raises:
+        InputError: no pose was centred more than once.
+    """
+    names, member, count = np.unique(group, return_inverse=True, return_counts=True)
+    often = count[member] > 1
+    if not often.any():
+        raise InputError("no pose was centred more than once: plan.repeat says how many poses are")
+    position, member = position[often], member[often]
+    sums = np.stack([np.bincount(member, position[:, k], minlength=len(names)) for k in range(3)], axis=1)
+    off = position - (sums / np.maximum(count, 1)[:, None])[member]
+    size = np.linalg.norm(off if reference is None else position - reference, axis=1)
+    poses = int((count > 1).sum())
+    apart = max(_diameter(position[member == k]) for k in np.unique(member))
+    std = np.sqrt((off**2).sum(axis=0) / (len(off) - poses))
+    return Precision(poses, len(off), float(size.max()), float(np.sqrt((size**2).mean())), apart, std)
+
+
+@dataclass(frozen=True)
+class RepeatedCentrings:
+    """The repeated centrings of a run, one entry each, in the order in which they were measured.
+
+    Attributes:
+        pose: which pose it belongs to, (m,) int.
+        ball: name of the ball.
+        off: from the mean of that pose's centrings, in the base frame, (m, 3) [m].
+        expected: rms of these distances, were repeatability and noise as declared [m].
+        summary: the figures.
+    """
+
+    pose: np.ndarray
+    ball: tuple[str, ...]
+    off: Array
+    expected: float
+    summary: Precision
+
+
+def repeated_centrings(cell: Cell, run: Run, groups: dict[int, int]) -> RepeatedCentrings:
+    """Judge the repeated centrings of a run: where the robot's axes and the last readings put the ball each time.
+
+    The nominal geometry is near enough: centrings of one pose differ by micrometres. What the arm's axes do not show,
+    its repeatability, is part of the figures; a CMM beside the head, as in the paper, would leave it out.
+
+    Raises:
+        InputError: no run of balls, or it names no poses, or none was centred more than once.
+    """
+    if run.readings.ball is None:
+        raise InputError(f"{run.name}: a precision test needs the column ball of a head that is centred on balls")
+    if run.samples.pose is None:
+        raise InputError(f"{run.name}: the column 'pose' is missing, so nothing tells which centrings belong together")
+    x = cell.map_position(run.samples.q)
+    if run.readings.offset is not None:
+        x = x - run.readings.offset @ nests_frame(cell.file)[0].T
+    group = np.array([groups.get(int(k), int(k)) for k in run.samples.pose])
+    try:
+        summary = repeat_precision(x, group)
+    except InputError as err:
+        raise InputError(f"{run.name}: {err}") from err
+    _, member, count = np.unique(group, return_inverse=True, return_counts=True)
+    often = np.flatnonzero(count[member] > 1)
+    mean = np.stack([np.bincount(member, x[:, k]) for k in range(3)], axis=1) / count[:, None]
+    ball = tuple(run.balls[k] for k in run.readings.ball[often])
+    free = 1.0 - 1.0 / count[member[often]]  # of a pose's scatter that its own mean leaves
+    expected = float(np.sqrt((_declared_variance(cell, run.samples.take(often)) * free).mean()))
+    return RepeatedCentrings(group[often], ball, read_only((x - mean[member])[often]), expected, summary)
+
+
+def _declared_variance(cell: Cell, samples: Samples) -> Array:
+    """Mean square distance of a centring from where it should be, by repeatability and noise, (m,) [m²]."""
+    model = Model.from_cell(cell)
+    shaken = (model.joint_rows(samples) ** 2).sum(axis=(1, 2))
+    return np.asarray(3 * model.rig.noise**2 + model.rig.joint_sigma**2 * shaken)
+
+
+def _diameter(x: Array) -> float:
+    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())

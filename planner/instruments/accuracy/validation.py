@@ -1,0 +1,164 @@
+"""Validation by a tracker: position errors of the nominal and of the calibrated robot, in the manner of ISO 9283."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError, did_you_mean
+from planner.common.units import MM, Array, read_only, to_mm
+from planner.instruments.accuracy.reference_frame import (
+    ErrorFloor,
+    TrackerRegistration,
+    error_floor,
+    position_errors,
+    register_tracker,
+)
+from planner.instruments.accuracy.robot_model import RobotModel, calibrated_model, nominal_model
+from planner.runs.reference_readings import ReferenceReadings
+from planner.runs.run import Run
+
+PERCENTS = (50, 90, 95, 99)
+
+
+@dataclass(frozen=True)
+class ErrorFigures:
+    """Figures of n position errors.
+
+    Attributes:
+        count: n.
+        mean, largest, std: of the errors [m]; ``std`` with n − 1, as in ISO 9283.
+        percentiles: (per cent, error) pairs [m].
+    """
+
+    count: int
+    mean: float
+    largest: float
+    std: float
+    percentiles: tuple[tuple[int, float], ...]
+
+    def text(self) -> str:
+        """Return them as a person reads them, in mm."""
+        parts = ", ".join(f"{share} % within {float(to_mm(v)):.3f}" for share, v in self.percentiles)
+        mean, largest, std = (float(to_mm(v)) for v in (self.mean, self.largest, self.std))
+        return f"{self.count} poses: mean {mean:.3f}, max {largest:.3f}, std {std:.3f} mm; {parts}"
+
+
+def error_figures(error: Array) -> ErrorFigures:
+    """Return the figures of position errors (n, 3), or of their lengths (n,), [m].
+
+    Raises:
+        InputError: fewer than two errors.
+    """
+    size = np.linalg.norm(error, axis=1) if np.ndim(error) == 2 else np.asarray(error, dtype=float)
+    if len(size) < 2:
+        raise InputError(f"figures of accuracy need two poses at least, found {len(size)}")
+    percentiles = tuple((p, float(np.percentile(size, p))) for p in PERCENTS)
+    return ErrorFigures(len(size), float(size.mean()), float(size.max()), float(size.std(ddof=1)), percentiles)
+
+
+FEWEST = 10  # poses
+FAR = 200 * MM  # mean error that no robot has, its place in the cell a little wrong
+ENOUGH_POSES = 100  # poses below which the outer percentiles say little
+
+
+@dataclass(frozen=True)
+class ModelErrors:
+    """One robot model against the tracker: errors seen − model in the base frame (n, 3) [m], and their figures."""
+
+    arm: RobotModel
+    error: Array
+    figures: ErrorFigures
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a tracker's run says.
+
+    Attributes:
+        run: the validation poses alone.
+        nests: names of the nests that gave the frame.
+        frame: of the tracker.
+        before: the robot of the data sheet.
+        after: the calibrated one, where there is one.
+        floor: what even a perfect model would show.
+        notes: what a person should know.
+    """
+
+    run: Run
+    nests: tuple[str, ...]
+    frame: TrackerRegistration
+    before: ModelErrors
+    after: ModelErrors | None
+    floor: ErrorFloor
+    notes: tuple[str, ...]
+
+
+def validate_robot(
+    cell: Cell, run: Run, said: ReferenceReadings, model: Path | None = None, others: Run | None = None
+) -> Validation:
+    """Judge the robot at the poses of a tracker's run; the frame comes from the nests alone.
+
+    ``others`` are poses of the same run that nothing is judged by: they place a calibrated robot whose own gauge stood
+    elsewhere.
+
+    Raises:
+        InputError: no or bad nests, too few poses, another gauge, another robot.
+        NoSolutionError: the other poses cannot place the robot.
+    """
+    if run.readings.position is None:
+        raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
+    if len(run) < FEWEST:
+        raise InputError(f"{run.name}: {len(run)} poses are too few to judge a robot by; at least {FEWEST} are needed")
+    if len(run.places) > 1:
+        raise InputError(
+            f"{run.name}: the tracker stood at {len(run.places)} places ({', '.join(run.places)}), each with nests of "
+            "its own: judge them one by one"
+        )
+    cell, notes = with_nests(cell, said)
+    frame = register_tracker(cell)
+    after = None if model is None else _model_errors(calibrated_model(cell, model, frame, others), frame, run)
+    if len(run) < ENOUGH_POSES:
+        notes.append(f"{len(run)} poses: what 95 and 99 % of them stay within is known roughly")
+    if after is not None:
+        notes += after.arm.notes
+    read = tuple(n.name for n in cell.nests if n.p_GN is not None)
+    before = _model_errors(nominal_model(cell), frame, run)
+    _check_far(run, before)
+    floor = error_floor(cell, run, frame, (after or before).arm.by_nests)
+    return Validation(run, read, frame, before, after, floor, tuple(notes))
+
+
+def _check_far(run: Run, before: ModelErrors) -> None:
+    if before.figures.mean > FAR:
+        raise InputError(
+            f"{run.name}: the robot of the data sheet would be {before.figures.mean / MM:.0f} mm off on average, and "
+            "none is: look whether two nests were exchanged, whether they and the poses were read in one frame and "
+            "in millimetres, and where [artifact] stands"
+        )
+
+
+def with_nests(cell: Cell, said: ReferenceReadings) -> tuple[Cell, list[str]]:
+    """Return the cell with the nests as the run's file has them, and what to say of that.
+
+    Raises:
+        InputError: the file names a nest that the cell does not have, or one twice.
+    """
+    known = [n.name for n in cell.nests]
+    read = dict(said.nests)
+    for name in read:
+        if name not in known:
+            raise InputError(
+                f"nest '{name}' of the run is not in {cell.path}{did_you_mean(name, known)} (there: {', '.join(known)})"
+            )
+    if len(read) < len(said.nests):
+        raise InputError(f"a nest is read twice above the columns of the run ({', '.join(n for n, _ in said.nests)})")
+    both = [n.name for n in cell.nests if n.p_GN is not None and n.name in read]
+    notes = [f"nests {', '.join(both)}: as read in the run, not as in {cell.path.name}"] if both else []
+    return replace(cell, nests=tuple(replace(n, p_GN=read.get(n.name, n.p_GN)) for n in cell.nests)), notes
+
+
+def _model_errors(arm: RobotModel, frame: TrackerRegistration, run: Run) -> ModelErrors:
+    error = position_errors(arm.robot, arm.p_FM, arm.stand, frame, run)
+    return ModelErrors(arm, read_only(np.array(error)), error_figures(error))

@@ -1,0 +1,161 @@
+"""The way through a plan's poses as it was planned, and how to come from any of its points to any other."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from planner.common.errors import InputError
+from planner.common.schema import read_json, validate
+from planner.common.units import Array, from_deg, read_only, to_deg
+from planner.session.plan_file import PartialModel
+
+SAME_POINT = 1e-6  # [deg] two points of the way are one
+
+
+class CentringPoseFile(PartialModel):
+    """A pose with the ball that is centred there; without one it is only passed."""
+
+    id: int
+    q_deg: tuple[float, ...]
+    ball: str | int | None = None
+
+
+class CentringSupportFile(PartialModel):
+    """A support pose, driven after a pose."""
+
+    after: int
+    q_deg: tuple[float, ...]
+
+
+class CentringWaypointFile(PartialModel):
+    """One point of the driven way; ``visit`` is the id of the pose or −1."""
+
+    q_deg: tuple[float, ...]
+    visit: int = -1
+
+
+class CentringDriveFile(PartialModel):
+    """One drive: from home to its start, then through its poses."""
+
+    travel: tuple[CentringWaypointFile, ...] = ()
+    waypoints: tuple[CentringWaypointFile, ...] = ()
+
+
+class CentringPlan(PartialModel):
+    """What a centring needs of ``plan.json``."""
+
+    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
+    robot: str
+    poses: tuple[CentringPoseFile, ...] = Field(min_length=1)
+    supports: tuple[CentringSupportFile, ...] = ()
+    drives: tuple[CentringDriveFile, ...] = ()
+
+
+@dataclass(frozen=True)
+class BallVisit:
+    """A pose to be centred: its id, the ball's name, and where on the way it stands."""
+
+    id: int
+    ball: str
+    at: int
+
+
+@dataclass(frozen=True)
+class PlannedPath:
+    """The planned way.
+
+    Attributes:
+        plan_id, robot: of the plan.
+        q: points in the order driven, controller angles (m, N) [rad].
+        visits: poses to be centred, in that order.
+    """
+
+    plan_id: str
+    robot: str
+    q: Array
+    visits: tuple[BallVisit, ...]
+
+    def between(self, start: int, end: int) -> list[int]:
+        """Return the points to drive from ``start`` to ``end``, both among them; a touch on the way is left out.
+
+        The way is as free backward as forward. Where a ball is approached and left through the same point, it is not
+        approached for nothing.
+        """
+        step = 1 if end >= start else -1
+        touching = {v.at for v in self.visits}
+        points: list[int] = []
+        for k in range(start, end + step, step):
+            inner = k not in (start, end) and k in touching
+            if not inner or not self._same(k - 1, k + 1):
+                points.append(k)
+        return points
+
+    def before(self, visit: BallVisit, start: int) -> int:
+        """Return the point off the ball from which a visit is approached, coming from ``start`` (maybe the ball)."""
+        behind = visit.at + 1
+        ahead = visit.at - 1 if visit.at > 0 else behind
+        return behind if start > visit.at and behind < len(self.q) else ahead
+
+    def nearest(self, q: Array) -> tuple[int, float]:
+        """Return the point that is nearest to q (N,) [rad] and how far its furthest axis is [rad]."""
+        off = np.abs(self.q - q).max(axis=1)
+        return int(off.argmin()), float(off.min())
+
+    def _same(self, a: int, b: int) -> bool:
+        return bool(np.abs(to_deg(self.q[a] - self.q[b])).max() < SAME_POINT)
+
+
+def read_planned_path(path: Path) -> PlannedPath:
+    """Read the way of the plan at ``path``.
+
+    Raises:
+        InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no way between.
+    """
+    plan = validate(read_json(path), CentringPlan, str(path))
+    points = _drive_points(plan) if plan.drives else _pose_points(plan)
+    counts = sorted({len(q) for q, _ in points})
+    if len(counts) != 1:
+        raise InputError(f"{path}: its poses have {' and '.join(map(str, counts))} joint angles; all need the same")
+    balls = {p.id: str(p.ball) for p in plan.poses if p.ball is not None}
+    visits = [BallVisit(visit, balls[visit], k) for k, (_, visit) in enumerate(points) if visit in balls]
+    _check(path, visits, balls)
+    return PlannedPath(plan.plan_id, plan.robot, read_only(from_deg([q for q, _ in points])), tuple(visits))
+
+
+def _drive_points(plan: CentringPlan) -> list[tuple[tuple[float, ...], int]]:
+    """Points of the drives; the last one of the travel is the first one measured."""
+    points: list[tuple[tuple[float, ...], int]] = []
+    for drive in plan.drives:
+        for point in (*drive.travel, *drive.waypoints):
+            if points and points[-1][0] == point.q_deg:
+                points[-1] = (point.q_deg, max(point.visit, points[-1][1]))
+            else:
+                points.append((point.q_deg, point.visit))
+    return points
+
+
+def _pose_points(plan: CentringPlan) -> list[tuple[tuple[float, ...], int]]:
+    """Poses with the support poses that follow each."""
+    points: list[tuple[tuple[float, ...], int]] = []
+    for pose in plan.poses:
+        points += [(pose.q_deg, pose.id)] + [(s.q_deg, -1) for s in plan.supports if s.after == pose.id]
+    return points
+
+
+def _check(path: Path, visits: list[BallVisit], balls: dict[int, str]) -> None:
+    found = [v.id for v in visits]
+    if not balls:
+        raise InputError(f"{path}: no pose names a ball; a centring needs a plan for the gauge trical")
+    if missing := sorted(set(balls) - set(found)):
+        raise InputError(f"{path}: the way passes no pose {', '.join(map(str, missing[:5]))}")
+    if len(set(found)) < len(found):
+        twice = next(i for i in found if found.count(i) > 1)
+        raise InputError(f"{path}: pose {twice} is driven to twice; each measured pose has its own id")
+    for before, after in pairwise(visits):
+        if after.at == before.at + 1:
+            raise InputError(
+                f"{path}: pose {after.id} follows pose {before.id} with no way between that takes the head off the ball"
+            )

@@ -1,0 +1,250 @@
+"""The robot at the cell: what a centring needs of it, KUKA's side of it, and the program that runs there."""
+
+import contextlib
+import re
+import time
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from scipy.spatial.transform import Rotation
+
+from planner.common.errors import InputError
+from planner.common.files import data_folder, write_text
+from planner.common.units import MM, Array, from_deg, read_only, to_deg, to_mm
+from planner.instruments.centring.kukavarproxy import PORT, VarProxy
+from planner.instruments.centring.settings import RobotSettings
+from planner.instruments.centring.stop import LinkError, StoppedError, StopRequest
+
+
+class RobotLink(Protocol):
+    """A robot that is told where to go, and waits there. Every call returns when the arm stands still.
+
+    All raise LinkError where the robot does not answer or does not do it, StoppedError where a stop was asked for.
+    """
+
+    def move(self, q: Array, slow: bool = False) -> None:
+        """Go to the controller angles q (N,) [rad], joint by joint; ``slow`` where tips and ball touch."""
+
+    def shift(self, step: Array) -> None:
+        """Move the tool by ``step`` (3,) [m] in its own frame, on a line."""
+
+    def joints(self) -> tuple[Array, Array]:
+        """Return the controller angles as read and as commanded, both (N,) [rad]."""
+
+    def orientation(self) -> Array:
+        """Return R_BT (3, 3), the tool's axes in the controller's base."""
+
+    def arrive(self) -> int:
+        """Wait until the plan's own program stands at a ball, and return the pose's id."""
+
+    def release(self) -> None:
+        """Let that program go on."""
+
+    def stop(self) -> None:
+        """Stop the arm now; never raises."""
+
+    def close(self) -> None:
+        """Let the robot go."""
+
+
+DIALECT = "krl"
+LARGEST_MM = 5.0  # the robot takes no longer shift, whatever the planner says
+
+
+def centring_program(how: RobotSettings) -> dict[str, str]:
+    """Return the files of the robot's program, by name; lines end as the controller wants them."""
+    environment = Environment(
+        loader=FileSystemLoader(data_folder("g-code") / DIALECT),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        autoescape=False,  # a robot program is no HTML
+    )
+    context = {
+        "name": how.program,
+        "tool": how.tool,
+        "base": how.base,
+        "speed_m_s": how.speed_mm_s * MM,
+        "silence_ms": round(1e3 * how.silence_s),
+        "timer": how.timer,
+        "largest_mm": LARGEST_MM,
+    }
+    texts = {e: environment.get_template(f"centring.{e}.j2").render(context) for e in ("src", "dat")}
+    return {f"{how.program}.{e}": "\r\n".join(text.splitlines()) + "\r\n" for e, text in texts.items()}
+
+
+def write_centring_program(how: RobotSettings, out: Path) -> list[Path]:
+    """Write the robot's program into a folder, and return its files.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise InputError(f"{out}: cannot be made ({err.strerror or err})") from err
+    paths = []
+    for name, text in centring_program(how).items():
+        write_text(out / name, text, "ascii")
+        paths.append(out / name)
+    return paths
+
+
+MOVE, SHIFT, GO_ON = 1, 2, 3
+DONE, MOVING, STOPPED, REFUSED, SILENCE = 0, 1, 2, 3, 4
+LARGEST_ORDER = 30000  # of an order's number: it stays in an INT of any controller
+_PART = re.compile(r"\b([A-Z]\d?)\s+(-?\d+\.?\d*(?:[eE][-+]?\d+)?)")
+
+
+class KukaLink:
+    """Moves a KUKA robot; see :class:`planner.instruments.centring.robot_link.RobotLink`."""
+
+    def __init__(
+        self, host: str, port: int, n_joints: int, how: RobotSettings, stop: StopRequest, follow: bool = False
+    ) -> None:
+        self._n, self._how, self._stop = n_joints, how, stop
+        self._proxy = VarProxy(host, port, how.answer_s)
+        try:
+            self._order = int(self._number("EDBB_GO"))
+            if not follow:  # the plan's program counts only while it stands at a ball
+                self._runs()
+            stands = _PART.findall(self._proxy.read("$AXIS_ACT"))
+            self._beside = [f"{axis} {value}" for axis, value in stands if axis[0] == "E"]  # external axes stay there
+            self._proxy.write("EDBB_STOP", "FALSE")
+        except BaseException:
+            self._proxy.close()
+            raise
+
+    def move(self, q: Array, slow: bool = False) -> None:
+        """Go to the controller angles q (N,) [rad], joint by joint; ``slow`` where tips and ball touch."""
+        target = to_deg(q)
+        self._proxy.write("EDBB_VEL", str(self._how.touch_percent if slow else self._how.ptp_percent))
+        axes = [f"A{j} {angle:.6f}" for j, angle in enumerate(target, start=1)]
+        self._proxy.write("EDBB_AX", "{E6AXIS: " + ", ".join([*axes, *self._beside]) + "}")
+        self._do(MOVE)
+        off = np.abs(to_deg(self.joints()[1]) - target)
+        if off.max() > self._how.arrived_deg:
+            raise LinkError(f"axis {off.argmax() + 1} stands {off.max():.3f} deg away from where it was sent")
+
+    def shift(self, step: Array) -> None:
+        """Move the tool by ``step`` (3,) [m] in its own frame, on a line."""
+        parts = ", ".join(f"{axis} {v:.5f}" for axis, v in zip("XYZ", to_mm(step), strict=True))
+        self._proxy.write("EDBB_BY", "{FRAME: " + parts + ", A 0.0, B 0.0, C 0.0}")
+        self._do(SHIFT)
+
+    def joints(self) -> tuple[Array, Array]:
+        """Return the controller angles as read and as commanded, both (N,) [rad]."""
+        return self._angles("$AXIS_ACT_MEAS"), self._angles("$AXIS_ACT")
+
+    def orientation(self) -> Array:
+        """Return R_BT (3, 3): KUKA's A, B, C turn about z, y, x of the tool in turn."""
+        return read_only(Rotation.from_euler("ZYX", from_deg(self._parts("$POS_ACT", "ABC"))).as_matrix())
+
+    def arrive(self) -> int:
+        """Wait until the plan's own program stands at a ball, and return the pose's id."""
+        until = time.monotonic() + self._how.arrive_s
+        while (pose := int(self._number("EDBB_POSE"))) < 0:
+            self._stop.wait(self._how.poll_s)
+            if time.monotonic() > until:
+                raise LinkError(f"the plan's program came to no ball within {self._how.arrive_s:g} s; does it run?")
+        self._runs()
+        return pose
+
+    def release(self) -> None:
+        """Let that program go on."""
+        self._do(GO_ON)
+
+    def stop(self) -> None:
+        """Stop the arm now; where the link is lost, the robot's own program stops it."""
+        with contextlib.suppress(LinkError):
+            self._proxy.write("EDBB_STOP", "TRUE")
+
+    def close(self) -> None:
+        """Let the robot go."""
+        self._proxy.close()
+
+    def _do(self, kind: int) -> None:
+        """Give an order and wait until it is done."""
+        self._stop.check()
+        self._proxy.write("EDBB_KIND", str(kind))
+        self._alive()
+        self._order = self._order % LARGEST_ORDER + 1
+        self._proxy.write("EDBB_GO", str(self._order))
+        until = time.monotonic() + self._how.move_s
+        while int(self._number("EDBB_DONE")) != self._order:
+            self._stop.wait(self._how.poll_s)
+            self._alive()
+            if time.monotonic() > until:
+                raise LinkError(
+                    f"the robot did not finish a move within {self._how.move_s:g} s: is the centring program running, "
+                    "are the drives on, is the operating mode right?"
+                )
+        ended = int(self._number("EDBB_STATE"))
+        if ended == STOPPED:
+            raise StoppedError("the robot's program was told to stop")
+        if ended != DONE:
+            raise LinkError(f"the robot's program did not do the move ({_END_STATES.get(ended, f'state {ended}')})")
+
+    def _alive(self) -> None:
+        """Wind up the controller's timer, which stops a move when it runs out."""
+        self._proxy.write(f"$TIMER[{self._how.timer}]", str(-round(1e3 * self._how.silence_s)))
+
+    def _runs(self) -> None:
+        """Make sure that the program counts."""
+        first = self._proxy.read("EDBB_BEAT")
+        until = time.monotonic() + self._how.answer_s
+        while time.monotonic() < until:
+            self._stop.wait(self._how.poll_s)
+            if self._proxy.read("EDBB_BEAT") != first:
+                return
+        raise LinkError(
+            f"the program {self._how.program} does not run on the controller: select it, drive to its start and let it "
+            "wait (edbb centre --program DIR writes it)"
+        )
+
+    def _angles(self, name: str) -> Array:
+        return from_deg(self._parts(name, [f"A{j}" for j in range(1, self._n + 1)]))
+
+    def _parts(self, name: str, wanted: str | list[str]) -> Array:
+        """Return parts of a structure, ``{E6AXIS: A1 -12.5, A2 …}``."""
+        text = self._proxy.read(name)
+        parts = dict(_PART.findall(text))
+        try:
+            return read_only([float(parts[key]) for key in wanted])
+        except KeyError as err:
+            raise LinkError(f"the controller gives '{name}' as {text!r}, without {err}") from err
+
+    def _number(self, name: str) -> float:
+        text = self._proxy.read(name)
+        try:
+            return float(text)
+        except ValueError as err:
+            raise LinkError(f"the controller gives '{name}' as {text!r}, which is no number") from err
+
+
+_END_STATES = {
+    MOVING: "it was left half way",
+    REFUSED: "a shift beyond 5 mm, or an order that it does not know",
+    SILENCE: "the planner was silent for too long",
+}
+
+
+def open_link(address: str, n_joints: int, how: RobotSettings, stop: StopRequest, follow: bool = False) -> RobotLink:
+    """Connect to the robot at ``tcp://HOST[:PORT]``, a KUKA controller with KUKAVARPROXY (port 7000).
+
+    With ``follow`` the plan's own program drives the robot.
+
+    Raises:
+        InputError: no such form of address.
+        LinkError: nobody answers there, or the centring program does not run.
+    """
+    try:
+        url = urlsplit(address)
+        host, port = url.hostname, url.port
+    except ValueError:
+        url, host, port = urlsplit(""), None, None
+    if url.scheme != "tcp" or not host or url.path not in ("", "/"):
+        raise InputError(f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {PORT})")
+    return KukaLink(host, port or PORT, n_joints, how, stop, follow)

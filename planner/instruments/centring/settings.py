@@ -1,0 +1,155 @@
+"""Settings of a centring (``edbb-centring/1``), completed by what the cell says."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
+
+from planner.common.errors import InputError
+from planner.common.schema import StrictModel, read_toml
+from planner.common.units import Array
+from planner.kinematics.bodies import Vector
+from planner.session.plan_file import PartialModel
+
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class HeadSettings(StrictModel):
+    """``[head]``: the three indicators.
+
+    ``matrix`` brings their readings to the ball's place in the tool frame: each column is the direction, in the
+    controller's tool frame, in which its indicator reads positive. Without it the tool frame lies along the indicators
+    (``tool_frame = "head"``, as in the paper) or is turned as the flange is (``"flange"``: the cell says how the
+    indicators stand in it).
+    """
+
+    protocol: str = "sylvac"
+    tool_frame: Literal["head", "flange"] = "head"
+    matrix: Matrix | None = None
+    usable_mm: PositiveFloat = 5.0  # the disk tips meet a 1-inch ball up to here; beyond −usable nothing touches
+    check_free: bool = True  # before each contact every plunger must stand at its free end
+    timeout_s: PositiveFloat = 1.0  # of one answer
+    tries: PositiveInt = 4  # of one reading
+
+    @field_validator("matrix")
+    @classmethod
+    def _invertible(cls, value: Matrix | None) -> Matrix | None:
+        if value is not None and np.linalg.cond(np.array(value)) > 10.0:
+            raise ValueError("the directions of the three indicators do not span space; rows are x, y, z of the tool")
+        return value
+
+
+class RestSettings(StrictModel):
+    """``[rest]``: when readings are believed: ``readings`` in a row within ``spread_um``."""
+
+    readings: Annotated[int, Field(ge=2)] = 5
+    spread_um: PositiveFloat = 3.0
+    most_readings: PositiveInt = 100
+    settle_s: NonNegativeFloat = 0.3  # after a move, before the first reading
+
+
+class MoveSettings(StrictModel):
+    """``[moves]``: when the ball is centred, and how far the robot may go for it."""
+
+    tolerance_um: PositiveFloat = 3.0
+    first_step_mm: PositiveFloat = 0.5  # shows whether every indicator follows before anything larger is moved
+    step_mm: PositiveFloat = 2.0
+    travel_mm: PositiveFloat = 7.5  # from the planned pose: beyond 7.04 mm no place touches all three 11.5 mm tips
+    most_moves: PositiveInt = 60
+    judge_mm: PositiveFloat = 0.15  # an indicator is judged by how it followed once it should have moved this far
+
+
+class RobotSettings(StrictModel):
+    """``[robot]``: the controller. ``plate_rpy_deg`` turns the plate's axes in the controller's base."""
+
+    program: str = "EDBB_CENTRE"
+    tool: PositiveInt = 1
+    base: Annotated[int, Field(ge=0)] = 0
+    ptp_percent: Annotated[int, Field(ge=1, le=100)] = 10
+    touch_percent: Annotated[int, Field(ge=1, le=10)] = 1  # to a ball and away from it
+    speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 5.0
+    answer_s: PositiveFloat = 2.0
+    move_s: PositiveFloat = 120.0
+    arrive_s: PositiveFloat = 900.0  # for the plan's own program to come to the next ball, "--follow"
+    poll_s: PositiveFloat = 0.05
+    silence_s: PositiveFloat = 3.0  # the robot's own program stops a move when the planner is silent for so long
+    timer: Annotated[int, Field(ge=1, le=32)] = 10  # the controller's timer that watches for it
+    arrived_deg: PositiveFloat = 0.05
+    start_deg: PositiveFloat = 3.0  # how near to the planned path the robot must stand at the start, on each axis
+    plate_rpy_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class CentringSettings(StrictModel):
+    """The whole file; everything has a default."""
+
+    schema_: Literal["edbb-centring/1"] = Field(default="edbb-centring/1", alias="schema")
+    head: HeadSettings = HeadSettings()
+    rest: RestSettings = RestSettings()
+    moves: MoveSettings = MoveSettings()
+    robot: RobotSettings = RobotSettings()
+
+    @property
+    def to_tool(self) -> Array:
+        """Matrix from the three readings to the ball's centre in the tool frame, (3, 3)."""
+        return np.eye(3) if self.head.matrix is None else np.array(self.head.matrix)
+
+
+S = TypeVar("S", bound=StrictModel)
+
+
+class _CellHead(PartialModel):
+    indicators: tuple[Vector, Vector, Vector] | None = None
+    usable_mm: PositiveFloat = 5.0
+
+
+class _CellGauge(PartialModel):
+    head: _CellHead = _CellHead()
+
+
+class _CellArtifact(PartialModel):
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class _CellController(PartialModel):
+    tool: int | None = None
+    base: int | None = None
+
+
+class CentringCellPart(PartialModel):
+    """What the cell says of the head, the plate and the controller."""
+
+    gauge: _CellGauge = _CellGauge()
+    artifact: _CellArtifact = _CellArtifact()
+    controller: _CellController = _CellController()
+
+
+def read_settings(path: Path | None, cell: Path) -> CentringSettings:
+    """Read the settings at ``path``, the defaults where there is none; what it leaves out the ``cell`` may say.
+
+    Raises:
+        InputError: a file is missing, is no TOML, or a key is wrong; or the cell should say how the head stands.
+    """
+    given = CentringSettings() if path is None else read_toml(path, CentringSettings)
+    found = read_toml(cell, CentringCellPart) if cell.is_file() else CentringCellPart()
+    head, numbers = found.gauge.head, found.controller
+    robot: dict[str, object] = {"plate_rpy_deg": found.artifact.rpy_deg}
+    robot |= {k: v for k, v in (("tool", numbers.tool), ("base", numbers.base)) if v is not None}
+    said: dict[str, object] = {"usable_mm": head.usable_mm}
+    if given.head.tool_frame == "flange" and given.head.matrix is None:
+        if head.indicators is None:
+            raise InputError(
+                f"{cell}: 'gauge.head.indicators' is missing; it says how the indicators stand in the flange, which "
+                "'tool_frame' = \"flange\" needs"
+            )
+        axes = np.array(head.indicators)
+        said["matrix"] = tuple(map(tuple, (axes / np.linalg.norm(axes, axis=1)[:, None]).T.tolist()))
+    return given.model_copy(
+        update={"head": _fill_defaults(given.head, said), "robot": _fill_defaults(given.robot, robot)},
+    )
+
+
+def _fill_defaults(section: S, said: Mapping[str, object]) -> S:
+    """Take over what the cell says, except where the settings say it themselves."""
+    return section.model_copy(update={k: v for k, v in said.items() if k not in section.model_fields_set})

@@ -1,0 +1,187 @@
+"""The path of the arm round one circle: timed, within loads and limits, proven free of collision."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.circles import Circle
+from planner.cell.setup import largest_load
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import Array, read_only, to_deg
+from planner.instruments.circular.configurations import (
+    COARSE_STEP,
+    ArmPaths,
+    check_bar,
+    find_arm_paths,
+    fine_angles,
+    orientations,
+)
+from planner.instruments.circular.inverse_kinematics import solve_ik
+from planner.instruments.circular.plan import Arc
+from planner.kinematics.bar_geometry import bar_state
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.verdict import judge_path
+from planner.motion.timing.limits import Limits
+from planner.motion.timing.trajectory import Trajectory, check_limits, plan_trajectory
+from planner.session.course import round_angles
+
+
+def check_loads(cell: Cell) -> None:
+    """Refuse circles with a load beyond what the robot may carry beside its tool.
+
+    Raises:
+        InputError: with the load, the circle and what is allowed.
+    """
+    allowed = largest_load(cell)
+    if allowed is None:
+        return
+    for circle in cell.circles:
+        if max(circle.loads, default=0.0) > allowed:
+            raise InputError(
+                f"{cell.path}: circle {circle.name}: loads_N goes up to {max(circle.loads):g} N, but {cell.robot.name} "
+                f"may carry {cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of {cell.tool.mass:g} kg: load "
+                "less"
+            )
+
+
+def load_notes(cell: Cell) -> list[str]:
+    """Say of loads that give no stiffness, and of a robot that does not say what it carries."""
+    notes = [
+        f"circle {c.name}: loads_N has {c.loads[0]:g} N only; a stiffness needs two loads at least, better five"
+        for c in cell.circles
+        if len(set(c.loads)) == 1
+    ]
+    if any(c.loads for c in cell.circles) and cell.robot.payload is None:
+        notes.append(f"{cell.robot.name} has no payload_kg: whether it may carry the loads was not checked")
+    return notes
+
+
+MOST_TRIALS = 6  # ways that are driven finely and judged before the circle is given up
+ROOMY_SHARE = 0.6  # share of the largest room that a way must have, to be taken because it begins nearer
+IK_ROUNDS = 12  # of Newton from the coarse places to the points between
+LIMIT_STEP = 0.05  # [s]
+
+
+def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None) -> Arc:
+    """Plan the way round a circle: of the roomy ones the nearest.
+
+    Args:
+        cell: where a fixture has a mount pose, the twist of a cable along the bar counts from there; else from the
+            beginning of the circle, which becomes the mount pose.
+        circle: one of the cell's.
+        seed: of everything random.
+        near: the state from which the arm comes (N,) [rad], home if ``None``.
+
+    Raises:
+        InputError: the bar does not reach round.
+        NoSolutionError: the arm does not; or it collides.
+    """
+    check_bar(cell, circle)
+    ways = find_arm_paths(cell, circle, seed)
+    constraints = Constraints(cell, circle.fixture)
+    n = cell.robot.n_joints
+    hits = constraints.world.near(ways.q.reshape(-1, n), constraints.clearance).reshape(ways.q.shape[:2])
+    free = np.flatnonzero(~hits.any(axis=1))
+    if not len(free):
+        raise NoSolutionError(_explain_collision(constraints, circle, ways, hits))
+    why = ""
+    for k in _order_paths(cell, ways, free, cell.home if near is None else near)[:MOST_TRIALS]:
+        arc, why = _finish_arc(cell, circle, ways, k, len(free), constraints)
+        if arc is not None:
+            return arc
+    raise NoSolutionError(
+        f"circle {circle.name}: {len(free)} ways round are free at places {to_deg(COARSE_STEP):.0f}° apart, but none of"
+        f" the first {MOST_TRIALS} is proven in between ({why}): lower motion.clearance_mm, or move the circle"
+    )
+
+
+def _order_paths(cell: Cell, ways: ArmPaths, free: np.ndarray, near: Array) -> list[int]:
+    """Roomy ways by the time that it takes to come to their beginning, then the others by their room."""
+    away = (np.abs(ways.q[free, 0] - near) / cell.robot.speed).max(axis=1)
+    roomy = ways.room[free] >= ROOMY_SHARE * ways.room[free[0]]
+    return [int(k) for k in free[np.lexsort((np.round(np.where(roomy, away, -ways.room[free]), 6), ~roomy))]]
+
+
+def _finish_arc(
+    cell: Cell, circle: Circle, ways: ArmPaths, k: int, free: int, constraints: Constraints
+) -> tuple[Arc | None, str]:
+    """Drive one way finely; returned is it, or a sentence that says what is wrong with it."""
+    angle = fine_angles(circle)
+    guess = np.column_stack([np.interp(angle, ways.angle, column) for column in ways.q[k].T])
+    q, good = solve_ik(cell, guess, circle.points(angle), orientations(circle, angle, ways.R_BF[k]), IK_ROUNDS)
+    if not good.all():
+        return None, f"the arm loses its configuration at {to_deg(angle[np.argmin(good)]):.0f}°"
+    q = round_angles(q)
+    fixture = cell.fixtures[circle.fixture]
+    if fixture.mount is None:
+        constraints = _with_mount(constraints, q[0] if circle.directions[0] == "ccw" else q[-1])
+    blend = cell.motion.blend or cell.motion.clearance
+    trajectory, back = (time_points(cell, points, circle.speed, blend) for points in (q, q[::-1]))
+    corner = np.flatnonzero(~trajectory.stop)
+    triangles = np.stack([trajectory.entry[corner], q[corner], trajectory.exit[corner]], axis=1)
+    verdicts = judge_path(constraints, q, triangles)
+    bad = [f for v in verdicts for f in v.failures]
+    if bad:
+        return None, bad[0]
+    arc = Arc(
+        circle,
+        read_only(angle),
+        q,
+        read_only(bar_state(cell.map_position(q), fixture.p_BX).length),
+        circle_deviation(cell, circle, trajectory),
+        blend,
+        trajectory,
+        back,
+        verdicts,
+        check_limits(trajectory, axis_limits(cell), max(LIMIT_STEP, trajectory.duration_s / 20_000)),
+        f"{ways.told}, {free} of these without collision",
+    )
+    return arc, ""
+
+
+def circle_deviation(cell: Cell, circle: Circle, trajectory: Trajectory) -> float:
+    """Largest distance of a trajectory from its circle [m], seen several times between any two of its points."""
+    t = trajectory.waypoint_time
+    between = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0.0, 1.0, 5)
+    out = cell.map_position(trajectory.at(between.ravel()).q) - circle.p_BC
+    across = out @ circle.normal
+    radial = np.linalg.norm(out - across[:, None] * circle.normal, axis=1) - circle.radius
+    return float(np.hypot(across, radial).max())
+
+
+def axis_limits(cell: Cell) -> Limits:
+    """Limits of the axes while the gauge is read."""
+    return Limits(cell.robot.speed, cell.robot.acceleration, cell.robot.jerk)
+
+
+def time_points(cell: Cell, q: Array, speed: float, blend: float) -> Trajectory:
+    """Time points close together (m, N) [rad], their corners cut by up to ``blend`` [m], at a tool speed [m/s]."""
+    return plan_trajectory(
+        q,
+        stop=np.zeros(len(q), dtype=bool),
+        blend_m=np.full(len(q), blend),
+        tool_position=cell.map_position,
+        tool_jacobian=cell.map_jacobian,
+        limits=axis_limits(cell),
+        tool_speed=speed,
+    )
+
+
+def _with_mount(constraints: Constraints, mount: Array) -> Constraints:
+    """Count the cable's twist along the bar from a mount pose."""
+    cell, k = constraints.cell, constraints.workspace.fixture
+    fixtures = [replace(f, mount=mount) if i == k else f for i, f in enumerate(cell.fixtures)]
+    return Constraints(replace(cell, fixtures=tuple(fixtures)), k, constraints.bar, constraints.scene, constraints.room)
+
+
+def _explain_collision(constraints: Constraints, circle: Circle, ways: ArmPaths, hits: np.ndarray) -> str:
+    """Say where the way that collides least does so, and with what."""
+    best = int(np.argmin(hits.sum(axis=1)))
+    k = int(np.argmax(hits[best]))
+    why = constraints.reason(ways.q[best, k]) or "a collision"
+    return (
+        f"circle {circle.name}: {ways.told}, but each collides somewhere; the one that does least often first at "
+        f"{to_deg(ways.angle[k]):.0f}°: {why}; move the circle or the fixture, change radius_mm, give tool_axis, "
+        "or lower motion.clearance_mm"
+    )

@@ -1,0 +1,245 @@
+"""Arm configurations that follow a circle: points, tool orientations, start poses, limits."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
+
+from planner.cell.cell import Cell
+from planner.cell.circles import Circle
+from planner.cell.workspace import SAFETY_MARGIN, Workspace
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import MM, Array, to_deg, to_mm
+from planner.instruments.circular.inverse_kinematics import conditioning, solve_ik
+from planner.kinematics.bar_geometry import bar_state
+
+SAGITTA = 1e-6  # [m] between the circle and the straight line from point to point
+PATIENCE = 0.03  # [s] from point to point at least: controllers plan no quicker
+COARSEST = np.deg2rad(2.0)  # [rad] between points at most
+COARSE_STEP = np.deg2rad(5.0)  # [rad] between the places that decide which way round is taken
+
+
+def driven_span(circle: Circle) -> tuple[float, float]:
+    """First and last angle that is driven, overshoot included [rad]."""
+    return circle.start - circle.overshoot, circle.start + circle.sweep + circle.overshoot
+
+
+def coarse_angles(circle: Circle) -> Array:
+    """Angles (k,) [rad] over all that is driven, a few degrees apart."""
+    first, last = driven_span(circle)
+    return np.linspace(first, last, 1 + int(np.ceil((last - first) / COARSE_STEP - 1e-9)))
+
+
+def fine_angles(circle: Circle) -> Array:
+    """Angles (m,) [rad] of the points that are driven; both ends of the sweep are among them."""
+    step = max(np.sqrt(8.0 * SAGITTA / circle.radius), PATIENCE * circle.speed / circle.radius)
+    step = min(step, COARSEST)
+    edges = [*driven_span(circle), circle.start, circle.start + circle.sweep]
+    low, first, end, high = edges[0], edges[2], edges[3], edges[1]
+    parts = [_even_angles(a, b, step) for a, b in ((low, first), (first, end), (end, high)) if b > a]
+    return np.append(np.concatenate([p[:-1] for p in parts]), high)
+
+
+def orientations(circle: Circle, angle: Array, R_BF: Array) -> Array:
+    """Tool orientations (n, 3, 3) at angles (n,) [rad], that is R_BF (3, 3) at the first angle driven.
+
+    It is kept, or turned about the circle's normal with the bar.
+    """
+    turn = (angle - driven_span(circle)[0]) * circle.follows
+    return np.asarray(Rotation.from_rotvec(turn[:, None] * circle.normal).as_matrix() @ R_BF)
+
+
+def check_bar(cell: Cell, circle: Circle) -> None:
+    """Refuse a circle on which the bar would have to be shorter or longer than it can be.
+
+    Raises:
+        InputError: naming the angle, the length wanted there and the bar's range.
+    """
+    angle = fine_angles(circle)
+    length = bar_state(circle.points(angle), cell.fixtures[circle.fixture].p_BX).length
+    low, high = cell.gauge.length_min + SAFETY_MARGIN, cell.gauge.length_max - SAFETY_MARGIN
+    worst = int(np.argmax(np.maximum(low - length, length - high)))
+    if low <= length[worst] <= high:
+        return
+    name = cell.fixtures[circle.fixture].name
+    raise InputError(
+        f"{cell.path}: circle {circle.name} (radius {circle.radius / MM:g} mm) about fixture {name} needs a bar of"
+        f" {to_mm(length[worst]):.1f} mm at {to_deg(angle[worst]):.0f}°, it goes from {to_mm(low):g} to {to_mm(high):g}"
+        f" mm ({to_mm(SAFETY_MARGIN):g} mm kept from either end): change radius_mm or centre_mm, or take another bar"
+    )
+
+
+def _even_angles(low: float, high: float, step: float) -> Array:
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) / step - 1e-9)))
+
+
+TOOL_SPINS = 24  # orientations about each tool axis
+SEEDS = 6  # log2 of the arm positions from which each start pose is looked for
+SEARCH, FOLLOW = 40, 8  # rounds of Newton for a start pose, and from one place to the next
+LARGEST_STEP = 0.6  # [rad] no joint may move more from one place to the next: it would be another configuration
+SAME_POSE = 1e-4  # [rad] start poses nearer than this are one
+
+
+@dataclass(frozen=True)
+class ArmPaths:
+    """Ways round a circle that keep limits, cones and cable, the roomiest first.
+
+    Attributes:
+        angle: places along the circle (k,) [rad].
+        q: controller angles there, (m, k, N) [rad].
+        R_BF: tool orientation at the first of them, (m, 3, 3).
+        room: smallest distance from limits, cones and singularities, (m,) [rad].
+        told: how many start poses were found and what became of them.
+    """
+
+    angle: Array
+    q: Array
+    R_BF: Array
+    room: Array
+    told: str
+
+
+def find_arm_paths(cell: Cell, circle: Circle, seed: int = 0) -> ArmPaths:
+    """Find every way round a circle.
+
+    Raises:
+        NoSolutionError: there is none; the message says how far the best comes and what stops it there.
+    """
+    if cell.robot.n_joints < 6:
+        raise NoSolutionError(
+            f"circle {circle.name}: {cell.robot.name} has {cell.robot.n_joints} joints; to hold a tool's orientation "
+            "along a circle takes six"
+        )
+    angle = coarse_angles(circle)
+    held_at, turned = _start_poses(cell, circle, angle[0], seed)
+    over = np.maximum(cell.robot.q_lower - held_at, held_at - cell.robot.q_upper)
+    inside = (over < 0.0).all(axis=1)
+    if not inside.any():
+        raise NoSolutionError(_explain_unreached(circle, angle[0], over))
+    start, R = held_at[inside], turned[inside]
+    q, reached = _follow_circle(cell, circle, angle, start, R)
+    margins = _margins(cell, circle, q)  # (m, k, columns)
+    margins[np.arange(len(angle)) >= reached[:, None]] = -np.inf
+    whole = (margins > 0.0).all(axis=(1, 2))
+    if not whole.any():
+        raise NoSolutionError(_explain_refused(cell, circle, angle, margins, reached))
+    kept = np.flatnonzero(whole)
+    turns = [stage != "workspace" for stage, _ in _workspace(cell, circle).columns]
+    room = np.minimum(margins[kept][:, :, turns].min(axis=(1, 2)), _condition(cell, q[kept]))
+    order = kept[np.argsort(-np.round(room, 6), kind="stable")]
+    told = f"{len(start)} configurations of the start pose, {len(kept)} of them follow the circle within all limits"
+    return ArmPaths(angle, q[order], R[order], np.sort(room)[::-1], told)
+
+
+def tool_axes(circle: Circle) -> Iterator[Array]:
+    """Directions (3,) of the tool's ball-joint axis that are tried: those at which the bar tilts least against it."""
+    if circle.axis_B is not None:
+        yield circle.axis_B
+        return
+    n = circle.normal
+    yield from (n, -n)
+    if circle.sweep < 1.5 * np.pi:
+        centre = circle.points(np.array([circle.start + circle.sweep / 2]))[0]
+        inward = (circle.p_BC - centre) / circle.radius
+        yield from (v / np.linalg.norm(v) for v in (inward, inward + n, inward - n))
+
+
+def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[Array, Array]:
+    """Distinct configurations (m, N) [rad] of all start poses, limits not looked at, with orientations (m, 3, 3)."""
+    robot = cell.robot
+    spin = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, TOOL_SPINS, endpoint=False)[:, None] * cell.tool.axis_F)
+    R = np.concatenate([_align_axis(cell.tool.axis_F, a) @ spin.as_matrix() for a in tool_axes(circle)])
+    low, high = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
+    unit = qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS)
+    which = np.repeat(np.arange(len(R)), len(unit))
+    q = np.tile(low + unit * (high - low), (len(R), 1))
+    x = np.broadcast_to(circle.points(np.array([angle])), (len(q), 3))
+    q, good = solve_ik(cell, q, x, R[which], SEARCH)
+    q, which = _remove_turns(cell, q[good]), which[good]
+    _, first = np.unique(np.round(np.column_stack([which, q / SAME_POSE])).astype(int), axis=0, return_index=True)
+    return q[first], R[which[first]]
+
+
+def _align_axis(axis_F: Array, axis_B: Array) -> Array:
+    """Return a rotation (3, 3) that takes one unit vector to the other."""
+    return np.asarray(Rotation.align_vectors(axis_B[None], axis_F[None])[0].as_matrix())
+
+
+def _remove_turns(cell: Cell, q: Array) -> Array:
+    """Take whole turns off every joint's angle (n, N) [rad], to where it is nearest to home within the limits."""
+    robot = cell.robot
+    turn = 2 * np.pi * np.linalg.inv(robot.sense_matrix).T  # row j: what a whole turn of row j's angle is in q
+    for step in turn:
+        options = q[:, None] + np.arange(-3, 4)[:, None] * step
+        over = np.maximum(robot.q_lower - options, options - robot.q_upper).clip(min=0.0).sum(axis=2)
+        cost = 1e3 * over + np.abs(options - cell.home).sum(axis=2)
+        q = options[np.arange(len(q)), cost.argmin(axis=1)]
+    return q
+
+
+def _follow_circle(cell: Cell, circle: Circle, angle: Array, start: Array, R: Array) -> tuple[Array, np.ndarray]:
+    """Follow all start poses (m, N) round; return q (m, k, N) [rad] and at how many places (m,) each stands."""
+    x, m = circle.points(angle), len(start)
+    q = np.repeat(start[:, None], len(angle), axis=1)
+    reached, alive = np.ones(m, dtype=int), np.arange(m)
+    for k in range(1, len(angle)):
+        last = q[alive, k - 1]
+        guess = last if k == 1 else 2 * last - q[alive, k - 2]
+        wanted = np.concatenate([orientations(circle, angle[k : k + 1], r) for r in R[alive]])
+        q[alive, k], good = solve_ik(cell, guess, np.tile(x[k], (len(alive), 1)), wanted, FOLLOW)
+        good &= np.abs(q[alive, k] - last).max(axis=1) < LARGEST_STEP
+        alive = alive[good]
+        reached[alive] = k + 1
+        if not len(alive):
+            break
+    return q, reached
+
+
+def _workspace(cell: Cell, circle: Circle) -> Workspace:
+    return Workspace(cell.unwound, circle.fixture)
+
+
+def _margins(cell: Cell, circle: Circle, q: Array) -> Array:
+    """Margins (m, k, columns) [rad or m] less what a path keeps from every limit."""
+    m, k, n = q.shape
+    return np.asarray(_workspace(cell, circle).margins(q.reshape(-1, n)).reshape(m, k, -1) - SAFETY_MARGIN / 2)
+
+
+def _condition(cell: Cell, q: Array) -> Array:
+    m, k, n = q.shape
+    return np.asarray(conditioning(cell, q.reshape(-1, n)).reshape(m, k).min(axis=1))
+
+
+def _explain_unreached(circle: Circle, angle: float, over: Array) -> str:
+    """Say why the beginning is not reached: not at all, or by how much a joint's limit (over (m, N) [rad]) misses."""
+    tried = TOOL_SPINS * len(list(tool_axes(circle)))
+    where = f"circle {circle.name}: the robot does not reach its beginning at {to_deg(angle):.0f}°"
+    why = f"none of {tried} tool orientations there is within its arm's length"
+    if len(over):
+        best = int(np.argmin(over.max(axis=1)))
+        joint = int(np.argmax(over[best]))
+        why = (
+            f"in all of {len(over)} configurations a joint's limit is exceeded, in the nearest that of joint "
+            f"{joint + 1} by {to_deg(over[best, joint]):.1f}°"
+        )
+    return f"{where}: {why}; move the fixture nearer, change start_deg or radius_mm, or give tool_axis"
+
+
+def _explain_refused(cell: Cell, circle: Circle, angle: Array, margins: Array, reached: np.ndarray) -> str:
+    """Say how far the best way comes and what stops it."""
+    good = margins.min(axis=2) > 0.0
+    far = np.argmin(good, axis=1)  # none is good all along
+    k = int(far.max())
+    best = int(np.argmax(np.where(far == k, margins[:, k].min(axis=1), -np.inf)))  # of the furthest, the least beyond
+    if k >= reached[best]:
+        why = "the arm cannot reach further in this configuration"
+    else:
+        why = f"{_workspace(cell, circle).columns[int(np.argmin(margins[best, k]))][1]} is exceeded"
+    way = f"from {to_deg(angle[0]):.0f}° to {to_deg(angle[k]):.0f}°"
+    return (
+        f"circle {circle.name}: none of {len(good)} configurations of the start pose leads round; the best comes "
+        f"{way}, where {why}: change start_deg, overshoot_deg, tool_axis, radius_mm or the fixture's place, or widen "
+        "gauge.cone_deg"
+    )

@@ -1,0 +1,145 @@
+"""From a run of circles to the figures of each circle and to ``circular.json``."""
+
+import json
+import math
+from dataclasses import dataclass
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import UM, to_deg, to_mm
+from planner.instruments.circular.figures import CircleFigures, PathFigures, circle_figures
+from planner.instruments.circular.plan import CircularPlanFile
+from planner.instruments.circular.reversal import Reversal
+from planner.instruments.circular.sweeps import find_sweeps, measured_circles
+from planner.runs.run import Run
+
+
+@dataclass(frozen=True)
+class CircularTest:
+    """A measured circular test: plan, run and robot by name, the figures of its circles, what a person should know."""
+
+    plan_id: str
+    run: str
+    robot: str
+    circles: tuple[CircleFigures, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def length_range(self) -> float:
+        """Range of the bar's length that all circles together use [m]."""
+        return max(c.length_range for c in self.circles)
+
+
+def evaluate_circles(cell: Cell, plan: CircularPlanFile, run: Run) -> CircularTest:
+    """Evaluate the run of a circular test.
+
+    Raises:
+        InputError: the run belongs to another plan or robot, or holds no whole sweep.
+    """
+    if plan.robot != cell.robot.name:
+        raise InputError(f"the plan is one for {plan.robot}, but {cell.path} is a cell of {cell.robot.name}")
+    if run.plan_id not in (None, plan.plan_id):
+        raise InputError(f"{run.name} belongs to plan {run.plan_id}, but the plan given is {plan.plan_id}")
+    rings = measured_circles(cell, plan.circles)
+    traces = find_sweeps(cell, rings, run)
+    keys = sorted({(t.ring, t.load or 0.0) for t in traces})
+    circles = []
+    for k, load in keys:
+        mine = [t for t in traces if (t.ring, t.load or 0.0) == (k, load)]
+        circles.append(circle_figures(rings[k], mine[0].load, mine))
+    return CircularTest(
+        plan.plan_id, run.name, cell.robot.name, tuple(circles), _test_warnings(cell, plan, run, circles)
+    )
+
+
+def _test_warnings(cell: Cell, plan: CircularPlanFile, run: Run, circles: list[CircleFigures]) -> tuple[str, ...]:
+    out = list(run.warnings)
+    for c in plan.circles:
+        mine = [f for f in circles if f.ring.name == c.name]
+        driven = {p.direction for f in mine for p in f.paths}
+        missing = [d for d in c.directions if d not in driven]
+        if not mine:
+            out.append(f"circle {c.name} is not in the run")
+        elif missing:
+            out.append(f"circle {c.name}: no whole sweep {missing[0]} in the run")
+        if mine and c.sweep_deg < 360.0:
+            std = max(float(f.centre.std.max()) for f in mine)
+            out.append(
+                f"circle {c.name} is a part of a circle: its centre, and with it what is left, is less well known "
+                f"({1e6 * std:.1f} µm)"
+            )
+    if cell.gauge.zero_free:
+        out.append("the bar's zero is not known: the mean radial deviation holds that zero's error as well")
+    if run.samples.q_read is None and run.samples.q_cmd is not None:
+        out.append("the run has no joint angles as read: angles along the circles are those commanded")
+    return tuple(out)
+
+
+DIGITS = 3  # of micrometres
+
+
+def circular_test_content(test: CircularTest) -> dict[str, object]:
+    """Return what ``circular.json`` says."""
+    return {
+        "schema": "edbb-circular/1",
+        "plan_id": test.plan_id,
+        "run": test.run,
+        "robot": test.robot,
+        "circles": [_circle(c) for c in test.circles],
+        "warnings": list(test.warnings),
+    }
+
+
+def circular_test_text(test: CircularTest) -> str:
+    """Return the text of ``circular.json``."""
+    return json.dumps(circular_test_content(test), indent=1, ensure_ascii=False) + "\n"
+
+
+def _circle(c: CircleFigures) -> dict[str, object]:
+    return {
+        "name": c.ring.name,
+        "plane": c.ring.plane,
+        **({} if c.load is None else {"load_N": c.load}),
+        "radius_mm": round(float(to_mm(c.ring.radius)), 9),
+        "centre_um": [to_um(v) for v in c.centre.centre],
+        "centre_std_um": [to_um(v) for v in c.centre.std],
+        "paths": [_path(p) for p in c.paths],
+        "G_b_um": to_um(c.G_b),
+        "G_b_least_squares_um": to_um(c.G_b_ls),
+        "D_um": to_um(c.D),
+        "H_um": to_um(c.H),
+        "H_mean_um": to_um(c.H_mean),
+        "length_range_mm": round(float(to_mm(c.length_range)), 6),
+        "deviation_from_joint_angles_range_mm": round(float(to_mm(c.calculated_range)), 6),
+    }
+
+
+def _path(p: PathFigures) -> dict[str, object]:
+    return {
+        "direction": p.direction,
+        "sweeps": p.sweeps,
+        "samples": p.samples,
+        "G_um": to_um(p.G),
+        "G_least_squares_um": to_um(p.G_ls),
+        "F_max_um": to_um(p.F_max),
+        "F_min_um": to_um(p.F_min),
+        "mean_radial_um": to_um(p.mean),
+        "centre_um": [to_um(v) for v in p.offset],
+        "reversals": [_reversal(r) for r in p.reversals],
+    }
+
+
+def _reversal(r: Reversal) -> dict[str, object]:
+    return {
+        "angle_deg": round(float(to_deg(r.angle)), 2),
+        "joints": [j + 1 for j in r.joints],
+        "step_um": to_um(r.step),
+        "std_um": to_um(r.std),
+    }
+
+
+def to_um(value: float | None) -> float | None:
+    """Return a length [m] in micrometres, ``None`` where there is none."""
+    if value is None or math.isnan(value):
+        return None
+    return round(float(value) / UM, DIGITS) + 0.0

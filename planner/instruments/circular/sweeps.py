@@ -1,0 +1,196 @@
+"""Which samples of a run were taken on a circle: whole sweeps, each in one direction, without run-up and overshoot."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
+from planner.instruments.circular.plan import ArcFile
+from planner.kinematics.bar_geometry import bar_state
+from planner.runs.joint_motion import find_rests
+from planner.runs.run import Run
+
+NEAR = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
+TURN = 2.0 * DEG  # by which the arm must go back to have turned round
+SLACK = 1.0 * DEG  # that may lack of a sweep
+FEWEST = 100  # samples of a sweep
+
+
+@dataclass(frozen=True)
+class MeasuredCircle:
+    """A planned circle, and how the bar sees it.
+
+    Attributes:
+        name, plane: of the circle; fixture: which holds the bar.
+        p_BC, p_BX: centre and fixture in the base frame, (3,) [m].
+        axes: the plane's axes in the base frame, (2, 3).
+        radius [m]; start, sweep [rad]; loads [N].
+    """
+
+    name: str
+    plane: str
+    fixture: int
+    p_BC: Array
+    p_BX: Array
+    axes: Array
+    radius: float
+    start: float
+    sweep: float
+    loads: tuple[float, ...]
+
+    @property
+    def height(self) -> float:
+        """Of the circle above the fixture, along its normal [m]."""
+        return float((self.p_BC - self.p_BX) @ np.cross(*self.axes))
+
+    def polar(self, x: Array) -> tuple[Array, np.ndarray]:
+        """Angle (n,) [rad] of points (n, 3) [m], and which of them lie near the circle."""
+        out = x - self.p_BC
+        u, v = self.axes @ out.T
+        off = np.hypot(np.hypot(u, v) - self.radius, out @ np.cross(*self.axes))
+        return np.arctan2(v, u), off < NEAR * self.radius
+
+    def in_plane(self, angle: Array, length: Array) -> Array:
+        """Points (n, 2) [m] from the planned centre, where a bar of this length (n,) [m] ends at angles (n,) [rad]."""
+        unit = np.column_stack([np.cos(angle), np.sin(angle)])
+        foot = self.axes @ (self.p_BX - self.p_BC)
+        away = self.radius * unit - foot
+        reach = np.sqrt(np.maximum(length**2 - self.height**2, 0.0))
+        return np.asarray(foot + away * (reach / np.linalg.norm(away, axis=1))[:, None])
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One measured sweep of a circle.
+
+    Attributes:
+        ring: which circle (an index).
+        direction: 1 ccw, −1 cw; turn: number of the sweep in the run.
+        angle: in the order of driving (n,) [rad], from start to start + sweep of the circle.
+        length: of the bar as read, (n,) [m].
+        calculated: as the nominal robot has it at the joint angles of the run, (n,) [m].
+        q: these, (n, N) [rad].
+        load: of the circle's loads the nearest to the force that was logged [N], or ``None``.
+    """
+
+    ring: int
+    direction: int
+    turn: int
+    angle: Array
+    length: Array
+    calculated: Array
+    q: Array
+    load: float | None
+
+
+def measured_circles(cell: Cell, circles: Sequence[ArcFile]) -> tuple[MeasuredCircle, ...]:
+    """Return the circles of a plan.
+
+    Raises:
+        InputError: a circle about a fixture that the cell does not have.
+    """
+    names = [f.name for f in cell.fixtures]
+    for c in circles:
+        if c.fixture not in names:
+            raise InputError(f"circle {c.name} of the plan is about fixture {c.fixture}; {cell.path} has {names}")
+    return tuple(
+        MeasuredCircle(
+            c.name,
+            c.plane,
+            names.index(c.fixture),
+            read_only(from_mm(c.centre_mm)),
+            cell.fixtures[names.index(c.fixture)].p_BX,
+            read_only(np.eye(3)[["XYZ".index(a) for a in c.plane]]),
+            c.radius_mm * MM,
+            float(from_deg(c.start_deg)),
+            float(from_deg(c.sweep_deg)),
+            c.loads_N,
+        )
+        for c in circles
+    )
+
+
+def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[Sweep, ...]:
+    """Find the sweeps in a run, by the joint angles through the nominal robot.
+
+    Raises:
+        InputError: the run has no lengths, or no whole sweep of any circle.
+    """
+    if run.readings.length is None:
+        raise InputError(f"{run.name}: a circular test reads lengths, the column length_mm is missing")
+    x = cell.map_position(run.samples.q)
+    found: list[Sweep] = []
+    for k, ring in enumerate(rings):
+        angle, near = ring.polar(x)
+        if run.places != ("",):
+            near &= np.array([n == cell.fixtures[ring.fixture].name for n in run.places])[run.samples.place]
+        for rows, unwound in _sweeps_of_circle(run, angle, near, ring):
+            calculated = bar_state(x[rows], ring.p_BX).length
+            direction = 1 if unwound[-1] > unwound[0] else -1
+            load = _load(run, rows, ring)
+            reading = run.readings.length[rows]
+            found.append(Sweep(k, direction, len(found), unwound, reading, calculated, run.samples.q[rows], load))
+    if not found:
+        raise InputError(
+            f"{run.name}: no whole sweep of any circle of the plan in its {len(run)} samples "
+            f"({', '.join(r.name for r in rings)}): is it the run of this plan, with the angles of its cell's robot?"
+        )
+    return tuple(found)
+
+
+def _sweeps_of_circle(
+    run: Run, angle: Array, near: np.ndarray, ring: MeasuredCircle
+) -> Iterator[tuple[np.ndarray, Array]]:
+    """Rows and unwound angles of every sweep."""
+    for rows in _moving_stretches(run, near):
+        unwound = np.unwrap(angle[rows])
+        for part in _monotonic_parts(unwound):
+            low, high = unwound[part].min(), unwound[part].max()
+            first = int(np.ceil((low - SLACK - ring.start) / (2 * np.pi)))
+            last = int(np.floor((high + SLACK - ring.start - ring.sweep) / (2 * np.pi)))
+            for turn in range(first, last + 1):
+                past = unwound[part] - ring.start - 2 * np.pi * turn
+                inside = np.flatnonzero((past >= 0.0) & (past <= ring.sweep))
+                if len(inside) >= FEWEST:
+                    yield rows[part][inside], past[inside] + ring.start
+
+
+def _moving_stretches(run: Run, near: np.ndarray) -> Iterator[np.ndarray]:
+    """Rows that follow each other near the circle, in one session, without a rest."""
+    s = run.samples
+    moving = np.ones(len(run), dtype=bool)
+    session = np.zeros(len(run), dtype=int) if s.session is None else s.session
+    if s.t is not None:
+        for begin, end in find_rests(s):
+            moving[begin:end] = False
+    kept = near & moving
+    cut = (np.diff(kept.astype(int)) != 0) | (np.diff(session) != 0)
+    for rows in np.split(np.arange(len(run)), np.flatnonzero(cut) + 1):
+        if kept[rows[0]] and len(rows) >= FEWEST:
+            yield rows
+
+
+def _monotonic_parts(angle: Array) -> Iterator[slice]:
+    """Stretches of an angle (n,) in which it goes one way; steps back smaller than TURN are noise."""
+    begin, sense, extreme = 0, 0.0, 0
+    values = angle.tolist()
+    for k, here in enumerate(values):
+        ahead = here - values[extreme]
+        if sense == 0.0 and abs(ahead) > TURN:
+            sense, extreme = float(np.sign(ahead)), k
+        elif sense * ahead > 0.0:
+            extreme = k
+        elif -sense * ahead > TURN:
+            yield slice(begin, extreme + 1)
+            begin, sense, extreme = extreme, -sense, k
+    yield slice(begin, len(angle))
+
+
+def _load(run: Run, rows: np.ndarray, ring: MeasuredCircle) -> float | None:
+    if run.samples.force is None or not ring.loads:
+        return None
+    force = float(np.median(np.abs(run.samples.force[rows])))
+    return min(ring.loads, key=lambda load: abs(load - force))

@@ -1,0 +1,120 @@
+"""The circle that was driven, and the sine that a centre beside the bar's fixed ball leaves (EDBB paper, eq. 9)."""
+
+import numpy as np
+from scipy.optimize import fminbound
+
+from planner.cell.setup import MeasurementSetup
+from planner.common.errors import InputError
+from planner.common.units import MM, Array, read_only
+from planner.instruments.loaded.types import CentringOffset, DrivenCircle
+from planner.runs.run import Run
+
+NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
+CIRCLE_ROUNDS = 8
+SHARE_ON_CIRCLE = 0.5  # part of a place's samples that lie on the circle, else there is none
+
+
+def measured_points(rig: MeasurementSetup, q: Array) -> Array:
+    """Measured point of the nominal rig, (n, 3) [m]."""
+    tool = rig.p_FM[0]
+    return rig.robot.chain.carry(rig.robot.theta(q), np.asarray(tool))
+
+
+def find_circle(rig: MeasurementSetup, run: Run, place: int, x: Array) -> DrivenCircle:
+    """Fit plane, centre and radius to the points x (n, 3) [m] of one place; strays such as ways there are left out.
+
+    Angle 0 lies along the base's x axis (y where the circle stands across x), and the normal points up, or along +x.
+
+    Raises:
+        InputError: the points do not lie on a circle.
+    """
+    on = np.ones(len(x), dtype=bool)
+    centre, normal, radius = _fit(x)
+    for _ in range(CIRCLE_ROUNDS):
+        size = _off(x, centre, normal, radius)
+        on = size <= max(float(np.quantile(size, SHARE_ON_CIRCLE)), 1e-4 * radius) * 3.0
+        centre, normal, radius = _fit(x[on])
+    off = _off(x, centre, normal, radius)
+    if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SHARE_ON_CIRCLE:
+        raise InputError(
+            f"{run.name}: the arm does not run on a circle at fixture '{rig.place_names[place]}': half of the samples "
+            f"lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); only "
+            "circles can be evaluated here"
+        )
+    return DrivenCircle(
+        rig.place_names[place],
+        place,
+        read_only(centre),
+        read_only(_axes(normal)),
+        float(radius),
+        read_only(rig.p_BX[place]),
+    )
+
+
+def polar(circle: DrivenCircle, x: Array) -> tuple[Array, Array]:
+    """Angle (n,) [rad] of points x (n, 3) [m], and how far they lie off the circle, (n,) [m]."""
+    local = (x - circle.centre) @ circle.axes.T
+    return np.arctan2(local[:, 1], local[:, 0]), _off(x, circle.centre, circle.axes[2], circle.radius)
+
+
+def _fit(x: Array) -> tuple[Array, Array, float]:
+    """Centre (3,), normal (3,) and radius of the circle through points, by plane (SVD) and algebraic circle."""
+    middle = x.mean(axis=0)
+    _, _, axes = np.linalg.svd(x - middle, full_matrices=False)
+    local = (x - middle) @ axes[:2].T
+    A = np.column_stack([2 * local, np.ones(len(x))])
+    a, b, c = np.linalg.lstsq(A, (local**2).sum(axis=1))[0]
+    return middle + a * axes[0] + b * axes[1], axes[2], float(np.sqrt(max(c + a * a + b * b, 1e-12)))
+
+
+def _off(x: Array, centre: Array, normal: Array, radius: float) -> Array:
+    """Distance of points from the circle, (n,) [m]."""
+    r = x - centre
+    height = r @ normal
+    return np.asarray(np.hypot(np.linalg.norm(r - height[:, None] * normal, axis=1) - radius, height))
+
+
+def _axes(normal: Array) -> Array:
+    """Right-handed axes with the normal last, its largest part positive."""
+    normal = normal * np.sign(normal[int(np.argmax(np.round(np.abs(normal), 6)))])
+    helper = np.eye(3)[1 if abs(normal[0]) > 0.7 else 0]
+    first = helper - normal * (helper @ normal)
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first), normal])
+
+
+LOWEST, HIGHEST, STEP = 0.2, 3.0, 0.01  # frequencies that the paper's form is searched over
+
+
+def centring_offset(theta: Array, y: Array) -> CentringOffset:
+    """Fit a sin(θ − φ) to y (B,) [m] over whole turns θ (B,) [rad]: linear, so that there is nothing to guess.
+
+    A centre that is off its ball shows once a turn and no otherwise, so that b of eq. 9 is 1.
+    """
+    return _offset_at(1.0, theta, y)
+
+
+def paper_offset(theta: Array, y: Array) -> CentringOffset:
+    """Fit a sin(b θ − φ) with b free, as the paper does (eq. 9): best of all b, whatever the first guess.
+
+    For each b the rest is linear, so only b is searched, all over its range (separable least squares, Golub and
+    Pereyra 1973); a first guess as in the paper can end in another minimum.
+    """
+    grid = np.arange(LOWEST, HIGHEST + STEP / 2, STEP)
+    rms = np.array([_offset_at(float(b), theta, y).rms for b in grid])
+    best = float(grid[int(np.argmin(rms))])
+    near = (best - STEP, best + STEP)
+    return _offset_at(float(fminbound(lambda b: _offset_at(float(b), theta, y).rms, *near, xtol=1e-7)), theta, y)
+
+
+def sine(offset: CentringOffset, theta: Array) -> Array:
+    """Value of the fitted sine, like ``theta`` [m]."""
+    return np.asarray(offset.amplitude * np.sin(offset.frequency * theta - offset.phase))
+
+
+def _offset_at(b: float, theta: Array, y: Array) -> CentringOffset:
+    """Best amplitude and phase for one b."""
+    A = np.column_stack([np.sin(b * theta), np.cos(b * theta)])
+    (along, across), *_ = np.linalg.lstsq(A, y)
+    rms = float(np.sqrt(np.mean((y - A @ np.array([along, across])) ** 2)))
+    return CentringOffset(float(np.hypot(along, across)), b, float(np.arctan2(-across, along)), rms)

@@ -1,0 +1,247 @@
+"""Evaluation of a loaded run as in the EDBB paper (sections 2.2, 4.2), and its comparison with a tracker."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import MeasurementSetup
+from planner.common.determinism import even_positions, on_one_thread
+from planner.common.errors import InputError
+from planner.common.units import DEG, MM, Array, read_only
+from planner.gauges.placement.frames import place_points
+from planner.identification.run_setup import flange_poses, run_rig
+from planner.instruments.loaded.checks import (
+    check_cell,
+    check_measured_loads,
+    check_reach,
+    check_sign,
+    problems_of,
+    warnings_of,
+)
+from planner.instruments.loaded.circle import NEAR_CIRCLE, centring_offset, measured_points, paper_offset, polar, sine
+from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
+from planner.instruments.loaded.curves import average_curves
+from planner.instruments.loaded.equilibrium import raise_fixture
+from planner.instruments.loaded.results import loaded_sentences
+from planner.instruments.loaded.types import (
+    AveragedCurves,
+    EvaluatedCircle,
+    JointCompliances,
+    LoadedEvaluation,
+    TrackerComparison,
+)
+from planner.kinematics.bar_geometry import bar_state
+from planner.runs.run import Run
+
+PLACING_SAMPLES = 400  # samples that tell where the tracker stands
+SENSE_SHARE = 0.2  # part of a tracker's samples that make a sense of travel
+LEAST_COVERAGE = 0.9  # part of the angles that the tracker's samples must cover
+
+
+def compare_with_tracker(cell: Cell, rig: MeasurementSetup, circle: EvaluatedCircle, run: Run) -> TrackerComparison:
+    """Compare the kinematic error of a circle with a tracker's run of it.
+
+    The tracker's frame is found from the run itself on the nominal robot. What that takes up, shifts and turns of the
+    whole circle, shows in the bar's length as a constant and a first harmonic, which are taken off both.
+
+    Raises:
+        InputError: it is no run of a tracker, or not of this circle.
+    """
+    if run.readings.position is None:
+        raise InputError(f"{run.name}: the comparison needs a tracker's x_mm, y_mm, z_mm")
+    curves = circle.curves
+    x = measured_points(rig, run.samples.q)
+    theta, off = polar(curves.circle, x)
+    on = np.flatnonzero(off < NEAR_CIRCLE * curves.circle.radius)
+    if len(on) < len(curves.theta) // 4:
+        raise InputError(
+            f"{run.name}: only {len(on)} of its samples lie on the circle about "
+            f"{np.round(curves.circle.centre / MM, 1).tolist()} mm: it is a run of another path"
+        )
+    error = _radial(rig, curves.circle.p_BX, run.take(on), x[on])
+    seen = _on_grid(run, theta[on], error, curves.theta)
+    bar = circle.kinematic[_senses(curves, theta[on])].mean(axis=0)
+    bar, seen = _without_offset(curves.theta, bar), _without_offset(curves.theta, seen)
+    apart = np.abs(bar - seen)
+    return TrackerComparison(curves.theta, read_only(bar), read_only(seen), float(apart.mean()), float(apart.max()))
+
+
+def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
+    """Which of the bar's senses of travel the tracker's run has too, as positions; all where it has none of them."""
+    way = np.sign(np.diff(np.unwrap(theta)))
+    share = {d: float(np.mean(way == d)) for d in curves.directions}
+    return [k for k, d in enumerate(curves.directions) if share[d] > SENSE_SHARE] or list(range(len(curves.directions)))
+
+
+def _radial(rig: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
+    """Error of the measured point along the bar, (n,) [m]."""
+    few = run.take(even_positions(len(run), PLACING_SAMPLES))
+    p_BF, R_BF = flange_poses(rig, few.samples.q)
+    assert few.readings.position is not None
+    assert run.readings.position is not None
+    place = np.zeros(len(few), dtype=int)
+    found = place_points(p_BF, R_BF, few.readings.position, place, place, rig.p_FM[:1])
+    p_BM = run.readings.position @ found.R_BG[0].T + found.p_BG[0]
+    return np.asarray(np.einsum("ni,ni->n", p_BM - x, bar_state(x, p_BX).direction))
+
+
+def _on_grid(run: Run, theta: Array, error: Array, grid: Array) -> Array:
+    """Mean error at every angle of the grid, (B,) [m]; short gaps are bridged by straight lines."""
+    B = len(grid)
+    where = np.minimum((theta % (2 * np.pi) / (2 * np.pi / B)).astype(int), B - 1)
+    count = np.bincount(where, minlength=B)
+    if np.mean(count > 0) < LEAST_COVERAGE:
+        raise InputError(
+            f"{run.name}: its samples cover {100 * float(np.mean(count > 0)):.0f} % of the circle only; a whole turn "
+            "is needed"
+        )
+    there = np.flatnonzero(count)
+    mean = np.bincount(where, error, B)[there] / count[there]
+    return np.asarray(np.interp(grid, grid[there], mean, period=2 * np.pi))
+
+
+def _without_offset(theta: Array, y: Array) -> Array:
+    y = y - y.mean()
+    return np.asarray(y - sine(centring_offset(theta, y), theta))
+
+
+PAPER = 180.0 * DEG
+CENTRING_ROUNDS = 2  # rounds: the second with the fixture where the first found it
+
+
+@dataclass(frozen=True)
+class LoadedOptions:
+    """What the caller may choose.
+
+    Attributes:
+        overshoot: how much of either end of a pass is overshoot [rad]; ``None``: as the cell says.
+        paper: whether eq. 9 is fitted in the paper's form as well, with b free; only its reproduction needs that.
+    """
+
+    overshoot: float | None = None
+    paper: bool = False
+
+
+@on_one_thread
+def evaluate_loaded(
+    run: Run, cell: Cell, tracker: Run | None = None, options: LoadedOptions | None = None
+) -> LoadedEvaluation:
+    """Evaluate a run of loaded circles, one or more fixtures.
+
+    Raises:
+        InputError: run and cell do not belong together, the loads are too few, too large or of the wrong sign, or what
+            was driven is no circle.
+        NoSolutionError: the fit does not come to rest.
+    """
+    check_cell(cell)
+    rig = run_rig(cell, run)
+    options = options or LoadedOptions()
+    curves = average_curves(rig, run, _overshoot(cell, options.overshoot))
+    check_measured_loads(cell, curves, run.name)
+    for c in curves:
+        check_reach(cell, rig, c, run.name)
+        check_sign(c, run.name)
+    circles: tuple[EvaluatedCircle, ...] = ()
+    for _ in range(CENTRING_ROUNDS):
+        told = fit_compliances(rig, curves)
+        found = told.compliances
+        circles = tuple(
+            _evaluate_circle(raise_fixture(rig, c, float(h)), c, found, options.paper)
+            for c, h in zip(curves, told.heights, strict=True)
+        )
+        rig = _recentre_fixtures(rig, circles)
+    if tracker is not None:
+        circles = _add_tracker(cell, rig, circles, tracker)
+    return LoadedEvaluation(
+        run.name, cell.robot.name, circles, found, loaded_sentences(circles, found), problems_of(found),
+        (*run.warnings, *warnings_of(circles, found)),
+    )  # fmt: skip
+
+
+def _overshoot(cell: Cell, wanted: float | None) -> float:
+    """What is left out at either end of a pass [rad]."""
+    there = overshoot_of(cell)
+    if wanted is not None and cell.circles and wanted > there + 1e-9:
+        raise InputError(
+            f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "
+            f"their turn, {there / DEG:g} degrees (circles.overshoot_deg)"
+        )
+    return there if wanted is None else wanted
+
+
+def overshoot_of(cell: Cell) -> float:
+    """Return what the cell's circles run over before and after their sweep [rad]; the paper's 180° without any."""
+    return min((c.overshoot for c in cell.circles), default=PAPER)
+
+
+def _evaluate_circle(
+    rig: MeasurementSetup, curves: AveragedCurves, found: JointCompliances, paper: bool
+) -> EvaluatedCircle:
+    yielded = bar_deflection(rig, curves, found.value)
+    compensated = curves.length - yielded
+    apart = np.ptp(compensated, axis=1)
+    averaged = compensated.mean(axis=1)
+    averaged = averaged - averaged.mean(axis=1, keepdims=True)
+    both = averaged.mean(axis=0)
+    offset = centring_offset(curves.theta, both)
+    return EvaluatedCircle(
+        curves=curves,
+        predicted=read_only(yielded[:, 1:] - yielded[:, :1]),
+        compensated=read_only(compensated),
+        spread=float(apart.max()),
+        spread_rms=float(np.sqrt(np.mean(compensated.std(axis=1) ** 2))),
+        bent=_nonlinearity(curves),
+        averaged=read_only(averaged),
+        offset=offset,
+        paper_offset=paper_offset(curves.theta, both) if paper else None,
+        centre_offset=read_only(_centre_offset(curves, offset.amplitude, offset.phase)),
+        kinematic=read_only(averaged - sine(offset, curves.theta)),
+    )
+
+
+def _nonlinearity(curves: AveragedCurves) -> float:
+    """Largest distance of the loads' curves at one angle after the best straight line over the load [m]."""
+    force = curves.force - curves.force.mean(axis=1, keepdims=True)
+    length = curves.length - curves.length.mean(axis=1, keepdims=True)
+    slope = (force * length).sum(axis=1, keepdims=True) / (force**2).sum(axis=1, keepdims=True)
+    return float(np.ptp(length - slope * force, axis=1).max())
+
+
+def _centre_offset(curves: AveragedCurves, amplitude: float, phase: float) -> Array:
+    """Offset of the circle's centre from the fixture's axis, (2,) [m], from the sine that it makes.
+
+    The bar leans by γ to the circle's plane; a shift m of the centre changes its length by cos γ (m · direction).
+    """
+    lean = curves.circle.radius / float(np.hypot(curves.circle.radius, _height(curves)))
+    return np.array([-amplitude * np.sin(phase), amplitude * np.cos(phase)]) / lean
+
+
+def _height(curves: AveragedCurves) -> float:
+    """Height of the circle above the fixture's ball, along the circle's normal [m]."""
+    return float((curves.circle.centre - curves.circle.p_BX) @ curves.circle.axes[2])
+
+
+def _recentre_fixtures(rig: MeasurementSetup, circles: tuple[EvaluatedCircle, ...]) -> MeasurementSetup:
+    """Return the rig with every fixture where its centring offset says it is."""
+    p_BX = np.array(rig.p_BX)
+    for c in circles:
+        circle = c.curves.circle
+        below = circle.centre - _height(c.curves) * circle.axes[2]
+        p_BX[circle.place] = below - c.centre_offset @ circle.axes[:2]
+    return replace(rig, p_BX=read_only(p_BX))
+
+
+def _add_tracker(
+    cell: Cell, rig: MeasurementSetup, circles: tuple[EvaluatedCircle, ...], run: Run
+) -> tuple[EvaluatedCircle, ...]:
+    if len(circles) > 1:
+        raise InputError(
+            f"{run.name}: a tracker's run is compared with one circle, but the bar was driven at {len(circles)} "
+            "fixtures; evaluate the fixture of that run alone"
+        )
+    if run.robot is not None and run.robot != cell.robot.name:
+        raise InputError(
+            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
+        )
+    return (replace(circles[0], tracker=compare_with_tracker(cell, rig, circles[0], run)),)

@@ -1,0 +1,255 @@
+"""Output of ``edbb loaded``: sentences, ``loaded.json`` (schema edbb-loaded/1) and ``curves.csv``."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+
+from planner.common.units import MM, UM, Array, to_deg, to_mm
+from planner.instruments.loaded.joint_fit import JointFit
+from planner.instruments.loaded.types import (
+    KNOWN,
+    KNOWN_SHARE,
+    NOT_LEARNT,
+    OPEN_SHARE,
+    CentringOffset,
+    Combination,
+    EvaluatedCircle,
+    JointCompliances,
+    LoadedEvaluation,
+    TrackerComparison,
+)
+
+URAD = 1e-6  # [rad]
+PERCENT = 0.095  # of the prior size: finer parts are written with the digits that they need
+
+
+def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> tuple[str, ...]:
+    """Return the findings, the compliances first."""
+    out = list(compliance_sentences(found, len(circles)))
+    for c in circles:
+        name = f"fixture '{c.curves.circle.name}'" if c.curves.circle.name else "the fixture"
+        loads = c.curves.loads
+        deflection = np.abs(c.curves.deflection[:, -1])
+        out.append(
+            f"At {name} the arm yields by {deflection.min() / UM:.0f} to {deflection.max() / UM:.0f} µm along the bar "
+            f"between {abs(loads[0]):.0f} and {abs(loads[-1]):.0f} N; without that the loads' curves agree within "
+            f"{c.spread / UM:.0f} µm ({c.bent / UM:.0f} µm if the yielding at each angle may be any straight line)."
+        )
+        out.append(
+            f"The circle's centre is {np.linalg.norm(c.centre_offset) / MM:.3f} mm off its ball (once a turn: "
+            f"{c.offset.amplitude / MM:.3f} mm, phase {float(to_deg(c.offset.phase)):.2f}°); what is left, "
+            f"up to {np.abs(c.kinematic).max() / UM:.0f} µm, is the kinematic error."
+        )
+        if c.tracker is not None:
+            out.append(
+                f"A tracker sees the same kinematic error within {c.tracker.mean / UM:.0f} µm on average "
+                f"({c.tracker.largest / UM:.0f} µm at most)."
+            )
+    return tuple(out)
+
+
+def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ...]:
+    """Say which combinations of the joints' compliances are known, which are not, and what would help."""
+    total, known, unknown = len(found.names), found.known, found.unknown
+    hardly = [c for c in found.combinations if KNOWN_SHARE <= c.std <= OPEN_SHARE]
+    one = circles == 1
+    before = "what was expected of them before" if np.ptp(found.prior) else f"the ± {found.prior[0] / URAD:g} µrad/Nm"
+    before += "" if np.ptp(found.prior) else " that was expected before"
+    out = [
+        f"{'The circle knows' if one else f'The {circles} circles together know'} {len(known)} of {total} combinations "
+        f"of the joints' compliances c1 … c{total} to a third of {before}, or better"
+        + (f": {_list_combinations(known)} of it" if known else "")
+        + ". An error of 1 % in force_N is one of 1 % in all of them, beside these."
+    ]
+    if hardly:
+        out.append(f"Hardly better known than before: {_list_combinations(hardly)} of it.")
+    if unknown:
+        names = "; ".join(f"{c.text} ({_times_text(c.std)} as uncertain as before)" for c in unknown)
+        out.append(f"By the circle{'s' * (not one)} alone more would be open than was open before of {names}.")
+    untold = [n for n, well in zip(found.names, found.told, strict=True) if well == NOT_LEARNT]
+    if untold:
+        out.append(
+            f"So nothing is learnt of {_join_names(untold)}; circles at other places would tell, see edbb"
+            " loaded-places."
+        )
+    return tuple(out)
+
+
+def compliance_text(found: JointCompliances, k: int) -> str:
+    """Say of one compliance what it is worth, in a few words."""
+    std, prior = found.std[k] / URAD, found.prior[k] / URAD
+    if found.told[k] == NOT_LEARNT:
+        return f"nothing learnt: before ± {prior:g}, with this run ± {std:.2f} µrad/Nm"
+    value = f"{found.value[k] / URAD:.3f} ± {std:.3f} µrad/Nm"
+    return value if found.told[k] == KNOWN else f"{value}, hardly known: before ± {prior:g}"
+
+
+def share_text(std: float) -> str:
+    """Write a standard deviation as a part of the prior size."""
+    if std >= 10.0:
+        return _times_text(std)
+    return f"{100 * std:.2g} %" if std < PERCENT else f"{100 * std:.0f} %"
+
+
+def _list_combinations(those: Sequence[Combination]) -> str:
+    return "; ".join(f"{c.text} to {share_text(c.std)}" for c in those)
+
+
+def _times_text(std: float) -> str:
+    return f"{std:.1f} times" if std < 10 else f"{std:.0f} times" if std < 1e4 else "many thousand times"
+
+
+def _join_names(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
+
+
+MICRORADIAN = 1e-6  # [rad]
+SENSES = {1: "counter-clockwise", -1: "clockwise"}
+
+
+def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> dict[str, object]:
+    """Return the content of ``loaded.json``; ``joint`` is the fit together with unloaded runs."""
+    return {
+        "schema": "edbb-loaded/1",
+        "robot": found.robot,
+        "run": found.name,
+        "compliances": _compliances(found.compliances),
+        "combinations": [
+            {
+                "share_of_prior": _four_digits(c.std),
+                "known": c.std < KNOWN_SHARE,
+                "told": c.told,
+                "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
+            }
+            for c in found.compliances.combinations
+        ],
+        "noise_um": _four_digits(found.compliances.noise / UM),
+        "misfit": _four_digits(found.compliances.misfit),
+        "circles": [_circle(c) for c in found.circles],
+        "joint": None if joint is None else _joint(joint),
+        "sentences": list(found.sentences),
+        "problems": list(found.problems),
+        "warnings": list(found.warnings),
+    }
+
+
+def loaded_text(found: LoadedEvaluation, joint: JointFit | None = None) -> str:
+    """Return ``loaded.json``."""
+    return json.dumps(loaded_content(found, joint), indent=1, ensure_ascii=False) + "\n"
+
+
+def _compliances(found: JointCompliances) -> list[dict[str, object]]:
+    return [
+        {
+            "name": name,
+            "value_urad_Nm": _four_digits(value / MICRORADIAN),
+            "std_urad_Nm": _four_digits(std / MICRORADIAN),
+            "prior_urad_Nm": _four_digits(prior / MICRORADIAN),
+            "share_of_prior": _four_digits(std / prior),
+            "told": told,
+        }
+        for name, value, std, prior, told in zip(
+            found.names, found.value, found.std, found.prior, found.told, strict=True
+        )
+    ]
+
+
+def _joint(joint: JointFit) -> dict[str, object]:
+    """Every parameter of the joint fit in SI units."""
+    return {
+        "samples": len(joint.run),
+        "rms_without_load_um": round(joint.rms[0] / UM, 2),
+        "rms_with_load_um": round(joint.rms[1] / UM, 2),
+        "parameters": [
+            {
+                "name": e.name,
+                "value": e.value,
+                "nominal": e.nominal,
+                "std": e.std,
+                "unit": e.unit,
+                "identifiable": e.identifiable,
+                "absorbs": list(e.absorbs),
+            }
+            for e in joint.estimates
+        ],
+        "problems": list(joint.problems),
+        "warnings": list(joint.run.warnings),
+    }
+
+
+def _circle(c: EvaluatedCircle) -> dict[str, object]:
+    curves, circle = c.curves, c.curves.circle
+    return {
+        "fixture": circle.name,
+        "centre_mm": np.round(to_mm(circle.centre), 4).tolist(),
+        "radius_mm": round(circle.radius / MM, 4),
+        "directions": [SENSES[d] for d in curves.directions],
+        "loads_N": np.round(curves.loads, 2).tolist(),
+        "repeats": curves.repeats.tolist(),
+        "angles": len(curves.theta),
+        "deflection_um": {
+            f"{load:.0f} N": [round(float(v), 2) for v in (d.min() / UM, d.max() / UM)]
+            for load, d in zip(curves.apparent, np.moveaxis(curves.deflection, 1, 0), strict=True)
+        },
+        "spread_um": round(c.spread / UM, 2),
+        "spread_rms_um": round(c.spread_rms / UM, 2),
+        "spread_of_straight_lines_um": round(c.bent / UM, 2),
+        "centre_offset_mm": np.round(to_mm(c.centre_offset), 4).tolist(),
+        "offset": _offset(c.offset),
+        **({} if c.paper_offset is None else {"offset_as_in_the_paper": _offset(c.paper_offset)}),
+        "kinematic_error_um": {"rms": _rms(c.kinematic), "largest": round(float(np.abs(c.kinematic).max()) / UM, 2)},
+        "tracker": None if c.tracker is None else _tracker(c.tracker),
+    }
+
+
+def _offset(o: CentringOffset) -> dict[str, float]:
+    return {
+        "amplitude_mm": round(o.amplitude / MM, 5),
+        "frequency": round(o.frequency, 5),
+        "phase_deg": round(float(to_deg(o.phase)), 4),
+        "rms_left_um": round(o.rms / UM, 2),
+    }
+
+
+def _tracker(t: TrackerComparison) -> dict[str, float]:
+    return {"mean_um": round(t.mean / UM, 2), "largest_um": round(t.largest / UM, 2)}
+
+
+def _rms(values: Array) -> float:
+    return round(float(np.sqrt(np.mean(values**2))) / UM, 2)
+
+
+def _four_digits(value: float) -> float:
+    """Round to four significant digits."""
+    return float(f"{value:.4g}")
+
+
+def curves_csv(found: LoadedEvaluation) -> str:
+    """Return every averaged curve, one row an angle, load and sense; deflections are from the base load (eq. 8)."""
+    return pl.concat([_curve_table(c) for c in found.circles]).write_csv()
+
+
+def _curve_table(c: EvaluatedCircle) -> pl.DataFrame:
+    curves = c.curves
+    D, K, B = curves.length.shape
+    first = curves.length[:, :1]
+
+    def column(values: Array, decimals: int) -> Array:
+        return np.round(np.broadcast_to(values, (D, K, B)).ravel(), decimals)
+
+    predicted = np.concatenate([np.zeros((D, 1, B)), c.predicted], axis=1)
+    data = {
+        "fixture": np.repeat(curves.circle.name, D * K * B),
+        "direction": np.repeat(np.array(curves.directions), K * B),
+        "load_N": column(curves.loads[None, :, None], 2),
+        "angle_deg": column(to_deg(curves.theta), 4),
+        "length_mm": column(to_mm(curves.length), 6),
+        "deflection_um": column((curves.length - first) / UM, 3),
+        "predicted_um": column(predicted / UM, 3),
+        "compensated_mm": column(to_mm(c.compensated), 6),
+        "averaged_um": column(c.averaged[:, None] / UM, 3),
+        "kinematic_um": column(c.kinematic[:, None] / UM, 3),
+    }
+    return pl.DataFrame(data)

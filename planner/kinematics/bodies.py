@@ -1,0 +1,114 @@
+"""Shapes that may collide: capsules, spheres, boxes and meshes, as files give them and as the code uses them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat, model_validator
+from scipy.spatial.transform import Rotation
+
+from planner.common.errors import InputError
+from planner.common.schema import StrictModel
+from planner.common.units import Array, from_deg, from_mm, read_only
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One shape in the frame that carries it.
+
+    Attributes:
+        name: how messages call it.
+        kind: ``capsule`` (along its z, centred), ``sphere``, ``box`` (centred) or ``mesh``.
+        size: capsule (radius, length of the straight part), sphere (radius,), box (x, y, z) [m]; mesh ().
+        T: pose of the shape in the carrying frame, (4, 4) [m].
+        mesh: file of the mesh, or ``None``.
+        scale: scale of the mesh.
+    """
+
+    name: str
+    kind: Literal["capsule", "sphere", "box", "mesh"]
+    size: tuple[float, ...]
+    T: Array
+    mesh: Path | None = None
+    scale: Vector = (1.0, 1.0, 1.0)
+
+
+def capsule_between(name: str, a: Array, b: Array, radius: float) -> Body:
+    """Return the capsule around the segment from ``a`` to ``b`` (3,) [m]."""
+    axis = np.asarray(b) - np.asarray(a)
+    length = float(np.linalg.norm(axis))
+    T = np.eye(4)
+    T[:3, 3] = (np.asarray(a) + np.asarray(b)) / 2
+    if length > 0:
+        T[:3, :3] = rotation_from_z(axis / length)
+    return Body(name, "capsule", (radius, length), read_only(T))
+
+
+def rotation_from_z(direction: Array) -> Array:
+    """Return the smallest rotation (3, 3) that takes z to the unit vector ``direction``."""
+    z = np.array([0.0, 0.0, 1.0])
+    axis, cosine = np.cross(z, direction), float(direction[2])
+    norm = float(np.linalg.norm(axis))
+    if norm < 1e-12:
+        return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
+    return np.asarray(Rotation.from_rotvec(axis / norm * np.arctan2(norm, cosine)).as_matrix())
+
+
+class BodyFile(StrictModel):
+    """A shape as a cell or robot file gives it."""
+
+    name: str | None = None
+    kind: Literal["capsule", "sphere", "box", "mesh"]
+    from_mm: Vector | None = None
+    to_mm: Vector | None = None
+    at_mm: Vector | None = None
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+    radius_mm: PositiveFloat | None = None
+    size_mm: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
+    file: str | None = None
+    scale: Vector = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "BodyFile":
+        needed = {
+            "capsule": ("from_mm", "to_mm", "radius_mm"),
+            "sphere": ("at_mm", "radius_mm"),
+            "box": ("at_mm", "size_mm"),
+            "mesh": ("file",),
+        }[self.kind]
+        missing = [key for key in needed if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"a {self.kind} needs {', '.join(missing)}")
+        return self
+
+    def body(self, name: str, where: Path) -> Body:
+        """Convert to SI; ``where`` is the folder that mesh files are relative to.
+
+        Raises:
+            InputError: the mesh file does not exist.
+        """
+        name = self.name or name
+        if self.kind == "capsule":
+            assert self.from_mm
+            assert self.to_mm
+            assert self.radius_mm
+            return capsule_between(name, from_mm(self.from_mm), from_mm(self.to_mm), float(from_mm(self.radius_mm)))
+        T = np.eye(4)
+        T[:3, :3] = Rotation.from_euler("xyz", from_deg(self.rpy_deg)).as_matrix()
+        T[:3, 3] = from_mm(self.at_mm or (0.0, 0.0, 0.0))
+        if self.kind == "mesh":
+            path = (where / str(self.file)).resolve()
+            if not path.is_file():
+                raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
+            return Body(name, "mesh", (), read_only(T), path, self.scale)
+        size = (self.radius_mm,) if self.kind == "sphere" else self.size_mm
+        return Body(name, self.kind, tuple(float(v) for v in from_mm(size)), read_only(T))  # type: ignore[arg-type]
+
+
+class LinkBodyFile(BodyFile):
+    """A shape on a robot link: link 0 is the base, link i the frame after row i."""
+
+    link: int = Field(ge=0)

@@ -1,0 +1,193 @@
+"""A robot in its cell as a sequence of elementary transforms, batched over samples; DH, modified DH and URDF rows
+become such sequences."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from planner.common.units import Array
+
+Kind = Literal["translation", "rotation"]
+
+
+@dataclass(frozen=True)
+class Transform:
+    """One elementary transform.
+
+    Attributes:
+        name: the field's name of its parameter, for instance ``a2`` or ``map_z``.
+        kind: ``translation`` [m] or ``rotation`` [rad].
+        axis: 0, 1 or 2 for x, y or z.
+        nominal: constant part of its value, m or rad.
+        joint: index of the joint whose angle is added to the value, or ``None``.
+    """
+
+    name: str
+    kind: Kind
+    axis: int
+    nominal: float
+    joint: int | None = None
+
+    @property
+    def unit(self) -> str:
+        """``m`` or ``rad``."""
+        return "m" if self.kind == "translation" else "rad"
+
+
+@dataclass(frozen=True)
+class ForwardPass:
+    """Where the measured point is, and the screw of every elementary transform.
+
+    Attributes:
+        x: measured point in the base frame, (3, n) [m].
+        R: orientation of the last frame in the base frame, (3, 3, n).
+        u: direction of each transform's axis in the base frame, (K, 3, n).
+        p: a point on each transform's axis, (K, 3, n) [m].
+        rotation: which transforms are rotations, (K,) bool.
+    """
+
+    x: Array
+    R: Array
+    u: Array
+    p: Array
+    rotation: np.ndarray
+
+    def point_screws(self, which: np.ndarray | None = None) -> Array:
+        """Velocity of the measured point per unit of each transform's value, (K, 3, n), or of those at ``which``."""
+        every = slice(None) if which is None else which
+        turns = self.rotation[every]
+        dx = self.u[every].copy()
+        r = self.x[None] - self.p[every][turns]
+        u = dx[turns]
+        dx[turns] = np.stack(
+            [
+                u[:, 1] * r[:, 2] - u[:, 2] * r[:, 1],
+                u[:, 2] * r[:, 0] - u[:, 0] * r[:, 2],
+                u[:, 0] * r[:, 1] - u[:, 1] * r[:, 0],
+            ],
+            axis=1,
+        )
+        return dx
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Elementary transforms from the base to the measured point.
+
+    Values are ``nominal + theta[joint] + delta``; angles are those of the kinematic rows, not the controller's.
+    """
+
+    transforms: tuple[Transform, ...]
+
+    def __len__(self) -> int:
+        """Return the number of elementary transforms K."""
+        return len(self.transforms)
+
+    def index(self, name: str) -> int:
+        """Return the position of the transform called ``name``."""
+        return [t.name for t in self.transforms].index(name)
+
+    def values(self, theta: Array, delta: Sequence[float | Array] | Array | None = None) -> list[Array]:
+        """Return the value of each transform, each of shape (1,) or (n,) [m or rad].
+
+        Args:
+            theta: joint angles of the kinematic rows, (n, N) [rad].
+            delta: what is added to each transform, K numbers or (n,) arrays [m or rad].
+        """
+        out = []
+        for k, t in enumerate(self.transforms):
+            value = np.full(1, t.nominal) if t.joint is None else t.nominal + theta[:, t.joint]
+            out.append(value if delta is None else np.atleast_1d(value + delta[k]))
+        return out
+
+    def forward(self, theta: Array, delta: Sequence[float | Array] | Array | None = None) -> ForwardPass:
+        """Run the batched forward pass over ``theta`` (n, N) [rad]; see :meth:`values` for ``delta``."""
+        n, K = len(theta), len(self)
+        u, p = np.empty((K, 3, n)), np.empty((K, 3, n))
+        R, x = np.eye(3)[:, :, None], np.zeros((3, 1))
+        for k, (t, value) in enumerate(zip(self.transforms, self.values(theta, delta), strict=True)):
+            u[k], p[k] = R[:, t.axis], x
+            if t.kind == "translation":
+                x = x + R[:, t.axis] * value
+            elif value.size != 1 or value[0] != 0.0:
+                R = _rotate(R, t.axis, value)
+        rotation = np.array([t.kind == "rotation" for t in self.transforms])
+        return ForwardPass(np.broadcast_to(x, (3, n)), np.broadcast_to(R, (3, 3, n)), u, p, rotation)
+
+    def carry(self, theta: Array, v: Array, point: bool = True) -> Array:
+        """Carry one point (or, with ``point=False``, one direction) of the last frame to the base frame.
+
+        Cheaper than the forward pass: only three numbers a sample travel down the chain.
+
+        Args:
+            theta: joint angles of the kinematic rows, (n, N) [rad].
+            v: the point or direction in the last frame, (3,) [m or 1].
+            point: whether translations act on it.
+
+        Returns:
+            (n, 3) [m or 1].
+        """
+        w = [np.full(1, float(c)) for c in v]
+        for t, value in zip(reversed(self.transforms), reversed(self.values(theta)), strict=True):
+            if t.kind == "translation":
+                if point:
+                    w[t.axis] = w[t.axis] + value
+            elif value.size != 1 or value[0] != 0.0:
+                b, c = (t.axis + 1) % 3, (t.axis + 2) % 3
+                cos, sin = np.cos(value), np.sin(value)
+                w[b], w[c] = cos * w[b] - sin * w[c], sin * w[b] + cos * w[c]
+        return np.stack([np.broadcast_to(c, (len(theta),)) for c in w], axis=1)
+
+
+def _rotate(R: Array, axis: int, angle: Array) -> Array:
+    """Multiply the rotations R (3, 3, m) from the right by a rotation about ``axis``."""
+    b, c = (axis + 1) % 3, (axis + 2) % 3
+    cos, sin = np.cos(angle), np.sin(angle)
+    out = np.empty((3, 3, max(R.shape[2], angle.size)))
+    out[:, axis] = R[:, axis]
+    out[:, b] = cos * R[:, b] + sin * R[:, c]
+    out[:, c] = cos * R[:, c] - sin * R[:, b]
+    return out
+
+
+PARALLEL_ANGLE = np.deg2rad(5.0)  # neighbouring axes closer than this get Hayati's parameter [rad]
+
+
+def dh_row(i: int, alpha: float, a: float, d: float, theta: float, beta: float | None) -> list[Transform]:
+    """Standard DH of row i (from 1): Rz(θ) Tz(d) Tx(a) Rx(α), with Hayati's Ry(β) where given [m, rad]."""
+    row = [
+        Transform(f"theta{i}", "rotation", 2, theta, i - 1),
+        Transform(f"d{i}", "translation", 2, d),
+        Transform(f"a{i}", "translation", 0, a),
+        Transform(f"alpha{i}", "rotation", 0, alpha),
+    ]
+    return row if beta is None else [*row, Transform(f"beta{i}", "rotation", 1, beta)]
+
+
+def mdh_row(i: int, alpha: float, a: float, d: float, theta: float, beta: float | None) -> list[Transform]:
+    """Modified DH of row i with Hayati's β: Rx(α) Tx(a) Ry(β) Rz(θ) Tz(d), α, a, β of index i−1 (TriCal, Table 4)."""
+    head = [
+        Transform(f"alpha{i - 1}", "rotation", 0, alpha),
+        Transform(f"a{i - 1}", "translation", 0, a),
+    ]
+    skew = [] if beta is None else [Transform(f"beta{i - 1}", "rotation", 1, beta)]
+    tail = [
+        Transform(f"theta{i}", "rotation", 2, theta, i - 1),
+        Transform(f"d{i}", "translation", 2, d),
+    ]
+    return head + skew + tail
+
+
+def is_near_parallel(convention: str, i: int, n: int, alpha: float) -> bool:
+    """Tell whether row i of n joins near-parallel axes, so that DH alone cannot say that they are skew."""
+    joins_axes = i < n if convention == "dh" else i > 1
+    return joins_axes and abs(np.sin(alpha)) < np.sin(PARALLEL_ANGLE)
+
+
+def frame_transforms(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Transform]:
+    """A full frame: Tx Ty Tz Rz(yaw) Ry(pitch) Rx(roll), the URDF origin [m, rad]."""
+    moves = [Transform(f"{'xyz'[k]}{suffix}", "translation", k, float(xyz[k])) for k in range(3)]
+    turns = [Transform(f"r{'xyz'[k]}{suffix}", "rotation", k, float(rpy[k])) for k in (2, 1, 0)]
+    return moves + turns

@@ -1,0 +1,180 @@
+"""The robot that everything else works with, in SI units."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from planner.common.units import Array
+from planner.kinematics.bodies import Body
+from planner.kinematics.chain import Chain, Transform
+
+
+@dataclass(frozen=True)
+class LinkMass:
+    """Mass [kg] and centre of mass (3,) [m] of one link, in the link's frame."""
+
+    mass: float
+    com: Array
+
+
+# how the base stands; before the rows
+BASE_TRANSFORMS = tuple(f"base_{turn}{axis}" for turn in ("", "r") for axis in "xyz")
+
+
+@dataclass(frozen=True)
+class RobotEffect:
+    """An effect beyond geometry: ``value`` times the basis function ``phi`` is added to the transform ``on``.
+
+    Attributes:
+        name: for instance ``compliance2``.
+        on: name of an elementary transform of the robot or of its base, for instance ``theta2``.
+        phi: key of the basis function, for instance ``torque:2``; the room ``effects`` can read it.
+        value, unit: in SI units, for instance rad/Nm.
+        static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
+    """
+
+    name: str
+    on: str
+    phi: str
+    value: float
+    unit: str
+    static: bool = True
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Tool mass [kg], its centre of mass com_F (3,) [m] in the flange, and how the base stands, rpy (3,) [rad]."""
+
+    payload: float
+    com_F: Array
+    base_rpy: Array
+
+
+@dataclass(frozen=True)
+class Priors:
+    """One-sigma sizes of errors before calibration: lengths [m], angles [rad], compliances of joints [rad/Nm].
+
+    An industrial robot misses by 1–4 mm before calibration; 1 mrad is about 1 mm at a metre. Compliances: TriCal paper,
+    Table 8, up to 0.2 · 10⁻³ °/Nm for a robot of the 6 kg class.
+    """
+
+    length: float = 1e-3
+    angle: float = 1e-3
+    compliance: float = 2e-6
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A revolute chain of five to seven joints.
+
+    Attributes:
+        name: short name, as cell files use it.
+        title: what a person calls it.
+        convention: ``dh``, ``mdh`` or ``urdf``.
+        transforms: elementary transforms from the base to the flange.
+        link_end: number of transforms up to the end of link frame 0 (the base) … N.
+        sense_matrix: A of ``theta = A q + theta_zero``, (N, N).
+        theta_zero: (N,) [rad].
+        q_lower, q_upper: controller's joint limits, (N,) [rad].
+        speed, acceleration, jerk: (N,) [rad/s, rad/s², rad/s³].
+        repeatability: of the tool point [m].
+        payload: rated payload [kg], or ``None``.
+        masses: of links 1 … N, ``None`` where unknown.
+        bodies: (link, shape) pairs; link 0 is the base.
+        gear_ratio: per joint, ``None`` where unknown.
+        never_meet: pairs of links that the maker's own strokes keep apart, so that they are not checked.
+        sources: topic → where the numbers come from.
+        path: the file it was read from.
+        tip: last link, where the chain comes from a URDF.
+        effects: what a calibration found beyond geometry; ``loads`` those that it was found under.
+        priors: how large its errors usually are.
+        nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
+    """
+
+    name: str
+    title: str
+    convention: str
+    transforms: tuple[Transform, ...]
+    link_end: tuple[int, ...]
+    sense_matrix: Array
+    theta_zero: Array
+    q_lower: Array
+    q_upper: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    repeatability: float
+    payload: float | None
+    masses: tuple[LinkMass | None, ...]
+    bodies: tuple[tuple[int, Body], ...]
+    gear_ratio: tuple[float | None, ...]
+    never_meet: frozenset[tuple[int, int]]
+    sources: tuple[tuple[str, str], ...]
+    path: Path
+    tip: str | None = None
+    effects: tuple[RobotEffect, ...] = ()
+    loads: Loads | None = None
+    priors: Priors = Priors()
+    nominal_transforms: tuple[Transform, ...] = ()
+
+    @cached_property
+    def nominal(self) -> "Robot":
+        """The robot that the controller believes in: without what a calibration changed; most robots are their own."""
+        if not self.nominal_transforms and not self.effects:
+            return self
+        rows = self.nominal_transforms or self.transforms
+        return replace(self, transforms=rows, nominal_transforms=(), effects=())
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints N."""
+        return len(self.speed)
+
+    @property
+    def chain(self) -> Chain:
+        """The chain from the base to the flange."""
+        return Chain(self.transforms)
+
+    def theta(self, q: Array) -> Array:
+        """Convert controller angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
+        return q @ self.sense_matrix.T + self.theta_zero
+
+    def pin_model(self) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
+        """Build the pinocchio model; its configuration is ``theta(q)``.
+
+        Returns:
+            The model, and for link frames 0 … N the parent joint and the placement in it.
+        """
+        model, placement, joint = pin.Model(), pin.SE3.Identity(), 0
+        frames: list[tuple[int, pin.SE3]] = []
+        for k, t in enumerate(self.transforms):
+            while len(frames) < len(self.link_end) and self.link_end[len(frames)] == k:
+                frames.append((joint, placement))
+            placement = placement * elementary_placement(t, t.nominal)
+            if t.joint is not None:
+                kind = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)[t.axis]
+                joint = model.addJoint(joint, kind(), placement, f"joint{t.joint + 1}")
+                placement = pin.SE3.Identity()
+        while len(frames) < len(self.link_end):
+            frames.append((joint, placement))
+        for (parent, T), link in zip(frames[1:], self.masses, strict=True):
+            if link is not None:
+                model.appendBodyToJoint(parent, pin.Inertia(link.mass, np.array(link.com), np.zeros((3, 3))), T)
+        return model, frames
+
+    def flange_frame(self) -> pin.SE3:
+        """Return the flange in the last link frame (transforms after the last row)."""
+        T = pin.SE3.Identity()
+        for t in self.transforms[self.link_end[-1] :]:
+            T = T * elementary_placement(t, t.nominal)
+        return T
+
+
+def elementary_placement(t: Transform, value: float) -> pin.SE3:
+    """Return one elementary transform as a pinocchio placement."""
+    v = np.zeros(3)
+    v[t.axis] = value
+    return pin.SE3(np.eye(3), v) if t.kind == "translation" else pin.SE3(pin.exp3(v), np.zeros(3))

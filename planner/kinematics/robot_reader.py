@@ -1,0 +1,272 @@
+"""Reads ``robot.toml`` (and URDF) into a :class:`Robot`, with every check that a typing error deserves."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat, field_validator, model_validator
+
+from planner.common.errors import InputError, did_you_mean
+from planner.common.files import data_folder
+from planner.common.schema import StrictModel, read_toml
+from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.kinematics.bodies import LinkBodyFile, Vector
+from planner.kinematics.calibration_tables import (
+    LoadsTable,
+    RobotEffectTable,
+    effects_from_tables,
+    loads_from_table,
+    nominal_from_table,
+)
+from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
+from planner.kinematics.robot import LinkMass, Priors, Robot
+from planner.kinematics.urdf import UrdfChain, read_urdf
+
+SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
+
+
+class JointTable(StrictModel):
+    """One ``[[joints]]`` table, from base to flange."""
+
+    alpha_deg: float | None = None
+    a_mm: float | None = None
+    d_mm: float | None = None
+    theta_deg: float | None = None
+    beta_deg: float | None = None
+    sense: Literal[1, -1] = 1
+    zero_deg: float = 0.0
+    couple: dict[int, float] = {}
+    limit_deg: tuple[float, float] | None = None  # these four may be left out where nothing is planned
+    speed_deg_s: PositiveFloat | None = None
+    acceleration_deg_s2: PositiveFloat | None = None
+    jerk_deg_s3: PositiveFloat | None = None
+    gear_ratio: PositiveFloat | None = None
+    mass_kg: Annotated[float, Field(ge=0)] | None = None
+    com_mm: Vector | None = None
+
+    @field_validator("limit_deg")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is None:
+            return None
+        if value[0] >= value[1]:
+            raise ValueError("the lower limit must lie below the upper one")
+        if max(abs(v) for v in value) <= 2 * np.pi + 1e-9:
+            raise ValueError("these look like radians; limits are in degrees")
+        return value
+
+
+class FlangeTable(StrictModel):
+    """The fixed transform after the last row."""
+
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class PriorsTable(StrictModel):
+    """``[priors]``: one-sigma sizes of a robot's errors before it is calibrated."""
+
+    length_mm: PositiveFloat = 1.0
+    angle_deg: PositiveFloat = 0.0573
+    compliance_urad_Nm: PositiveFloat = 2.0
+
+
+class RobotDescription(StrictModel):
+    """The whole ``robot.toml`` (schema ``edbb-robot/1``)."""
+
+    schema_: Literal["edbb-robot/1"] = Field(alias="schema")
+    name: str
+    title: str = ""
+    convention: Literal["dh", "mdh", "urdf"]
+    urdf: str | None = None
+    tip: str | None = None
+    repeatability_mm: Annotated[float, Field(ge=0)] = 0.05
+    payload_kg: PositiveFloat | None = None
+    reach_mm: PositiveFloat | None = None
+    sources: dict[str, str] = {}
+    flange: FlangeTable = FlangeTable()
+    priors: PriorsTable = PriorsTable()
+    joints: tuple[JointTable, ...] = ()
+    bodies: tuple[LinkBodyFile, ...] = ()
+    never_meet: tuple[tuple[int, int], ...] = ()
+    effects: tuple[RobotEffectTable, ...] = ()
+    loads: LoadsTable | None = None
+    nominal: dict[str, float] = {}
+
+    @model_validator(mode="after")
+    def _complete(self) -> "RobotDescription":
+        if self.convention == "urdf":
+            if self.urdf is None:
+                raise ValueError('convention "urdf" needs urdf = "file.urdf"')
+            return self
+        for i, joint in enumerate(self.joints, 1):
+            gone = [k for k in ("alpha_deg", "a_mm", "d_mm", "theta_deg") if getattr(joint, k) is None]
+            if gone:
+                raise ValueError(f"joint {i} has no {', '.join(gone)}, which convention '{self.convention}' needs")
+            wrong = [j for j in joint.couple if not 1 <= j <= len(self.joints)]
+            if wrong:
+                raise ValueError(f"joint {i} is coupled to joint {wrong[0]}, but there are {len(self.joints)} joints")
+        far = [b.link for b in self.bodies if b.link > len(self.joints)]
+        if far:
+            raise ValueError(f"a body sits on link {far[0]}, but the last link is {len(self.joints)}")
+        return self
+
+
+def list_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the planner."""
+    return tuple(sorted(p.parent.name for p in data_folder("robots").glob("*/robot.toml")))
+
+
+def load_robot(reference: str, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
+    """Load a robot by shipped name, or by path to a ``robot.toml`` or ``.urdf`` (relative to ``beside``).
+
+    Args:
+        reference: name or path.
+        beside: folder that a relative path starts from.
+        tip: last link of a URDF.
+        beta: ``auto`` adds Hayati's parameter where neighbouring axes are near-parallel; ``none`` leaves it out.
+
+    Raises:
+        InputError: no such robot, or its file is wrong.
+    """
+    shipped = data_folder("robots") / reference / "robot.toml"
+    if "/" not in reference and shipped.is_file():
+        return _from_toml(shipped, beta)
+    path = beside / reference
+    if path.suffix == ".urdf" and path.is_file():
+        return _from_urdf(
+            RobotDescription(schema="edbb-robot/1", name=path.stem, convention="urdf", urdf=path.name, tip=tip), path
+        )
+    if path.is_dir():
+        path = path / "robot.toml"
+    if path.is_file():
+        return _from_toml(path, beta)
+    known = list(list_robots())
+    raise InputError(
+        f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
+        f"(shipped: {', '.join(known)})"
+    )
+
+
+def _from_toml(path: Path, beta: str) -> Robot:
+    file = read_toml(path, RobotDescription)
+    if file.convention == "urdf":
+        return _from_urdf(file, path)
+    n = len(file.joints)
+    _check_count(path, n)
+    transforms: list[Transform] = []
+    ends = [0]
+    make = dh_row if file.convention == "dh" else mdh_row
+    for i, j in enumerate(file.joints, 1):
+        alpha = float(from_deg(j.alpha_deg or 0.0))
+        auto = beta == "auto" and is_near_parallel(file.convention, i, n, alpha)
+        skew = float(from_deg(j.beta_deg or 0.0)) if (j.beta_deg is not None or auto) else None
+        transforms += make(
+            i, alpha, (j.a_mm or 0.0) * MM, (j.d_mm or 0.0) * MM, float(from_deg(j.theta_deg or 0.0)), skew
+        )
+        ends.append(len(transforms))
+    return _build_robot(file, path, tuple(transforms), tuple(ends))
+
+
+def _from_urdf(file: RobotDescription, path: Path) -> Robot:
+    chain = read_urdf(path.parent / str(file.urdf), file.tip)
+    n = len(chain.sense)
+    _check_count(path, n)
+    if file.joints and len(file.joints) != n:
+        raise InputError(f"{path}: {len(file.joints)} [[joints]] tables, but the chain of the URDF has {n} joints")
+    if not file.joints:
+        still = [i for i, v in enumerate(chain.speed, 1) if v <= 0]
+        if still:
+            raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
+        file = file.model_copy(update={"joints": _joints_from_urdf(chain)})
+    return _build_robot(file, path, chain.transforms, chain.link_end, chain)
+
+
+def _joints_from_urdf(chain: UrdfChain) -> tuple[JointTable, ...]:
+    deg = np.rad2deg
+    return tuple(
+        JointTable(
+            sense=s,  # type: ignore[arg-type]
+            limit_deg=(float(deg(low)), float(deg(up))),
+            speed_deg_s=float(deg(v)),
+            acceleration_deg_s2=float(deg(v)) / SPEED_TIME,
+            jerk_deg_s3=float(deg(v)) / SPEED_TIME**2,
+        )
+        for s, low, up, v in zip(chain.sense, chain.lower, chain.upper, chain.speed, strict=True)
+    )
+
+
+def _check_count(path: Path, n: int) -> None:
+    if not 5 <= n <= 7:
+        raise InputError(f"{path}: {n} joints found; revolute chains of 5 to 7 joints are supported")
+
+
+def _build_robot(
+    file: RobotDescription,
+    path: Path,
+    rows: tuple[Transform, ...],
+    ends: tuple[int, ...],
+    urdf: UrdfChain | None = None,
+) -> Robot:
+    joints = file.joints
+    whole = (*rows, *_flange_transforms(file))
+    couple = np.array([[j.couple.get(k, 0.0) for k in range(1, len(joints) + 1)] for j in joints])
+    sense = np.array([float(j.sense) for j in joints])
+    A = sense[:, None] * (np.eye(len(joints)) + couple)
+    zero = from_deg([j.zero_deg for j in joints])
+    masses = tuple(
+        None if j.mass_kg is None else LinkMass(j.mass_kg, read_only(from_mm(j.com_mm or (0, 0, 0)))) for j in joints
+    )
+    shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
+    sources = dict(file.sources)
+    if urdf is not None:
+        masses = masses if any(masses) else urdf.masses
+        shapes = shapes or urdf.bodies
+        if not sources:
+            sources = {
+                "all": f"URDF {path.name}",
+                "accelerations, jerks": f"estimated: {SPEED_TIME} s to full speed",
+            }
+    return Robot(
+        name=file.name,
+        title=file.title or file.name,
+        convention=file.convention,
+        transforms=whole,
+        link_end=ends,
+        sense_matrix=read_only(A),
+        theta_zero=read_only(-sense * zero),
+        q_lower=_limits(joints, 0),
+        q_upper=_limits(joints, 1),
+        speed=_limit_or_infinity(j.speed_deg_s for j in joints),
+        acceleration=_limit_or_infinity(j.acceleration_deg_s2 for j in joints),
+        jerk=_limit_or_infinity(j.jerk_deg_s3 for j in joints),
+        repeatability=file.repeatability_mm * MM,
+        priors=Priors(
+            file.priors.length_mm * MM, float(from_deg(file.priors.angle_deg)), file.priors.compliance_urad_Nm * 1e-6
+        ),
+        payload=file.payload_kg,
+        masses=masses,
+        bodies=shapes,
+        gear_ratio=tuple(j.gear_ratio for j in joints),
+        never_meet=frozenset((min(p), max(p)) for p in file.never_meet),
+        sources=tuple(sorted(sources.items())),
+        path=path,
+        tip=None if urdf is None else urdf.tip,
+        effects=effects_from_tables(path, file.effects, whole),
+        loads=loads_from_table(file.loads),
+        nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),
+    )
+
+
+def _flange_transforms(file: RobotDescription) -> tuple[Transform, ...]:
+    every = frame_transforms("_flange", from_mm(file.flange.position_mm), from_deg(file.flange.rpy_deg))
+    return tuple(t for t in every if t.nominal)
+
+
+def _limits(joints: tuple[JointTable, ...], side: int) -> Array:
+    return read_only(from_deg([(-np.inf, np.inf)[side] if j.limit_deg is None else j.limit_deg[side] for j in joints]))
+
+
+def _limit_or_infinity(values: Iterable[float | None]) -> Array:
+    return read_only(from_deg([np.inf if v is None else v for v in values]))

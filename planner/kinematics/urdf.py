@@ -1,0 +1,263 @@
+"""Reads and writes URDF files: the chain from the root to a tip link, and the same file with corrected joint
+origins."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from planner.common.errors import InputError, did_you_mean
+from planner.common.units import Array, read_only
+from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
+from planner.kinematics.chain import Transform, frame_transforms
+from planner.kinematics.robot import LinkMass, elementary_placement
+
+
+@dataclass(frozen=True)
+class UrdfChain:
+    """What a URDF says of the chain from its root link to the tip (joints in order, SI units).
+
+    ``parts`` are the joints of the chain, fixed ones too: the name, and the number of transforms up to its end.
+    """
+
+    transforms: tuple[Transform, ...]
+    link_end: tuple[int, ...]
+    sense: tuple[int, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    speed: tuple[float, ...]
+    masses: tuple[LinkMass | None, ...]
+    bodies: tuple[tuple[int, Body], ...]
+    tip: str
+    parts: tuple[tuple[str, int], ...]
+
+
+def read_urdf(path: Path, tip: str | None) -> UrdfChain:
+    """Read the revolute chain from the root to ``tip`` (default: the only leaf) of the URDF at ``path``.
+
+    Raises:
+        InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
+    """
+    try:
+        root = ET.parse(path).getroot()
+    except (OSError, ET.ParseError) as err:
+        raise InputError(f"{path}: cannot be read as URDF ({err})") from err
+    links = {str(e.get("name")): e for e in root.findall("link")}
+    by_child = {str(_find_child(j, "child").get("link")): j for j in root.findall("joint")}
+    tip = tip or _only_leaf(path, links, by_child)
+    if tip not in links:
+        raise InputError(
+            f"{path}: no link is called '{tip}'{did_you_mean(tip, list(links))} (links: {', '.join(links)})"
+        )
+    joints: list[ET.Element] = []
+    link = tip
+    while link in by_child:
+        joints.insert(0, by_child[link])
+        link = str(_find_child(joints[0], "parent").get("link"))
+    return _assemble(path, links, joints, link, tip)
+
+
+def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str, tip: str) -> UrdfChain:
+    transforms: list[Transform] = []
+    ends, lower, upper, speed = [0], list[float](), list[float](), list[float]()
+    sense: list[int] = []
+    masses: list[LinkMass | None] = []
+    bodies = [(0, b) for b in _read_bodies(path, links[base], np.eye(4))]
+    parts: list[tuple[str, int]] = []
+    carried = np.eye(4)  # pose of the current URDF link in the last link frame
+    for joint in joints:
+        name, kind = str(joint.get("name")), joint.get("type")
+        xyz, rpy = _read_origin(joint)
+        child = links[str(_find_child(joint, "child").get("link"))]
+        if kind == "fixed":
+            transforms += frame_transforms(f"_{name}", xyz, rpy)
+            parts.append((name, len(transforms)))
+            carried = carried @ _pose_matrix(xyz, rpy)
+            bodies += [(len(sense), b) for b in _read_bodies(path, child, carried)]
+            continue
+        if kind not in ("revolute", "continuous"):
+            raise InputError(f"{path}: joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
+        i = len(sense) + 1
+        rows, sign = _joint_transforms(i, xyz, rpy, np.array(_read_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
+        transforms += rows
+        ends.append(len(transforms))
+        parts.append((name, len(transforms)))
+        carried = np.eye(4)
+        limit = joint.find("limit")
+        bound = 2 * np.pi if kind == "continuous" or limit is None else None
+        sense.append(sign)
+        lower.append(-bound if bound else float(limit.get("lower", 0)))  # type: ignore[union-attr]
+        upper.append(bound if bound else float(limit.get("upper", 0)))  # type: ignore[union-attr]
+        speed.append(0.0 if limit is None else float(limit.get("velocity", 0)))
+        masses.append(_read_mass(child))
+        bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
+    return UrdfChain(
+        tuple(transforms),
+        tuple(ends),
+        tuple(sense),
+        tuple(lower),
+        tuple(upper),
+        tuple(speed),
+        tuple(masses),
+        tuple(bodies),
+        tip,
+        tuple(parts),
+    )
+
+
+def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:
+    """Return the transforms of joint i: its origin, and a turn about x, y or z; other axes are turned to z and back."""
+    axis = axis / np.linalg.norm(axis)
+    k = int(np.argmax(np.abs(axis)))
+    rows = frame_transforms(str(i), xyz, rpy)
+    if abs(axis[k]) > 1 - 1e-9:
+        return [*rows, Transform(f"theta{i}", "rotation", k, 0.0, i - 1)], int(np.sign(axis[k]))
+    yaw, pitch, _ = Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")
+    roll = Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")[2]
+    turns = [("aligned_z", 2, yaw), ("aligned_y", 1, pitch), ("aligned_x", 0, roll)]
+    there = [Transform(f"{n}{i}", "rotation", a, float(v)) for n, a, v in turns]
+    back = [Transform(f"{n}{i}_back", "rotation", a, -float(v)) for n, a, v in reversed(turns)]
+    return [*rows, *there, Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
+
+
+def _only_leaf(path: Path, links: dict[str, ET.Element], by_child: dict[str, ET.Element]) -> str:
+    parents = {str(_find_child(j, "parent").get("link")) for j in by_child.values()}
+    leaves = [name for name in links if name not in parents]
+    if len(leaves) != 1:
+        raise InputError(f'{path}: the chain ends in several links ({", ".join(leaves)}): give tip = "link name"')
+    return leaves[0]
+
+
+def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
+    out = []
+    for k, element in enumerate(link.findall("collision")):
+        T = T_link @ _pose_matrix(*_read_origin(element))
+        name = f"{link.get('name')}{f'_{k}' if k else ''}"
+        shape = _find_child(element, "geometry")[0]
+        if shape.tag == "sphere":
+            out.append(Body(name, "sphere", (float(shape.get("radius", 0)),), read_only(T)))
+        elif shape.tag == "box":
+            out.append(Body(name, "box", tuple(_read_numbers(shape, "size", (0, 0, 0))), read_only(T)))
+        elif shape.tag in ("cylinder", "capsule"):  # a capsule holds the cylinder of its radius and length
+            half = T[:3, 2] * float(shape.get("length", 0)) / 2
+            out.append(capsule_between(name, T[:3, 3] - half, T[:3, 3] + half, float(shape.get("radius", 0))))
+        else:
+            x, y, z = _read_numbers(shape, "scale", (1, 1, 1))
+            out.append(
+                Body(name, "mesh", (), read_only(T), _mesh_path(path, str(shape.get("filename")), name), (x, y, z))
+            )
+    return out
+
+
+def _mesh_path(path: Path, filename: str, name: str) -> Path:
+    found = find_mesh(path, filename)
+    if found is None:
+        raise InputError(f"{path}: the mesh '{filename}' of link '{name}' does not exist in any folder above the file")
+    return found
+
+
+def find_mesh(path: Path, filename: str) -> Path | None:
+    """Find a mesh beside the URDF: a ``package://`` path is tried below each folder above the file."""
+    relative = filename.removeprefix("file://")
+    package = relative.startswith("package://")
+    relative = relative.removeprefix("package://")
+    tails = [relative] + ([relative.split("/", 1)[1]] if package and "/" in relative else [])
+    places = (folder / tail for folder in path.resolve().parents for tail in tails)
+    return next((p for p in places if p.is_file()), None)
+
+
+def _read_mass(link: ET.Element) -> LinkMass | None:
+    inertial = link.find("inertial")
+    if inertial is None or inertial.find("mass") is None:
+        return None
+    xyz, _ = _read_origin(inertial)
+    return LinkMass(float(_find_child(inertial, "mass").get("value", 0)), read_only(xyz))
+
+
+def _read_origin(element: ET.Element) -> tuple[Array, Array]:
+    origin = element.find("origin")
+    return np.array(_read_numbers(origin, "xyz", (0, 0, 0))), np.array(_read_numbers(origin, "rpy", (0, 0, 0)))
+
+
+def _pose_matrix(xyz: Array, rpy: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+    T[:3, 3] = xyz
+    return T
+
+
+def _read_numbers(element: ET.Element | None, key: str, default: Vector) -> list[float]:
+    text = None if element is None else element.get(key)
+    return list(default) if text is None else [float(v) for v in text.split()]
+
+
+def _find_child(element: ET.Element, tag: str) -> ET.Element:
+    found = element.find(tag)
+    if found is None:
+        raise InputError(f"URDF: <{element.tag} name='{element.get('name')}'> has no <{tag}>")
+    return found
+
+
+ORIGIN_DIGITS = 13  # decimals of an origin, in m and rad
+
+
+def write_urdf(
+    path: Path, tip: str | None, values: Mapping[str, float], meshes: Mapping[Path, str], remark: str
+) -> tuple[str, frozenset[str]]:
+    """Return the text of the URDF at ``path`` with corrected joint origins, and the transforms of the joints concerned.
+
+    With its own angle at zero a joint is a constant frame: the origin, then the error of its zero about its axis (and
+    for a slanted axis the turns to it and back). Their product is the new origin, so any reader of URDF files has the
+    corrected geometry. Joints without an error keep their origins as they are written.
+
+    Args:
+        path: nominal URDF; ``tip`` its last link.
+        values: corrected values of elementary transforms by name [m, rad].
+        meshes: what to write for a mesh of a collision body.
+        remark: comment for the head of the file.
+
+    Raises:
+        InputError: as :func:`planner.kinematics.urdf.read_urdf`.
+    """
+    chain = read_urdf(path, tip)
+    root = ET.parse(path, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))).getroot()
+    joints = {str(j.get("name")): j for j in root.findall("joint")}
+    changed: set[str] = set()
+    start = 0
+    for name, end in chain.parts:
+        part = chain.transforms[start:end]
+        start = end
+        if any(values.get(t.name, t.nominal) != t.nominal for t in part):
+            _set_origin(joints[name], part, values)
+            changed.update(t.name for t in part)
+    _rename_meshes(path, root, meshes)
+    safe = remark.replace("--", "- -")
+    return f'<?xml version="1.0"?>\n<!-- {safe} -->\n{ET.tostring(root, encoding="unicode")}\n', frozenset(changed)
+
+
+def _set_origin(joint: ET.Element, part: tuple[Transform, ...], values: Mapping[str, float]) -> None:
+    T = pin.SE3.Identity()
+    for t in part:
+        T = T * elementary_placement(t, values.get(t.name, t.nominal))
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ET.Element("origin")
+        joint.insert(0, origin)
+    origin.set("xyz", _format_vector(T.translation))
+    origin.set("rpy", _format_vector(pin.rpy.matrixToRpy(T.rotation)))
+
+
+def _rename_meshes(path: Path, root: ET.Element, meshes: Mapping[Path, str]) -> None:
+    """Let collision bodies look for their meshes where these are laid beside the new file."""
+    for mesh in root.iterfind("link/collision/geometry/mesh"):
+        found = find_mesh(path, str(mesh.get("filename")))
+        if found is not None and found in meshes:
+            mesh.set("filename", meshes[found])
+
+
+def _format_vector(v: Array) -> str:
+    return " ".join(repr(float(c) + 0.0) for c in np.round(v, ORIGIN_DIGITS))

@@ -1,0 +1,76 @@
+"""How far the tool of a robot is off anywhere in its workspace, for errors that are known by their covariance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, setup_of
+from planner.common.units import Array, read_only
+from planner.effects.parameters import Parameter
+from planner.model.model import Model
+from planner.runs.run import Samples
+
+STATES = 2000  # joint states at which the tool is looked at
+N_FRAME_COLUMNS = 6  # columns that only say where the base stands
+
+
+@dataclass(frozen=True)
+class ToolError:
+    """Mean square error of the tool per squared parameter errors, (P, P), in the order of ``names``.
+
+    Errors that a new alignment of the base takes away are left out: no gauge that stands where it likes sees them, and
+    every cell aligns its work pieces.
+    """
+
+    names: tuple[str, ...]
+    square: Array
+
+    @classmethod
+    def of(cls, cell: Cell, unknown: Sequence[Parameter] = (), seed: int = 0) -> "ToolError":
+        """Look at the first tool point, at states uniform over joint space in which it is above the floor.
+
+        Args:
+            cell: the cell.
+            unknown: effects beside the robot's geometry.
+            seed: of the states.
+        """
+        q = uniform_states(cell, STATES, seed)
+        return cls.at(Samples(q, np.zeros(len(q), dtype=int)), setup_of(cell), unknown)
+
+    @classmethod
+    def at(cls, samples: Samples, rig: MeasurementSetup, unknown: Sequence[Parameter]) -> "ToolError":
+        """Look at the first tool point in the states ``samples``, with ``unknown`` effects beside the geometry."""
+        alone = replace(rig, kind="position", place_names=rig.place_names[:1], point_names=rig.point_names[:1])
+        model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
+        rows = model.rows(samples).reshape(-1, len(model.names))
+        frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]
+        left = own - frame @ (frame.T @ own)
+        return cls(model.names[N_FRAME_COLUMNS:], read_only(left.T @ left / len(samples)))
+
+    def weight(self, names: Sequence[str]) -> Array:
+        """Return the matrix for parameters ``names``, (K, K); what does not move the tool has zeros."""
+        known = [n for n in self.names if n in names]
+        here, there = [self.names.index(n) for n in known], [list(names).index(n) for n in known]
+        out = np.zeros((len(names), len(names)))
+        out[np.ix_(there, there)] = self.square[np.ix_(here, here)]
+        return out
+
+    def rms(self, names: Sequence[str], covariance: Array) -> float:
+        """Return the root mean square error of the tool [m] under a covariance (K, K) of ``names`` [m, rad, …]."""
+        return float(np.sqrt(max((self.weight(names) * covariance).sum(), 0.0)))
+
+
+def uniform_states(cell: Cell, count: int, seed: int) -> Array:
+    """Joint states (n, N) [rad] with the tool above the floor, within one turn about home and the joint limits."""
+    q = np.random.default_rng(seed).uniform(*cell.joint_range, (count, cell.robot.n_joints))
+    if cell.base.floor is None:
+        return q
+    return np.asarray(q[cell.map_position(q) @ cell.base.R_WB[2] > cell.base.floor])
+
+
+def moves_robot(parameter: Parameter, rig: MeasurementSetup) -> bool:
+    """Tell whether a parameter belongs to the robot, and neither to where the gauge stands nor to its readings."""
+    inside = range(N_BASE_TRANSFORMS, N_BASE_TRANSFORMS + len(rig.robot.transforms))
+    return all(m.on == "transform" and m.index in inside for m in parameter.moves)

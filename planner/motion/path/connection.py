@@ -1,0 +1,193 @@
+"""Connects the poses of a tour: straight legs where they are proven, shortened detours over support poses elsewhere."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.common.units import Array, read_only
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
+from planner.motion.path.verdict import PathGaps, PathLeg, ProvenPath, judge_path
+
+CUT_ROUNDS = 60
+PULLS = (0.9, 0.6, 0.35, 0.15)  # part of the way from a support to the straight line between its neighbours
+SIDES = 2  # random neighbours of the support that are tried beside each pull
+
+
+def cut_corners(constraints: Constraints, ways: Sequence[Array]) -> list[Array]:
+    """Leave out supports of ways (k, N) [rad] that proven motions between the others make needless."""
+    if not ways:
+        return []
+    start = np.concatenate([[0], np.cumsum([len(w) for w in ways])])
+    edges = [s + np.column_stack(np.triu_indices(len(w), 1)) for s, w in zip(start, ways, strict=False)]
+    graph = LazyGraph(constraints, np.concatenate(ways), np.concatenate(edges))
+    graph.strike(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
+    found = graph.ways(np.column_stack([start[:-1], start[1:] - 1]), CUT_ROUNDS)
+    return [graph.q[f] if f else w for f, w in zip(found, ways, strict=True)]
+
+
+def pull_supports(
+    constraints: Constraints, ways: Sequence[Array], rng: np.random.Generator, passes: int
+) -> list[Array]:
+    """Move the supports of proven ways (k, N) [rad] to where the ways are shorter and still proven."""
+    ways = [w.copy() for w in ways]
+    for turn in range(passes):
+        places = [(k, i) for k, w in enumerate(ways) for i in range(1 + turn % 2, len(w) - 1, 2)]
+        if places:
+            _pull_once(constraints, ways, places, rng)
+    return ways
+
+
+def _pull_once(
+    constraints: Constraints, ways: list[Array], places: list[tuple[int, int]], rng: np.random.Generator
+) -> None:
+    before, here, after = (np.array([ways[k][i + step] for k, i in places]) for step in (-1, 0, 1))
+    tries = _pull_candidates(before, here, after, rng)  # (places, tries, N)
+    n, t, N = tries.shape
+    ends = [np.broadcast_to(q[:, None], tries.shape).reshape(-1, N) for q in (before, after)]
+    flat = tries.reshape(-1, N)
+    gain = leg_time(constraints, before, here) + leg_time(constraints, here, after)
+    gain = gain[:, None] - (leg_time(constraints, ends[0], flat) + leg_time(constraints, flat, ends[1])).reshape(n, t)
+    better = np.flatnonzero(gain.ravel() > 1e-3 * gain.max(initial=0.0))
+    proven = constraints.prove(ends[0][better], flat[better]).proven
+    proven[proven] = constraints.prove(flat[better[proven]], ends[1][better[proven]]).proven
+    good = np.full(n * t, -np.inf)
+    good[better[proven]] = gain.ravel()[better[proven]]
+    best = np.argmax(good.reshape(n, t), axis=1)
+    for row, (k, i) in enumerate(places):
+        if good.reshape(n, t)[row, best[row]] > 0.0:
+            ways[k][i] = tries[row, best[row]]
+
+
+def _pull_candidates(before: Array, here: Array, after: Array, rng: np.random.Generator) -> Array:
+    """Places to try for supports (n, N): towards the straight line, and beside it, (n, tries, N) [rad]."""
+    chord = after - before
+    along = np.einsum("ni,ni->n", here - before, chord) / np.maximum(np.einsum("ni,ni->n", chord, chord), 1e-12)
+    foot = before + np.clip(along, 0.1, 0.9)[:, None] * chord
+    away = foot - here
+    straight = [here + p * away for p in PULLS]
+    size = np.linalg.norm(away, axis=1)[:, None] / np.sqrt(here.shape[1])
+    beside = [here + p * away + 0.5 * size * rng.normal(size=here.shape) for p in PULLS for _ in range(SIDES)]
+    return np.stack([*straight, *beside], axis=1)
+
+
+PASSES = 6  # of pulling supports towards the straight line
+DRAWS = 10_000  # states drawn, twice, where no pool is given
+SPREAD = 0.4  # [rad] about the poses
+ROOMS = (1e-4, 1e-3)  # [m] beyond the clearance for detours: the judges' distances differ by 1e-5; and a wider try
+
+
+def connect_poses(
+    constraints: Constraints, q: Array, order: Sequence[int], *, seed: int = 0, pool: Array | None = None
+) -> ProvenPath | PathGaps:
+    """Join poses in the given order by a path that keeps every constraint throughout.
+
+    Straight legs first; then a roadmap (OMPL's PRM, proven lazily) over the pool and the poses, reused for all legs;
+    then OMPL's RRT-Connect for what the roadmap leaves apart. Detours are shortened with proven motions only. A leg
+    that either engine does not prove in the end is led round once more, further away from everything.
+
+    Args:
+        constraints: what every state and motion keeps.
+        q: poses (n, N) [rad].
+        order: rows of ``q`` in visiting order; a row may come twice.
+        seed: of everything random.
+        pool: valid states (P, N) [rad] to lead detours over, for instance the candidates; drawn at random if ``None``.
+
+    Returns:
+        The path, or the legs that could not be joined and the poses that cannot be reached.
+    """
+    visits = np.asarray(order, dtype=int)
+    legs = np.column_stack([visits[:-1], visits[1:]])
+    wanted = np.unique(np.sort(legs, axis=1), axis=0)
+    wanted = wanted[wanted[:, 0] != wanted[:, 1]]
+    direct = constraints.prove(q[wanted[:, 0]], q[wanted[:, 1]]).proven
+    ways = {_pair(leg): q[leg] for leg in wanted[direct]}
+    bent = wanted[~direct]
+    reasons: tuple[str, ...] = ()
+    for room in ROOMS:
+        if len(bent):
+            wide = constraints.with_room(_affordable_room(constraints, q[visits], room))
+            roadmap = Roadmap.grow(wide, q, _draw_states(wide, q, seed) if pool is None else pool, seed)
+            found = _find_detours(roadmap, bent)
+            ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
+            failed = tuple(_pair(leg) for leg, way in zip(bent, found, strict=True) if way is None)
+            if failed:  # in a second try the poses themselves are known to be within reach
+                return PathGaps(failed, (), reasons) if reasons else _describe_gaps(roadmap, failed, visits)
+        path = _assemble_path(constraints, q, visits, ways)
+        if path.clear:
+            return path
+        bent, reasons = _unproven_legs(path)
+    return PathGaps(tuple(_pair(leg) for leg in bent), (), reasons)
+
+
+def _affordable_room(constraints: Constraints, q: Array, room: float) -> float:
+    """Return ``room`` [m], or none if a pose to be visited (n, N) has not that much itself."""
+    return 0.0 if constraints.world.near(q, constraints.clearance + room).any() else room
+
+
+def _unproven_legs(path: ProvenPath) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Legs (m, 2) with a motion that an engine does not prove, smaller row first, and a sentence for each."""
+    last = np.cumsum([len(leg.supports) + 1 for leg in path.legs])
+    why: dict[tuple[int, int], str] = {}
+    for v in (path.verdict, path.second):
+        for motion, failure in zip(v.unproven, v.failures, strict=True):
+            leg = path.legs[int(np.searchsorted(last, motion, side="right"))]
+            why.setdefault((min(leg.start, leg.end), max(leg.start, leg.end)), f"{v.engine} does not prove {failure}")
+    pairs = sorted(pair for pair in why if pair[0] != pair[1])
+    return np.array(pairs, dtype=int).reshape(-1, 2), tuple(why[pair] for pair in pairs)
+
+
+def _find_detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:
+    """Proven ways (k, N) [rad] for legs (m, 2) that are not straight, shortened; ``None`` where none was found."""
+    ways = roadmap.ways(bent)
+    rows = [k for k, way in enumerate(ways) if way is not None]
+    rng = np.random.default_rng(roadmap.seed)
+    short = cut_corners(roadmap.constraints, [w for w in ways if w is not None])
+    short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, PASSES))
+    for k, way in zip(rows, short, strict=True):
+        ways[k] = way
+    return ways
+
+
+def _draw_states(constraints: Constraints, q: Array, seed: int) -> Array:
+    """Valid states drawn within the joint limits, half of them about the poses (n, N), (P, N) [rad]."""
+    robot, rng = constraints.cell.robot, np.random.default_rng(seed)
+    low, high = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
+    uniform = rng.uniform(low, high, (DRAWS, robot.n_joints))
+    about = q[rng.integers(len(q), size=DRAWS)] + rng.normal(scale=SPREAD, size=uniform.shape)
+    drawn = np.concatenate([uniform, about])
+    return np.asarray(drawn[constraints.valid(drawn)])
+
+
+def _describe_gaps(roadmap: Roadmap, failed: tuple[tuple[int, int], ...], visits: np.ndarray) -> PathGaps:
+    """Say which legs failed and why, and which poses lie outside the part of the roadmap that holds the first pose."""
+    part = roadmap.parts()
+    lost = np.unique(visits[part[visits] != part[visits[0]]])
+    if len(lost) == len(np.unique(visits)) - 1 > 1:  # it is the first pose that is cut off
+        lost = visits[:1]
+    a, b = np.array(failed).T
+    constraints, q = roadmap.constraints, roadmap.graph.q[roadmap.place]
+    proof = constraints.prove(q[a], q[b])
+    reasons = tuple(f"no way found; straight: {constraints.failure(proof, k)}" for k in range(len(failed)))
+    return PathGaps(failed, tuple(lost.tolist()), reasons)
+
+
+def _assemble_path(
+    constraints: Constraints, q: Array, visits: np.ndarray, ways: dict[tuple[int, int], Array]
+) -> ProvenPath:
+    """String the legs together and have the whole judged by both engines."""
+    points, node, legs = [q[visits[0]][None]], [visits[:1]], []
+    for a, b in zip(visits[:-1].tolist(), visits[1:].tolist(), strict=True):
+        way = ways[min(a, b), max(a, b)] if a != b else q[[a, b]]
+        supports = (way if a <= b else way[::-1])[1:-1]
+        legs.append(PathLeg(a, b, read_only(supports)))
+        points += [supports, q[b][None]]
+        node.append(np.append(np.full(len(supports), -1), b))
+    whole = np.concatenate(points)
+    number = np.concatenate(node)
+    number.setflags(write=False)
+    return ProvenPath(read_only(whole), number, tuple(legs), *judge_path(constraints, whole))
+
+
+def _pair(leg: np.ndarray) -> tuple[int, int]:
+    return int(leg[0]), int(leg[1])

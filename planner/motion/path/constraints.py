@@ -1,0 +1,123 @@
+"""Everything that a pose and a motion must keep: limits, bar length, cones, cable, and the clearance of all bodies."""
+
+from functools import cached_property
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import Workspace
+from planner.common.units import MM, Array, to_deg, to_mm
+from planner.motion.collision.engines import CoalPairs, FclPairs
+from planner.motion.collision.scene import Scene
+from planner.motion.path.margins import PairBounds, WorkspaceBounds
+from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
+
+
+class Constraints:
+    """Constraints of a cell with one fixture.
+
+    Args:
+        cell: the cell.
+        fixture: which fixture the bar is on.
+        bar: whether the bar is attached; without it the arm travels free of length, cones and twist about the bar.
+        scene: bodies and pairs, where a collision world has already found out which pairs always overlap.
+        room: distance of bodies that is wanted beyond the cell's clearance [m].
+    """
+
+    def __init__(
+        self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
+    ) -> None:
+        cell = cell.at(fixture)
+        scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
+        bar = bar and cell.gauge.is_bar
+        self.cell, self.bar, self.room = cell, bar, room
+        self.workspace = Workspace(cell, fixture, bar)
+        self.scene = scene if bar else scene.without_bar()
+        self.world = CoalPairs(self.scene)
+        self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
+        self._at_balls: dict[int, Constraints] = {}
+
+    def at_ball(self, ball: int) -> "Constraints":
+        """Return the constraints of the last way to one ball of an artifact, which the indicators' tips may touch."""
+        if ball not in self._at_balls:
+            scene = self.scene.at_ball(ball)
+            self._at_balls[ball] = Constraints(self.cell, self.workspace.fixture, False, scene, self.room)
+        return self._at_balls[ball]
+
+    @property
+    def clearance(self) -> float:
+        """Smallest distance of two bodies that is allowed [m]."""
+        return self.cell.motion.clearance + self.room
+
+    def with_room(self, room: float) -> "Constraints":
+        """Return the same constraints with bodies kept ``room`` [m] further apart than the cell asks."""
+        wide = Constraints(self.cell, self.workspace.fixture, self.bar, self.scene, room)
+        wide.pairs = self.pairs  # found already: bounds of how fast distances change know no clearance
+        return wide
+
+    def valid(self, q: Array) -> np.ndarray:
+        """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""
+        rows = np.flatnonzero((self.bounds.margins(q, self.bounds.kinematics.at(q)) > 0.0).all(axis=1))
+        out = np.zeros(len(q), dtype=bool)
+        out[rows] = ~self.world.near(q[rows], self.clearance)
+        return out
+
+    def reason(self, q: Array) -> str | None:
+        """Say what is wrong with the state q (N,) [rad], or ``None``."""
+        margins = self.workspace.margins(q[None])[0]
+        if margins.min() <= 0.0:
+            return self._overrun(int(np.argmin(margins)), float(margins.min()))
+        found = self.world.distances(q[None])[0]
+        if len(found) == 0:  # a robot without bodies has nothing to collide with
+            return None
+        k = int(np.argmin(found))
+        return self._too_near(k, float(found[k])) if found[k] <= self.clearance else None
+
+    def prove(self, q_from: Array, q_to: Array) -> Proof:
+        """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""
+        return self.prove_corners(np.stack([q_from, q_to], axis=1))
+
+    def prove_triangles(self, q_entry: Array, q_corner: Array, q_exit: Array) -> Proof:
+        """Prove every state in the triangles (m, N) × 3 [rad]: a blended corner stays in one of them."""
+        return self.prove_corners(np.stack([q_entry, q_corner, q_exit], axis=1))
+
+    def prove_corners(self, corners: Array) -> Proof:
+        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2) or triangles (K = 3)."""
+        return self._prover.prove(corners)
+
+    def judge(self, corners: Array) -> Proof:
+        """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
+        return self._judge.prove(corners)
+
+    def extremes(self, corners: Array, tolerance: float) -> Extremes:
+        """Smallest clearance and extreme lengths over motions or triangles (m, K, N) [rad], to ``tolerance`` [m]."""
+        return find_extremes(self._prover, corners, tolerance)
+
+    def failure(self, proof: Proof, k: int) -> str | None:
+        """Say which constraint motion ``k`` of a proof fails, and where, or ``None``."""
+        column = int(proof.failed[k])
+        if column < 0:
+            return None
+        columns = self.workspace.columns
+        name = columns[column][1] if column < len(columns) else self.scene.pair_name(column - len(columns))
+        what = name if column < len(columns) else f"clearance of {name}"
+        return f"{what}, {100 * proof.failed_at[k]:.0f} % of the way"
+
+    @cached_property
+    def _prover(self) -> Prover:
+        return Prover(self.bounds, self.pairs, self.world, self.clearance)
+
+    @cached_property
+    def _judge(self) -> Prover:
+        return Prover(self.bounds, self.pairs, FclPairs(self.scene), self.clearance)
+
+    def _overrun(self, column: int, margin: float) -> str:
+        stage, name = self.workspace.columns[column]
+        size = f"{to_mm(-margin):.1f} mm" if stage == "workspace" else f"{to_deg(-margin):.1f}°"
+        return f"{name} exceeded by {size}"
+
+    def _too_near(self, pair: int, distance: float) -> str:
+        name, wanted = self.scene.pair_name(pair), to_mm(self.clearance)
+        if distance <= 0.0:
+            return f"{name} collide ({wanted:g} mm wanted between them)"
+        return f"{name} come within {distance / MM:.1f} mm ({wanted:g} mm wanted)"

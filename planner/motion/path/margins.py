@@ -1,0 +1,150 @@
+"""Margins of limits, bar length, cones, cable and body distances, and how much of each a neighbourhood can use up."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from planner.cell.workspace import Workspace, axis_reach
+from planner.common.units import Array
+from planner.kinematics.bar_geometry import tilt_angle
+from planner.kinematics.bodies import Body
+from planner.motion.collision.pieces import SceneBody
+from planner.motion.collision.scene import Scene
+from planner.motion.path.travel import ToolKinematics, ToolState, Travel, bound_travel
+
+
+@dataclass(frozen=True)
+class WorkspaceBounds:
+    """Margins and their bounds for one workspace."""
+
+    workspace: Workspace
+
+    @cached_property
+    def kinematics(self) -> ToolKinematics:
+        """The forward pass."""
+        return ToolKinematics(self.workspace.cell, self.workspace.fixture)
+
+    def travel(self, q: Array, spokes: Array) -> tuple[ToolState, Travel]:
+        """Return tool, bar and their travel over neighbourhoods q (n, N), spokes (n, M, N) [rad, controller's]."""
+        pose = self.kinematics.at(q)
+        return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.kinematics.map_reach)
+
+    def margins(self, q: Array, pose: ToolState) -> Array:
+        """Return the margins at q (n, N) [rad], (n, columns) [rad or m], as ``Workspace.margins`` does."""
+        cell, gauge = self.workspace.cell, self.workspace.cell.gauge
+        limits = np.minimum(q - cell.robot.q_lower, cell.robot.q_upper - q)
+        sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
+        if not self.workspace.bar:
+            return np.column_stack([limits, *sums])
+        fixture = cell.fixtures[self.workspace.fixture]
+        reach = [pose.length - gauge.length_min, gauge.length_max - pose.length]
+        cones = [
+            gauge.cone_fixture - tilt_angle(pose.direction, fixture.axis_B),
+            gauge.cone_map - tilt_angle(-pose.direction, pose.axis),
+        ]
+        limit = cell.cable.tool_about_bar
+        spin = [] if limit is None else [limit - np.abs(pose.spin)]
+        return np.column_stack([limits, *reach, *cones, *sums, *spin])
+
+    def changes(self, spokes: Array, far: Travel) -> Array:
+        """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""
+        cell, step = self.workspace.cell, np.abs(spokes)
+        limits = step.max(axis=1)
+        sums = [step[:, :, axes].sum(axis=2).max(axis=1) for axes, _ in cell.cable.sums]
+        if not self.workspace.bar:
+            return np.column_stack([limits, *sums])
+        cones = [far.swing, far.swing + far.turn]
+        spin = []
+        if cell.cable.tool_about_bar is not None:
+            # carried along the sphere at a tilt of c, a line turns at tan(c/2) times the rate of the direction
+            at_fixture, at_map = np.tan(cell.gauge.cone_fixture / 2), np.tan(cell.gauge.cone_map / 2)
+            spin = [far.turn + far.swing * at_fixture + (far.swing + far.turn) * at_map]
+        return np.column_stack([limits, far.stretch, far.stretch, *cones, *sums, *spin])
+
+
+@dataclass(frozen=True)
+class PairBounds:
+    """Bounds for the checked pairs of a scene."""
+
+    scene: Scene
+
+    def changes(self, far: Travel) -> Array:
+        """Return what the distance of each pair can lose in the neighbourhoods, (n, pairs) [m]."""
+        out = far.step @ self._reach.T
+        for k, bar, other in self._bar_pairs:
+            out[:, k] = self._bar_change(far, self.scene.pieces[bar], self.scene.pieces[other])
+        return out
+
+    def _bar_change(self, far: Travel, bar: SceneBody, other: SceneBody) -> Array:
+        """Housing or rod against another piece, (n,) [m]."""
+        end = core_reach(bar)
+        # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
+        own = end * far.swing if bar.carrier == "housing" else far.move
+        if other.carrier == "world":
+            return np.asarray(own)
+        carried = far.step @ self._link_reach(other)
+        at_tool = other.link == self.scene.cell.robot.n_joints
+        to_map = self._distance_from_map(other) if at_tool else np.inf
+        if at_tool:
+            carried = np.minimum(carried, far.move + to_map * far.turn)
+        apart = own + carried
+        if bar.carrier == "housing":
+            return np.asarray(apart)
+        if at_tool:  # both hold the MAP: only the angle between bar and tool changes
+            return np.asarray(np.minimum(apart, min(end, to_map) * (far.swing + far.turn)))
+        return np.asarray(apart)
+
+    @cached_property
+    def _bar_pairs(self) -> list[tuple[int, int, int]]:
+        """Position of each pair with a part of the bar, then that part and the other piece."""
+        pieces = self.scene.pieces
+        found = [(k, *pair) for k, pair in enumerate(self.scene.pairs) if any(pieces[i].of_bar for i in pair)]
+        return [(k, a, b) if pieces[a].of_bar else (k, b, a) for k, a, b in found]
+
+    @cached_property
+    def _reach(self) -> Array:
+        """Largest distance from each axis between the two of a pair, (pairs, N) [m]; zero for pairs with the bar."""
+        out = np.zeros((len(self.scene.pairs), self.scene.cell.robot.n_joints))
+        for k, (a, b) in enumerate(self.scene.pairs):
+            near, far = sorted((self.scene.pieces[a], self.scene.pieces[b]), key=_height)
+            if not (near.of_bar or far.of_bar):
+                out[k] = self._joints_between(near, far)
+        return out
+
+    def _joints_between(self, near: SceneBody, far: SceneBody) -> Array:
+        """Largest distance of the nearer of the two pieces from each axis between them, (N,) [m]."""
+        robot = self.scene.cell.robot
+        start, end = (0 if p.carrier == "world" else robot.link_end[p.link] for p in (near, far))
+        between = robot.transforms[start:end]
+        outward = axis_reach(between, robot.n_joints, core_reach(far))
+        inward = axis_reach(between[::-1], robot.n_joints, core_reach(near))
+        return np.asarray(np.minimum(outward, inward))
+
+    def _link_reach(self, piece: SceneBody) -> Array:
+        """Largest distance of a link's piece from each axis before it, (N,) [m]."""
+        robot = self.scene.cell.robot
+        return axis_reach(robot.transforms[: robot.link_end[piece.link]], robot.n_joints, core_reach(piece))
+
+    def _distance_from_map(self, piece: SceneBody) -> float:
+        """Largest distance of a tool piece's core from the MAP [m]."""
+        T_LF = np.array(self.scene.cell.robot.flange_frame().homogeneous)
+        return core_distance(piece.body, T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3], piece)
+
+
+def core_reach(piece: SceneBody) -> float:
+    """Largest distance of the body's core (a capsule's segment, a sphere's centre) from its carrier's origin [m]."""
+    body = piece.body
+    return piece.reach - body.size[0] if body.kind in ("capsule", "sphere") else piece.reach
+
+
+def core_distance(body: Body, p: Array, piece: SceneBody) -> float:
+    """Largest distance of the body's core from the point p (3,) of its carrier's frame [m]."""
+    if body.kind == "capsule":
+        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
+        return max(float(np.linalg.norm(e - p)) for e in ends)
+    return float(np.linalg.norm(p)) + core_reach(piece)
+
+
+def _height(piece: SceneBody) -> int:
+    return -1 if piece.carrier == "world" else piece.link

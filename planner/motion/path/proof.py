@@ -1,0 +1,221 @@
+"""Continuous proof that motions keep every constraint, by adaptive bisection, and the extremes over motions by
+branch and bound."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.motion.path.margins import PairBounds, WorkspaceBounds
+
+
+@dataclass(frozen=True)
+class Neighbourhoods:
+    """Open neighbourhoods: the hull of K corners each, 2 for an interval of a motion, 3 for a triangle.
+
+    Attributes:
+        motion: which motion each belongs to, (n,).
+        corners: (n, K, N) [rad].
+        place: where each corner lies along its motion, (n, K), 0 … 1.
+    """
+
+    motion: np.ndarray
+    corners: Array
+    place: Array
+
+    @classmethod
+    def of(cls, corners: Array) -> "Neighbourhoods":
+        """One cell for each motion with corners (m, K, N) [rad]."""
+        m, K, _ = corners.shape
+        return cls(np.arange(m), corners, np.tile(np.linspace(0.0, 1.0, K), (m, 1)))
+
+    @property
+    def q(self) -> Array:
+        """Centres (n, N) [rad]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @property
+    def spokes(self) -> Array:
+        """From centre to corners (n, K, N) [rad]; one of the two is enough for an interval."""
+        spread = self.corners - self.q[:, None]
+        return spread[:, :1] if self.corners.shape[1] == 2 else spread
+
+    def take(self, rows: np.ndarray) -> "Neighbourhoods":
+        """Return the cells ``rows``."""
+        return Neighbourhoods(self.motion[rows], self.corners[rows], self.place[rows])
+
+    def halves(self) -> "Neighbourhoods":
+        """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i."""
+        n, K = self.place.shape
+        ends = [(a, b) for a in range(K) for b in range(a + 1, K)]
+        length = np.stack([np.abs(self.corners[:, a] - self.corners[:, b]).sum(axis=1) for a, b in ends])
+        first, last = np.array(ends)[np.argmax(length, axis=0)].T
+        rows = np.arange(n)
+        middle = (self.corners[rows, first] + self.corners[rows, last]) / 2
+        centre = (self.place[rows, first] + self.place[rows, last]) / 2
+        one, two = self.corners.copy(), self.corners.copy()
+        one[rows, last], two[rows, first] = middle, middle
+        place_one, place_two = self.place.copy(), self.place.copy()
+        place_one[rows, last], place_two[rows, first] = centre, centre
+        return Neighbourhoods(
+            np.tile(self.motion, 2), np.concatenate([one, two]), np.concatenate([place_one, place_two])
+        )
+
+
+LEVELS = 26  # of bisection; what is still open then is not proven (a margin below some 1e-7 of the motion)
+FAR = 1e6  # [m] a bound that proves nothing
+CROWD = 4096  # open cells of one motion: it runs along the edge of a constraint, and is not proven
+
+
+class Distances(Protocol):
+    """What either collision engine answers."""
+
+    def wanted(self, q: Array, mask: np.ndarray) -> Array:
+        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What is known of m motions.
+
+    Attributes:
+        proven: whether each keeps every constraint throughout, (m,) bool.
+        clearance: smallest distance of two bodies seen, (m,) [m].
+        length_min, length_max: of the bar, as seen, (m,) [m].
+        failed_at: where along the motion (0 … 1) a constraint fails or could not be proven, (m,), NaN where proven.
+        failed: which, (m,): a column of the workspace, or their number plus a pair; −1 where proven.
+        evaluations: states looked at.
+    """
+
+    proven: np.ndarray
+    clearance: Array
+    length_min: Array
+    length_max: Array
+    failed_at: Array
+    failed: np.ndarray
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Prover:
+    """Bisection with the bounds of a cell and the distances of one engine.
+
+    Attributes:
+        workspace, pairs: the bounds.
+        distances: the engine.
+        clearance: smallest distance wanted [m].
+    """
+
+    workspace: WorkspaceBounds
+    pairs: PairBounds
+    distances: Distances
+    clearance: float
+
+    def prove(self, corners: Array) -> Proof:
+        """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles."""
+        record, cells = _Record(len(corners)), Neighbourhoods.of(corners)
+        asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
+        for level in range(LEVELS):
+            if len(cells.motion) == 0:
+                break
+            cells, asked = self._level(cells, asked, record, last=level == LEVELS - 1)
+        return record.proof()
+
+    def _level(
+        self, cells: Neighbourhoods, asked: np.ndarray, record: "_Record", last: bool
+    ) -> tuple[Neighbourhoods, np.ndarray]:
+        """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
+        q, spokes = cells.q, cells.spokes
+        pose, far = self.workspace.travel(q, spokes)
+        record.see_length(cells.motion, pose.length)
+        margins = self.workspace.margins(q, pose)
+        room = margins - self.workspace.changes(spokes, far)
+        loss = np.minimum(self.pairs.changes(far), FAR)
+        alive = record.drop(cells, margins, margins <= 0.0)
+        found = self.distances.wanted(q[alive], asked[alive])
+        record.evaluations += len(alive)
+        record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
+        spare = np.full(asked.shape, np.inf)
+        spare[alive] = found - self.clearance
+        both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
+        alive = record.drop(cells, both, both <= 0.0)
+        open_ = alive[~(room[alive] > 0.0).all(axis=1)]
+        crowded = np.bincount(cells.motion[open_], minlength=len(record.failed)) > CROWD
+        unproven = np.zeros(room.shape, dtype=bool)
+        unproven[open_] = ((last | crowded)[cells.motion[open_], None]) & ~(room[open_] > 0.0)
+        record.drop(cells, room, unproven)
+        open_ = open_[record.failed[cells.motion[open_]] < 0]
+        asked = asked & ~(room[:, margins.shape[1] :] > 0.0)
+        return cells.take(open_).halves(), np.tile(asked[open_], (2, 1))
+
+
+class _Record:
+    """What the levels of one proof find out about m motions."""
+
+    def __init__(self, m: int) -> None:
+        self.clearance, self.shortest, self.longest = np.full(m, np.inf), np.full(m, np.inf), np.zeros(m)
+        self.failed, self.failed_at = np.full(m, -1), np.full(m, np.nan)
+        self.evaluations = 0
+
+    def see_length(self, motion: np.ndarray, length: Array) -> None:
+        """Note bar lengths (n,) [m]."""
+        np.minimum.at(self.shortest, motion, length)
+        np.maximum.at(self.longest, motion, length)
+
+    def see_clearance(self, motion: np.ndarray, distance: Array) -> None:
+        """Note distances (n,) [m]."""
+        np.minimum.at(self.clearance, motion, distance)
+
+    def drop(self, cells: Neighbourhoods, margins: Array, failing: np.ndarray) -> np.ndarray:
+        """Record the motions with a failing margin (n, columns), by the worst; return the rows of all others."""
+        for row in np.flatnonzero(failing.any(axis=1)):
+            if self.failed[cells.motion[row]] < 0:
+                self.failed[cells.motion[row]] = np.argmin(margins[row])
+                self.failed_at[cells.motion[row]] = cells.place[row].mean()
+        return np.flatnonzero(self.failed[cells.motion] < 0)
+
+    def proof(self) -> Proof:
+        """Return what is known."""
+        parts = self.failed < 0, self.clearance, self.shortest, self.longest, self.failed_at, self.failed
+        return Proof(*parts, evaluations=self.evaluations)
+
+
+EXTREME_LEVELS = 18  # of bisection at most
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Over all motions together, each reached by some state and passed by none by more than the tolerance.
+
+    Attributes:
+        clearance: smallest distance of two bodies [m].
+        length_min, length_max: of the bar [m].
+    """
+
+    clearance: float
+    length_min: float
+    length_max: float
+
+
+def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
+    """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m]."""
+    cells = Neighbourhoods.of(corners)
+    asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
+    nearest, shortest, longest = np.inf, np.inf, 0.0
+    for _ in range(EXTREME_LEVELS):
+        if len(cells.motion) == 0:
+            break
+        q, spokes = cells.q, cells.spokes
+        pose, far = prover.workspace.travel(q, spokes)
+        found = prover.distances.wanted(q, asked)
+        nearest = min(nearest, float(found.min(initial=np.inf)))
+        shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
+        asked &= found - prover.pairs.changes(far) < nearest - tolerance
+        shorter = pose.length - far.stretch < shortest - tolerance
+        longer = pose.length + far.stretch > longest + tolerance
+        if not prover.workspace.workspace.cell.gauge.is_bar:  # nothing whose length matters
+            shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
+        rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
+        cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))
+    return Extremes(nearest, shortest, longest)

@@ -1,0 +1,226 @@
+"""A roadmap over poses and a pool of valid states whose edges are proven only when a way uses them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+from planner.common.units import Array
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.ompl_search import roadmap_edges, rrt_connect
+
+UNKNOWN, PROVEN, BROKEN = 0, 1, 2
+SUPPORT_COST = 0.1  # [s] what a support pose costs beyond its way: each is a corner to blend
+
+
+def leg_time(constraints: Constraints, q_from: Array, q_to: Array) -> Array:
+    """Time of the slowest axis at full speed (EDBB paper, eq. 7), with a little of all axes to break ties, (n,) [s]."""
+    share = np.abs(q_to - q_from) / constraints.cell.robot.speed
+    return np.asarray(share.max(axis=1) + 0.02 * share.sum(axis=1))
+
+
+class LazyGraph:
+    """States and the edges that may join them.
+
+    Args:
+        constraints: what edges must keep.
+        q: states (V, N) [rad].
+        edges: (E, 2) positions in ``q``; each edge once.
+    """
+
+    def __init__(self, constraints: Constraints, q: Array, edges: np.ndarray) -> None:
+        self.constraints, self.q = constraints, q
+        self.edges = np.unique(np.sort(edges, axis=1), axis=0)
+        self.cost = leg_time(constraints, *q[self.edges.T]) + SUPPORT_COST
+        self.known = np.full(len(self.edges), UNKNOWN)
+        self._key = self.edges[:, 0] * len(q) + self.edges[:, 1]
+
+    def add_way(self, ends: np.ndarray, way: Array) -> None:
+        """Add a proven way (k, N) [rad] between two states that the graph has."""
+        inner = len(self.q) + np.arange(len(way) - 2)
+        chain = np.concatenate([ends[:1], inner, ends[1:]])
+        new = np.column_stack([chain[:-1], chain[1:]])
+        grown = LazyGraph(self.constraints, np.concatenate([self.q, way[1:-1]]), np.concatenate([self.edges, new]))
+        grown.known[grown._rows(self.edges)] = self.known
+        grown.known[grown._rows(new)] = PROVEN
+        self.__dict__.update(grown.__dict__)
+
+    def strike(self, edges: np.ndarray) -> None:
+        """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
+        self.known[self._rows(edges)] = BROKEN
+
+    def ways(self, wanted: np.ndarray, rounds: int) -> list[list[int] | None]:
+        """Return the shortest proven way for each wanted (from, to) (m, 2), ``None`` where there is none.
+
+        Args:
+            wanted: positions of the states to join.
+            rounds: searches at most; ways not proven by then are ``None``.
+        """
+        found: list[list[int] | None] = [None] * len(wanted)
+        open_ = list(range(len(wanted)))
+        for _ in range(rounds):
+            if not open_:
+                break
+            ways = self._search(wanted[open_])
+            asked = [self._rows(np.column_stack([w[:-1], w[1:]])) if w else np.zeros(0, int) for w in ways]
+            self._prove(np.unique(np.concatenate([np.zeros(0, int), *asked])))
+            later = []
+            for k, way, rows in zip(open_, ways, asked, strict=True):
+                if way and (self.known[rows] == PROVEN).all():
+                    found[k] = way
+                elif way:
+                    later.append(k)
+            open_ = later
+        return found
+
+    def parts(self) -> np.ndarray:
+        """Number of the connected part of each state, (V,), largest part 0; proves no more edges than that takes."""
+        while True:
+            part = self._parts(self.known == PROVEN)
+            a, b = part[self.edges].T
+            rows = np.flatnonzero((self.known == UNKNOWN) & (a != b))
+            if len(rows) == 0:
+                return part
+            self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
+
+    def _parts(self, good: np.ndarray) -> np.ndarray:
+        a, b = self.edges[good].T
+        graph = csr_array((np.ones(len(a)), (a, b)), shape=(len(self.q),) * 2)
+        part = connected_components(graph, directed=False)[1]
+        rank = np.empty(part.max() + 1, dtype=int)
+        rank[np.argsort(-np.bincount(part), kind="stable")] = np.arange(part.max() + 1)
+        return np.asarray(rank[part])
+
+    def _search(self, wanted: np.ndarray) -> list[list[int] | None]:
+        good = self.known != BROKEN
+        a, b = self.edges[good].T
+        graph = csr_array((self.cost[good], (a, b)), shape=(len(self.q),) * 2)
+        sources, row = np.unique(wanted[:, 0], return_inverse=True)
+        _, before = dijkstra(graph, directed=False, indices=sources, return_predecessors=True)
+        return [_trace_back(before[r], int(goal)) for r, goal in zip(row, wanted[:, 1], strict=True)]
+
+    def _prove(self, rows: np.ndarray) -> None:
+        rows = rows[self.known[rows] == UNKNOWN]
+        if len(rows):
+            a, b = self.edges[rows].T
+            self.known[rows] = np.where(self.constraints.prove(self.q[a], self.q[b]).proven, PROVEN, BROKEN)
+
+    def _rows(self, edges: np.ndarray) -> np.ndarray:
+        """Positions of those edges (n, 2) that the graph has."""
+        low, high = np.sort(np.asarray(edges, dtype=int).reshape(-1, 2), axis=1).T
+        key = low * len(self.q) + high
+        place = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
+        return np.asarray(place[self._key[place] == key] if len(self._key) else place[:0])
+
+
+def _cheapest(rows: np.ndarray, ends: np.ndarray, cost: Array, size: np.ndarray) -> np.ndarray:
+    """Of edges between parts, the cheapest one of each part (Borůvka), and more of a larger part."""
+    both = np.tile(rows, 2)
+    part = ends.T.ravel()
+    order = np.lexsort((both, np.tile(cost, 2), part))
+    first = np.searchsorted(part[order], part[order])
+    return np.asarray(np.unique(both[order][np.arange(len(order)) - first < 1 + size[part[order]] // 8]))
+
+
+def _trace_back(before: np.ndarray, goal: int) -> list[int] | None:
+    """Follow the predecessors back from ``goal``."""
+    if before[goal] < 0:
+        return None
+    way = [goal]
+    while before[way[-1]] >= 0:
+        way.append(int(before[way[-1]]))
+    return way[::-1]
+
+
+MILESTONES = 2000  # states of the pool that a roadmap uses
+NEIGHBOURS = 10
+SEARCH_ROUNDS = 200
+BRIDGES = 3  # legs between the same two parts that RRT-Connect tries
+RRT_ITERATIONS = 300
+PAD = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap spans
+
+
+@dataclass
+class Roadmap:
+    """OMPL's roadmap with proofs on demand.
+
+    Attributes:
+        constraints: what its edges keep.
+        graph: states and edges; grows when a bridge is found.
+        place: which of its states each pose is, (n,).
+        seed: of everything random.
+    """
+
+    constraints: Constraints
+    graph: LazyGraph
+    place: np.ndarray
+    seed: int
+
+    @classmethod
+    def grow(cls, constraints: Constraints, q: Array, pool: Array, seed: int) -> "Roadmap":
+        """Grow a roadmap over poses (n, N) and at most ``MILESTONES`` states of a pool (P, N) [rad]."""
+        rng = np.random.default_rng(seed)
+        rows = rng.permutation(len(pool))[:MILESTONES]
+        states, place = np.unique(np.concatenate([q, pool[rows]]), axis=0, return_inverse=True)
+        order = rng.permutation(len(states))  # the first milestones are sparse, and give the roadmap its long edges
+        states, place = states[order], np.argsort(order)[place]
+        edges = roadmap_edges(states / constraints.cell.robot.speed, NEIGHBOURS, seed)
+        return cls(constraints, LazyGraph(constraints, states, edges), place[: len(q)], seed)
+
+    def parts(self) -> np.ndarray:
+        """Connected part of each pose, (n,)."""
+        return np.asarray(self.graph.parts()[self.place])
+
+    def ways(self, legs: np.ndarray) -> list[Array | None]:
+        """Return a proven way (k, N) [rad] for each leg (m, 2) but its straight motion, ``None`` if there is none."""
+        legs = self.place[legs]
+        self.graph.strike(legs)
+        self._bridge(legs)
+        part = self.graph.parts()
+        rows = np.flatnonzero(part[legs[:, 0]] == part[legs[:, 1]])
+        out: list[Array | None] = [None] * len(legs)
+        for k, way in zip(rows, self.graph.ways(legs[rows], SEARCH_ROUNDS), strict=True):
+            out[k] = None if way is None else self.graph.q[way]
+        return out
+
+    def _bridge(self, legs: np.ndarray) -> None:
+        """Try RRT-Connect on legs between different parts of the roadmap; what it finds joins the roadmap."""
+        tried: dict[tuple[int, int], int] = {}
+        part = self.graph.parts()
+        for leg in legs:
+            low, high = sorted(part[leg].tolist())
+            if low == high or tried.get((low, high), 0) >= BRIDGES:
+                continue
+            tried[low, high] = tried.get((low, high), 0) + 1
+            way = self._rrt(*self.graph.q[leg])
+            if way is not None:
+                self.graph.add_way(leg, way)
+                part = self.graph.parts()
+                tried = {}
+
+    def _rrt(self, q_from: Array, q_to: Array) -> Array | None:
+        robot = self.constraints.cell.robot
+        low = np.maximum(self.graph.q.min(axis=0) - PAD, robot.q_lower)
+        high = np.minimum(self.graph.q.max(axis=0) + PAD, robot.q_upper)
+        return rrt_connect(self.constraints, q_from, q_to, low, high, RRT_ITERATIONS, self.seed)
+
+
+def connected_parts(constraints: Constraints, q: Array, seed: int = 0, certain: int = 1) -> np.ndarray:
+    """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
+
+    Between different parts no way was found, so a tour must keep to one of them. The parts are those of a roadmap over
+    the first ``certain`` poses and a sample of the others; poses that are not in it go with the nearest that is.
+
+    Args:
+        constraints: what states and motions must keep.
+        q: valid poses (n, N) [rad], those that matter most (the start) first.
+        seed: of the sample.
+        certain: how many of the first poses must be in the roadmap itself.
+    """
+    roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
+    part = roadmap.graph.parts()
+    speed = constraints.cell.robot.speed
+    _, nearest = cKDTree(roadmap.graph.q / speed).query(q / speed)
+    return np.asarray(part[nearest])

@@ -1,0 +1,193 @@
+"""The path that joins the poses of a tour, and both collision engines' verdict on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.proof import Extremes, Proof
+
+
+@dataclass(frozen=True)
+class PathLeg:
+    """The way from one pose of the tour to the next.
+
+    Attributes:
+        start, end: rows of the joined poses.
+        supports: support poses between the two, (k, N) [rad].
+    """
+
+    start: int
+    end: int
+    supports: Array
+
+    @property
+    def direct(self) -> bool:
+        """Whether one straight joint motion does."""
+        return len(self.supports) == 0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one collision engine says of a whole path.
+
+    Attributes:
+        engine: its name.
+        clear: whether every motion is proven.
+        clearance: smallest distance of two bodies on the path, to half a millimetre [m].
+        length_min, length_max: shortest and longest bar on the path, to half a millimetre [m].
+        evaluations: states that it looked at.
+        failures: a sentence for each motion that is not proven.
+        unproven: which these are, counted from 0; blends count on after the motions.
+    """
+
+    engine: str
+    clear: bool
+    clearance: float
+    length_min: float
+    length_max: float
+    evaluations: int
+    failures: tuple[str, ...]
+    unproven: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class ProvenPath:
+    """The whole way of a tour and both engines' verdict on it; released only if :attr:`clear`.
+
+    Attributes:
+        q: way points, supports included, (m, N) [rad].
+        node: row of the pose at each way point, −1 at a support, (m,).
+        legs: one from each pose to the next.
+        verdict: what coal says.
+        second: what python-fcl says.
+        checked: how the path was checked.
+    """
+
+    q: Array
+    node: np.ndarray
+    legs: tuple[PathLeg, ...]
+    verdict: Verdict
+    second: Verdict
+    checked: str = "continuous"
+
+    @property
+    def clear(self) -> bool:
+        """Whether both engines prove every motion."""
+        return self.verdict.clear and self.second.clear
+
+    @property
+    def clearance(self) -> float:
+        """Smallest distance of two bodies that either engine found [m]."""
+        return min(self.verdict.clearance, self.second.clearance)
+
+    @property
+    def length_min(self) -> float:
+        """Shortest bar on the path [m]."""
+        return self.verdict.length_min
+
+    @property
+    def length_max(self) -> float:
+        """Longest bar on the path [m]."""
+        return self.verdict.length_max
+
+    @property
+    def direct_legs(self) -> int:
+        """Number of legs that are one straight joint motion."""
+        return sum(leg.direct for leg in self.legs)
+
+    @property
+    def planned_legs(self) -> int:
+        """Number of legs with support poses."""
+        return len(self.legs) - self.direct_legs
+
+
+@dataclass(frozen=True)
+class PathGaps:
+    """Legs that could not be joined.
+
+    Attributes:
+        failed: pairs of poses (rows) without a proven way between them, smaller row first.
+        unreachable: poses in parts of the roadmap that no way leads to from the first pose's; to be replaced.
+        reasons: a sentence for each failed pair.
+    """
+
+    failed: tuple[tuple[int, int], ...]
+    unreachable: tuple[int, ...]
+    reasons: tuple[str, ...]
+
+
+TOLERANCE = 5e-4  # [m] to which the clearance and the bar's lengths on a path are found
+
+
+@dataclass(frozen=True)
+class SeparateMotions:
+    """Motions of a path that keep constraints of their own: ``motions``, counted from 0, ascending."""
+
+    constraints: Constraints
+    motions: np.ndarray
+
+
+def judge_path(
+    constraints: Constraints, q: Array, triangles: Array | None = None, apart: Sequence[SeparateMotions] = ()
+) -> tuple[Verdict, Verdict]:
+    """Prove a path of straight joint motions with coal's distances and again with python-fcl's.
+
+    Args:
+        constraints: what every state keeps.
+        q: way points (m, N) [rad].
+        triangles: (entry, corner, exit) of every blended corner, (k, 3, N) [rad]; the blend stays in the triangle.
+        apart: motions that keep other constraints instead.
+
+    Returns:
+        The verdict of coal and that of python-fcl; a path is released only if both are clear.
+    """
+    motions = np.stack([q[:-1], q[1:]], axis=1) if len(q) > 1 else np.stack([q, q], axis=1)
+    others = np.concatenate([np.zeros(0, dtype=int), *(a.motions for a in apart)])
+    common = SeparateMotions(constraints, np.setdiff1d(np.arange(len(motions)), others))
+    parts = [
+        _MotionGroup(a.constraints, motions[a.motions], a.motions, tuple(f"motion {k + 1}" for k in a.motions))
+        for a in (common, *apart)
+        if len(a.motions)
+    ]
+    if triangles is not None and len(triangles):
+        numbers = np.arange(len(triangles))
+        names = tuple(f"blend {k + 1}" for k in numbers)
+        parts.append(_MotionGroup(constraints, triangles, len(motions) + numbers, names))
+    found = [p.constraints.extremes(p.corners, TOLERANCE) for p in parts]
+    by_coal = [p.constraints.prove_corners(p.corners) for p in parts]
+    by_fcl = [p.constraints.judge(p.corners) for p in parts]
+    return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
+
+
+@dataclass(frozen=True)
+class _MotionGroup:
+    """Motions or triangles (m, K, N) [rad] under one set of constraints, their numbers (m,) and names."""
+
+    constraints: Constraints
+    corners: Array
+    numbers: np.ndarray
+    names: tuple[str, ...]
+
+
+def _summarize(engine: str, parts: list[_MotionGroup], proofs: list[Proof], found: list[Extremes]) -> Verdict:
+    """Sum up proofs of named motions; both engines' own sightings count beside the extremes found."""
+    failures = [
+        (int(part.numbers[k]), f"{name}: {part.constraints.failure(proof, k)}")
+        for part, proof in zip(parts, proofs, strict=True)
+        for k, name in enumerate(part.names)
+        if not proof.proven[k]
+    ]
+    failures.sort(key=lambda failure: failure[0])
+    return Verdict(
+        engine,
+        not failures,
+        clearance=min([float(p.clearance.min(initial=np.inf)) for p in proofs] + [e.clearance for e in found]),
+        length_min=min(e.length_min for e in found),
+        length_max=max(e.length_max for e in found),
+        evaluations=sum(p.evaluations for p in proofs),
+        failures=tuple(text for _, text in failures),
+        unproven=tuple(number for number, _ in failures),
+    )

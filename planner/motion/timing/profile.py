@@ -1,0 +1,250 @@
+"""Which speeds to hold along the path: stretches with their bounds, and the quickest chain of jerk-limited moves
+over them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.units import Array, read_only
+from planner.motion.timing.curve import PathCurve
+from planner.motion.timing.limits import Index, Limits, Mask, ToolJacobian
+from planner.motion.timing.ramps import reachable_speed, travel_time
+
+JOINT_STEP = 0.015  # [rad] largest joint travel between two samples of the tool's speed
+HALF_BLEND = 24  # intervals in either half of a blend
+CHANGE = 0.03  # relative change of the speed limit that begins a new stretch
+MARGIN_STRAIGHT = 1.0 + 2e-4  # what a maximum between two samples may exceed the samples by
+MARGIN_BLEND = 1.0 + 1e-2
+SAGITTA = 0.2  # 1/8 for a constant second derivative, and room for one that varies
+JUMP = 1e-6  # a relative change from one interval to the next that only a stop can make
+SHARE = 0.9  # of the acceleration and jerk limits that curvature alone may use
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """S stretches in order along the path.
+
+    edge (S+1,) their ends in s [m]; d1, d2, d3 (S, N) the largest |dq/ds|, |d²q/ds²|, |d³q/ds³| on each; tool (S,) the
+    largest ds/dt [m/s] that the tool's speed limit allows; rest (S+1,) ends at which the motion stands still.
+    """
+
+    edge: Array
+    d1: Array
+    d2: Array
+    d3: Array
+    tool: Array
+    rest: Mask
+
+
+def speed_bound(d1: Array, d2: Array, d3: Array, tool: Array, limits: Limits, share: float) -> Array:
+    """Return the largest ds/dt (…,) with |q′|ṡ ≤ v, |q″|ṡ² ≤ share·a and |q‴|ṡ³ ≤ share·j on every joint."""
+    with np.errstate(divide="ignore"):
+        joint = np.minimum(limits.speed / d1, np.sqrt(share * limits.acceleration / d2))
+        joint = np.minimum(joint, np.cbrt(share * limits.jerk / d3))
+    return np.asarray(np.minimum(joint.min(axis=-1), tool))
+
+
+def cut_stretches(
+    curve: PathCurve, passage: Array, stop: Mask, tool_speed: Array, jacobian: ToolJacobian, limits: Limits
+) -> Stretches:
+    """Cut the curve into stretches.
+
+    passage (M,) [m] and stop (M,) per distinct path point, tool_speed (M-1,) [m/s] per leg.
+    """
+    s, piece, leg = _samples(curve, passage, tool_speed)
+    # at a stop the tangent jumps: each interval takes both its ends on its own piece
+    low, high = curve.derivatives(s[:-1], piece), curve.derivatives(s[1:], piece)
+    margin = np.where(curve.blend[piece], MARGIN_BLEND, MARGIN_STRAIGHT)[:, None]
+    d1, d2, d3 = (np.maximum(np.abs(a), np.abs(b)) * margin for a, b in zip(low[1:], high[1:], strict=True))
+    tool = np.full(len(leg), np.inf)
+    if np.isfinite(tool_speed).any():
+        jacobians = jacobian(np.concatenate([low[0], high[0][-1:]]))
+        begin = np.einsum("nij,nj->ni", jacobians[:-1], low[1])
+        end = np.einsum("nij,nj->ni", jacobians[1:], high[1])
+        with np.errstate(divide="ignore"):
+            tool = tool_speed[leg] / (_largest_norm(begin, end, np.diff(s)) * MARGIN_STRAIGHT)
+    fastest = speed_bound(d1, d2, d3, tool, limits, SHARE)
+    marks = np.searchsorted(s, np.concatenate([curve.start, passage]))
+    first = _first_intervals(fastest, marks[marks < len(fastest)])
+    edge = np.concatenate([s[first], s[-1:]])
+    rest = np.zeros(len(edge), dtype=bool)
+    rest[np.searchsorted(edge, passage[stop])] = True
+    d1, d2, d3 = (read_only(np.maximum.reduceat(d, first)) for d in (d1, d2, d3))
+    return Stretches(read_only(edge), d1, d2, d3, read_only(np.minimum.reduceat(tool, first)), rest)
+
+
+def _samples(curve: PathCurve, passage: Array, tool_speed: Array) -> tuple[Array, Index, Index]:
+    """Return sample places s (n+1,), and of the intervals between them the piece (n,) and the leg (n,)."""
+    low = np.unique(np.concatenate([curve.start, passage[:-1]]))
+    high = np.concatenate([low[1:], [passage[-1]]])
+    piece = curve.piece(low)
+    leg = np.clip(np.searchsorted(passage, low, side="right") - 1, 0, len(tool_speed) - 1)
+    travel = np.abs(curve.derivatives(high, piece)[0] - curve.derivatives(low, piece)[0]).max(axis=1)
+    count = np.where(np.isfinite(tool_speed[leg]), np.ceil(travel / JOINT_STEP), 1.0)
+    count = np.maximum(count, np.where(curve.blend[piece], HALF_BLEND, 1)).astype(np.intp)
+    run = np.repeat(np.arange(len(low)), count)
+    within = np.arange(len(run)) - np.repeat(np.cumsum(count) - count, count)
+    s = low[run] + (high - low)[run] * (within / count[run])
+    return np.concatenate([s, high[-1:]]), piece[run], leg[run]
+
+
+def _largest_norm(low: Array, high: Array, h: Array) -> Array:
+    """Return the largest length (n,) of a vector on intervals h (n,), from its values (n, 3) at both their ends.
+
+    Between two samples the vector leaves its chord by at most h²/8 of its second derivative, here taken from divided
+    differences at both ends, and a chord is no longer than the longer of its ends.
+    """
+    slope = (high - low) / h[:, None]
+    bend = np.zeros(len(h) + 1)
+    bend[1:-1] = 2.0 * np.linalg.norm(np.diff(slope, axis=0), axis=1) / (h[:-1] + h[1:])
+    bend[1:-1][np.linalg.norm(high[:-1] - low[1:], axis=1) > JUMP * np.linalg.norm(low[1:], axis=1)] = 0.0
+    longest = np.maximum(np.linalg.norm(low, axis=1), np.linalg.norm(high, axis=1))
+    return np.asarray(longest + SAGITTA * h**2 * np.maximum(bend[:-1], bend[1:]))
+
+
+def _first_intervals(fastest: Array, marks: Index) -> Index:
+    """Return the first interval of each stretch: at every mark, and wherever the limit has drifted by CHANGE."""
+    drift = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.log(fastest))))])
+    begins = np.zeros(len(fastest), dtype=bool)
+    begins[marks] = True
+    begins[1:] |= np.diff(np.floor(drift / CHANGE)) > 0
+    return np.flatnonzero(begins)
+
+
+WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128)  # stretches that one step may join
+SHARES = (SHARE, 0.3)  # of acceleration and jerk for curvature: fast and even, or slower with room to change
+LEVELS = 4  # speeds tried at each end, from the single-stretch passes up to the highest reachable
+SAFE = (1e-4, 1e-12)  # held back from a change of speed, relative to it and to the speed: room for tolerances
+USEFUL = 1.0 - 1e-9  # of the time over single stretches: a wider step must be able to beat it
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Moves from end ``first`` to end ``last``: length [m], and the bounds on ds/dt, d²s/dt², d³s/dt³; all (n,).
+
+    v0 and v1 (n,) [m/s] are the speeds at either end once they are chosen (zero before).
+    """
+
+    first: Index
+    last: Index
+    length: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    v0: Array
+    v1: Array
+
+    def take(self, rows: Index) -> "Steps":
+        """Return these rows."""
+        return Steps(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def between(self, v0: Array, v1: Array) -> "Steps":
+        """Return the same moves with these speeds at their ends."""
+        return Steps(self.first, self.last, self.length, self.speed, self.acceleration, self.jerk, v0, v1)
+
+    def time(self) -> Array:
+        """Return the shortest times (n,) [s]; inf where a move cannot be made."""
+        return travel_time(self.length, self.v0, self.v1, self.speed, self.acceleration, self.jerk)
+
+
+def choose_speeds(stretches: Stretches, limits: Limits) -> Steps:
+    """Return the steps of the fastest way found from the first end to the last, in order."""
+    count = len(stretches.edge)
+    single = _steps(stretches, limits, 1, SHARES[0])
+    base = _speeds(single, stretches, single.speed)
+    base_time = np.concatenate([[0.0], np.cumsum(single.between(base[:-1], base[1:]).time())])
+    found = [single]
+    for width in WIDTHS:
+        if width >= count:
+            break
+        for share in SHARES[1:] if width == 1 else SHARES:
+            wide = _steps(stretches, limits, width, share)
+            useful = wide.length / wide.speed < (base_time[wide.last] - base_time[wide.first]) * USEFUL
+            found.append(wide.take(np.flatnonzero(useful)))
+    steps = Steps(*(np.concatenate([getattr(f, name) for f in found]) for name in single.__dataclass_fields__))
+    top = np.maximum(_speeds(steps, stretches, single.speed), base)
+    levels = base + (top - base) * (np.arange(LEVELS) / (LEVELS - 1))[:, None]
+    return _quickest_chain(steps, levels)
+
+
+def _steps(stretches: Stretches, limits: Limits, width: int, share: float) -> Steps:
+    """Return every run of ``width`` stretches without a rest inside, as a step under the bounds of the whole run."""
+    d1, d2, d3, tool = stretches.d1, stretches.d2, stretches.d3, stretches.tool
+    joined = 1
+    while joined < width:  # runs of up to twice the length, from two that overlap or touch
+        reach = min(joined, width - joined)
+        d1, d2, d3 = (np.maximum(d[:-reach], d[reach:]) for d in (d1, d2, d3))
+        tool = np.minimum(tool[:-reach], tool[reach:])
+        joined += reach
+    first = np.arange(len(tool))
+    rests = np.concatenate([[0], np.cumsum(stretches.rest)])
+    whole = rests[first + width] == rests[first + 1]
+    first, d1, d2, d3, tool = first[whole], d1[whole], d2[whole], d3[whole], tool[whole]
+    last = first + width
+    speed = speed_bound(d1, d2, d3, tool, limits, share)
+    v = speed[:, None]
+    with np.errstate(divide="ignore"):
+        left = limits.jerk - d3 * v**3
+        acceleration = np.minimum((limits.acceleration - d2 * v**2) / d1, 0.5 * left / (3.0 * d2 * v)).min(axis=1)
+        jerk = ((left - 3.0 * d2 * v * acceleration[:, None]) / d1).min(axis=1)
+    none = np.zeros(len(first))
+    length = stretches.edge[last] - stretches.edge[first]
+    return Steps(first, last, length, speed, acceleration, jerk, none, none)
+
+
+def _speeds(steps: Steps, stretches: Stretches, single: Array) -> Array:
+    """Return the highest speeds (S+1,) at the ends that a forward and a backward pass over ``steps`` allow."""
+    cap = np.minimum(np.concatenate([[np.inf], single]), np.concatenate([single, [np.inf]]))
+    cap[stretches.rest] = 0.0
+    forth = _speed_pass(cap, steps.first, steps.last, steps)
+    back = _speed_pass(cap, steps.last, steps.first, steps)
+    return np.minimum(forth, back)
+
+
+def _speed_pass(cap: Array, source: Index, target: Index, steps: Steps) -> Array:
+    """Lower ``cap`` until each end can be reached from some source; at most one sweep per end is needed, mostly few."""
+    order = np.argsort(target, kind="stable")
+    source, target = source[order], target[order]
+    limit = tuple(x[order] for x in (steps.length, steps.acceleration, steps.jerk))
+    fastest = steps.speed[order]
+    ends, starts = np.unique(target, return_index=True)
+    speed = cap.copy()
+    for _ in range(len(cap)):
+        slow = np.minimum(speed[source], fastest)
+        change = (reachable_speed(slow, *limit) - slow) * (1.0 - SAFE[0]) - SAFE[1] * slow
+        reach = np.minimum(slow + np.maximum(change, 0.0), fastest)
+        lowered = speed.copy()
+        lowered[ends] = np.minimum(speed[ends], np.maximum.reduceat(reach, starts))
+        if np.array_equal(lowered, speed):
+            break
+        speed = lowered
+    return speed
+
+
+def _quickest_chain(steps: Steps, levels: Array) -> Steps:
+    """Return the quickest chain of steps from first end to last; levels (L, S+1) are the speeds to choose from."""
+    count = len(levels)
+    fresh = np.vstack([np.ones(levels.shape[1], dtype=bool), np.diff(levels, axis=0) > 1e-3 * levels[1:]])
+    out, into = (grid.ravel() for grid in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
+    usable = fresh[out[:, None], steps.first] & fresh[into[:, None], steps.last]
+    pair, row = np.nonzero(usable)
+    tried = steps.take(row)
+    tried = tried.between(levels[out[pair], tried.first], levels[into[pair], tried.last])
+    time = tried.time()
+    keep = np.flatnonzero(np.isfinite(time))
+    keep = keep[np.argsort(tried.last[keep], kind="stable")]
+    state = (tried.first * count + out[pair])[keep].tolist()
+    target = (tried.last * count + into[pair])[keep].tolist()
+    best = np.full(levels.size, np.inf).tolist()
+    came = [-1] * levels.size
+    best[0] = 0.0
+    for i, (a, b, t) in enumerate(zip(state, target, time[keep].tolist(), strict=True)):
+        if best[a] + t < best[b]:
+            best[b] = best[a] + t
+            came[b] = i
+    chain = []
+    node = (levels.shape[1] - 1) * count
+    while node > 0:
+        chain.append(came[node])
+        node = state[came[node]]
+    return tried.take(keep[np.array(chain[::-1], dtype=np.intp)])

@@ -1,0 +1,142 @@
+"""Concorde as a subprocess, where the user has it: TSPLIB file in, tour and certificate out.
+
+Nothing that it says is believed unseen: the program is identified first, it works in a private folder and in a
+process group of its own with a hard time-out (after a crash its signal handler sleeps on), and its tour is accepted
+only if it is a permutation whose recomputed cost is the optimum that it announces.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from planner.common.errors import PlannerError
+from planner.motion.tour.instance import IntArray, TourInstance
+
+TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s
+_IDENTIFY_S = 10.0
+_IDENTITY = "maximum chunk size in localcuts"  # in the usage text of the solver and of no other "concorde"
+
+
+class ConcordeError(PlannerError):
+    """Concorde is absent, is another program, failed, hung or wrote rubbish; the message says which."""
+
+
+def find_concorde() -> Path | None:
+    """Return the solver named by EDBB_CONCORDE or found on PATH, None if there is none.
+
+    Raises:
+        ConcordeError: EDBB_CONCORDE names no program, or what was found is not the Concorde TSP solver.
+
+    """
+    wanted = os.environ.get("EDBB_CONCORDE")
+    found = shutil.which(wanted or "concorde")
+    if found is None:
+        if wanted:
+            raise ConcordeError(f"EDBB_CONCORDE names {wanted}, which is not a program")
+        return None
+    with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
+        try:
+            _, text = _run([os.path.abspath(found)], folder, _IDENTIFY_S)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise ConcordeError(f"{found} cannot be run: {error}") from error
+    if _IDENTITY not in text:
+        raise ConcordeError(f"{found} is not the Concorde TSP solver (the Python package of that name is another)")
+    return Path(os.path.abspath(found))
+
+
+def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int) -> list[int]:
+    """Return the optimal closed tour over the instance's nodes.
+
+    Args:
+        program: what ``find_concorde`` returned.
+        instance: the problem.
+        upper: cost of a known tour without forbidden legs [units].
+        seed: passed on.
+
+    Raises:
+        ConcordeError: it crashed, hung or wrote what is not an optimal tour.
+
+    """
+    matrix = _matrix(instance, upper + 1)
+    with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
+        Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
+        command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]
+        try:
+            code, text = _run(command, folder, TIMEOUT_S)
+        except subprocess.TimeoutExpired as error:
+            raise ConcordeError(f"Concorde did not finish in {TIMEOUT_S:g} s and was stopped") from error
+        except OSError as error:
+            raise ConcordeError(f"Concorde cannot be run: {error}") from error
+        tour = _read(Path(folder, "out.sol"), len(matrix))
+    announced = re.search(r"Optimal Solution:\s*([0-9.eE+]+)", text)
+    if tour is None or announced is None:
+        raise ConcordeError(f"Concorde ended with code {code} and without an optimal tour")
+    length = int(matrix[tour, np.roll(tour, -1)].sum())
+    if abs(float(announced[1]) - length) > 0.5:
+        raise ConcordeError(f"Concorde announced {announced[1]} for a tour that costs {length}")
+    cycle = [node for node in tour if node < len(instance.cost)]
+    if instance.length(cycle) > upper or not instance.holds_required(cycle):
+        raise ConcordeError("Concorde's tour is worse than one already known")
+    return cycle
+
+
+def _matrix(instance: TourInstance, far: int) -> IntArray:
+    """Return what Concorde gets: a cost ``far`` above any tour instead of bonus and penalty, ends through a dummy."""
+    cost = np.where(instance.forbidden, far, instance.cost)
+    if instance.required is None:
+        return cost
+    if len(cost) > instance.n:
+        ends: tuple[int, ...] = (instance.required[0],)
+    else:
+        ends = instance.required
+        cost = np.pad(cost, (0, 1))
+    cost[-1] = cost[:, -1] = far
+    cost[-1, ends] = cost[ends, -1] = 0
+    cost[-1, -1] = 0
+    return cost
+
+
+def _tsplib(matrix: IntArray) -> str:
+    rows = "\n".join(" ".join(map(str, row)) for row in matrix.tolist())
+    return (
+        f"NAME: tour\nTYPE: TSP\nDIMENSION: {len(matrix)}\nEDGE_WEIGHT_TYPE: EXPLICIT\n"
+        f"EDGE_WEIGHT_FORMAT: FULL_MATRIX\nEDGE_WEIGHT_SECTION\n{rows}\nEOF\n"
+    )
+
+
+def _read(file: Path, size: int) -> list[int] | None:
+    """Return the permutation in a solution file (its length first), or None if there is none."""
+    try:
+        numbers = [int(word) for word in file.read_text(encoding="ascii").split()]
+    except (OSError, ValueError):
+        return None
+    return numbers[1:] if numbers[:1] == [size] and sorted(numbers[1:]) == list(range(size)) else None
+
+
+def _run(command: list[str], folder: str, timeout_s: float) -> tuple[int, str]:
+    """Run in ``folder``, stop the whole process group at the end, return exit code and all that was printed."""
+    with (
+        tempfile.TemporaryFile() as printed,
+        subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=printed,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        ) as process,
+    ):
+        try:
+            code = process.wait(timeout_s)
+        finally:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
+        printed.seek(0)
+        return code, printed.read().decode("utf-8", "replace")

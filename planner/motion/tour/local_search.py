@@ -1,0 +1,176 @@
+"""Iterated Lin–Kernighan search: a good tour to prove, found by seed and iteration count, never by the clock.
+
+Lin and Kernighan, "An effective heuristic algorithm for the traveling-salesman problem", Operations Research 21
+(1973), with 2-opt moves as steps; perturbed by swapping two short neighbouring segments (a local double bridge).
+All costs are integers, so that the result is the same on every machine.
+"""
+
+from random import Random
+
+import numpy as np
+
+from planner.motion.tour.instance import IntArray
+
+_BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
+_DEPTH = 3
+_SEGMENT = 30  # longest segment that a perturbation swaps
+
+
+class LocalSearch:
+    """Improves one closed tour over integer costs; ``tour`` is always the best found so far."""
+
+    def __init__(self, cost: IntArray, neighbours: IntArray, tour: list[int], seed: int) -> None:
+        """Take costs (m, m), each node's promising neighbours (m, k), a first tour (m nodes) and a seed."""
+        self._cost: list[list[int]] = cost.tolist()
+        self.neighbours = neighbours
+        self._size = len(tour)
+        self._random = Random(seed)
+        self.tour = list(tour)
+        self._position = [0] * self._size
+        for place, node in enumerate(self.tour):
+            self._position[node] = place
+
+    def improve(self, kicks: int) -> None:
+        """Descend to a local optimum, then perturb and repair ``kicks`` times, keeping what is not worse."""
+        self._near: list[list[int]] = self.neighbours.tolist()
+        self._descend(list(self.tour))
+        if self._size < 8:
+            return
+        for _ in range(kicks):
+            tour, position = self.tour.copy(), self._position.copy()
+            change, ends = self._kick()
+            change += self._descend(ends)
+            if change > 0:
+                self.tour, self._position = tour, position
+
+    def _descend(self, queue: list[int]) -> int:
+        """Improve until no queued node starts a gainful chain; return the change of cost (<= 0)."""
+        waiting = set(queue)
+        change = 0
+        while queue:
+            node = queue.pop()
+            waiting.discard(node)
+            while True:
+                gain, touched = self._chain(node)
+                if gain == 0:
+                    break
+                change -= gain
+                fresh = [other for other in touched if other not in waiting]
+                waiting.update(fresh)
+                queue.extend(fresh)
+        return change
+
+    def _chain(self, start: int) -> tuple[int, list[int]]:
+        """Try chains of 2-opt steps from ``start`` both ways; leave the first gainful one applied."""
+        for forward in (True, False):
+            flips: list[tuple[int, int, int, int]] = []
+            gain = self._step(start, forward, 0, 0, flips)
+            if gain > 0:
+                return gain, [node for flip in flips for node in flip]
+        return 0, []
+
+    def _step(self, t1: int, forward: bool, saved: int, depth: int, flips: list[tuple[int, int, int, int]]) -> int:
+        """Extend the chain that removed ``saved`` net so far; return its final gain, or 0 with all undone."""
+        tour, position, size, cost = self.tour, self._position, self._size, self._cost
+        here = position[t1]
+        t2 = tour[here + 1 - size] if forward else tour[here - 1]
+        budget = saved + cost[t1][t2]
+        options: list[tuple[int, int, int]] = []
+        row = cost[t2]
+        for t3 in self._near[t2]:
+            left = budget - row[t3]
+            if left <= 0:
+                continue
+            place = position[t3]
+            t4 = tour[place - 1] if forward else tour[place + 1 - size]
+            if t3 != t1 and t4 != t2:
+                options.append((left + cost[t3][t4], t3, t4))
+        options.sort(reverse=True)
+        for gained, t3, t4 in options[: _BREADTH[min(depth, 2)]]:
+            straight = self._flip(t1, t2, t3, t4, forward)
+            flips.append((t1, t2, t3, t4))
+            closed = gained - cost[t4][t1]
+            if closed > 0:
+                return closed
+            if depth < _DEPTH:
+                gain = self._step(t1, straight, closed, depth + 1, flips)
+                if gain > 0:
+                    return gain
+            flips.pop()
+            self._flip(t1, t4, t3, t2, straight)
+        return 0
+
+    def _flip(self, t1: int, t2: int, t3: int, t4: int, forward: bool) -> bool:
+        """Replace legs t1-t2 and t3-t4 by t2-t3 and t4-t1; return whether t4 now follows t1."""
+        first, last = (self._position[t2], self._position[t4]) if forward else (self._position[t4], self._position[t2])
+        size = self._size
+        inside = (last - first) % size + 1
+        mirrored = 2 * inside > size
+        if mirrored:
+            first, last = (last + 1) % size, (first - 1) % size
+        self._reverse(first, last)
+        return forward != mirrored
+
+    def _reverse(self, first: int, last: int) -> None:
+        tour, position = self.tour, self._position
+        if first <= last:
+            piece = tour[first : last + 1]
+            piece.reverse()
+            tour[first : last + 1] = piece
+            for place, node in enumerate(piece, first):
+                position[node] = place
+            return
+        piece = tour[first:] + tour[: last + 1]
+        piece.reverse()
+        head = self._size - first
+        tour[first:], tour[: last + 1] = piece[:head], piece[head:]
+        for place, node in enumerate(piece, first - self._size):
+            position[node] = place if place >= 0 else place + self._size
+
+    def _kick(self) -> tuple[int, list[int]]:
+        """Swap two short neighbouring segments somewhere; return the change of cost and the touched nodes."""
+        size, tour, cost = self._size, self.tour, self._cost
+        longest = max(1, min(_SEGMENT, (size - 2) // 3))
+        draw = self._random.random
+        start, one, two = int(draw() * size), 1 + int(draw() * longest), 1 + int(draw() * longest)
+        places = [(start + step) % size for step in range(one + two + 2)]
+        nodes = [tour[place] for place in places]
+        a, b, c, d, e, f = nodes[0], nodes[1], nodes[one], nodes[one + 1], nodes[one + two], nodes[-1]
+        for place, node in zip(places[1:-1], nodes[one + 1 : -1] + nodes[1 : one + 1], strict=True):
+            tour[place] = node
+            self._position[node] = place
+        change = cost[a][d] + cost[e][b] + cost[c][f] - cost[a][b] - cost[c][d] - cost[e][f]
+        return change, list(dict.fromkeys((a, b, c, d, e, f)))
+
+
+def nearest_neighbours(weight: np.ndarray, count: int) -> IntArray:
+    """Return the ``count`` nodes of least weight from each node, nearest first, ties by number: (m, count)."""
+    masked = np.asarray(weight, dtype=float).copy()
+    np.fill_diagonal(masked, np.inf)
+    order = np.argsort(masked, axis=1, kind="stable")
+    return order[:, : min(count, len(masked) - 1)].astype(np.int64)
+
+
+def greedy_tour(cost: IntArray) -> list[int]:
+    """Return a closed tour made of the cheapest legs that close no circle early, ties by number."""
+    m = len(cost)
+    tail, head = np.triu_indices(m, 1)
+    near: list[list[int]] = [[] for _ in range(m)]
+    group = list(range(m))  # the other end of the path that a node ends
+    left = m - 1
+    for leg in np.argsort(cost[tail, head], kind="stable"):
+        a, b = int(tail[leg]), int(head[leg])
+        if len(near[a]) < 2 and len(near[b]) < 2 and group[a] != b:
+            near[a].append(b)
+            near[b].append(a)
+            ends = group[a], group[b]
+            group[ends[0]], group[ends[1]] = ends[1], ends[0]
+            left -= 1
+            if left == 0:
+                break
+    here = next(node for node in range(m) if len(near[node]) == 1)
+    tour, before = [here], -1
+    while len(tour) < m:
+        before, here = here, next(node for node in near[here] if node != before)
+        tour.append(here)
+    return tour

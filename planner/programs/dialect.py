@@ -1,0 +1,244 @@
+"""A controller's dialect as data: ``g-code/<name>/dialect.toml`` beside its ``program.j2``."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from planner.common.errors import InputError, did_you_mean
+from planner.common.files import data_folder
+from planner.common.schema import StrictModel, read_toml
+
+BlendKind = Literal["none", "mm", "percent", "path_degrees", "dense"]
+SpeedKind = Literal["axis_percent", "tool_speed", "inverse_time"]
+
+
+def _file_name(text: str) -> str:
+    if text.replace("{name}", "").strip(".").isalnum() and text.count("{name}") == 1:
+        return text
+    raise ValueError("a file is called {name} and an extension")
+
+
+def _pattern(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as err:
+        raise ValueError(f"is no regular expression: {err}") from err
+    return text
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
+Pattern = Annotated[str, AfterValidator(_pattern)]
+
+
+class FileNaming(StrictModel):
+    """Names of the files, ``{name}`` being the program's own, or the part's."""
+
+    main: FileName
+    part: FileName | None = None
+    data: FileName | None = None
+
+
+class NameRule(StrictModel):
+    """What the controller takes as the name of a program: how many letters lead, what is a word of its own."""
+
+    max_length: int = Field(gt=8)
+    upper: bool = False
+    letters: int = Field(default=1, ge=1, le=2)
+    reserved: tuple[str, ...] = ()
+
+
+class CommentStyle(StrictModel):
+    """How a remark begins and ends, and which characters may not stand in it."""
+
+    start: str = Field(min_length=1)
+    end: str = ""
+    forbid: str = ""
+    max_length: int = Field(default=72, gt=8)
+
+
+class BlendStyle(StrictModel):
+    """How a corner is cut; ``percent`` is of half the leg, ``path_degrees`` of joint path."""
+
+    kind: BlendKind
+    word: str = ""
+    exact: str = ""
+    decimals: int = Field(default=0, ge=0, le=4)
+    dense_deg: float = Field(default=1.0, gt=0)
+    tolerance: str = ""
+
+
+class SpeedStyle(StrictModel):
+    """How a leg's speed is said. ``overrides``: coarse percentages, set at stops, that scale ``percent``."""
+
+    kind: SpeedKind
+    word: str = ""
+    unit: Literal["%", "mm/s", "mm/min", "1/min"]
+    decimals: int = Field(ge=0, le=4)
+    overrides: tuple[int, ...] = (100,)
+    approach: str = ""
+
+
+class DwellStyle(StrictModel):
+    """The word of a pause in time and the unit of its number."""
+
+    word: str
+    unit: Literal["s", "ms"]
+    decimals: int = Field(default=3, ge=0, le=4)
+
+
+class SyncStyle(StrictModel):
+    """The output pulse at a pose: lines for standing still, and for passing by; ``header`` makes the output ready.
+
+    ``flying`` says where the passing mark stands: with the move that ends at the pose, or after it,
+    in which case ``flying_off`` ends the pulse one move later. None of it is written, and no output is
+    touched, where the cell names no output. ``passing`` says where on the path the mark in passing comes,
+    if that is not the pose itself.
+    """
+
+    header: tuple[str, ...] = ()
+    rest: tuple[str, ...]
+    flying: Literal["with_move", "after"] = "after"
+    flying_on: tuple[str, ...] = ()
+    flying_off: tuple[str, ...] = ()
+    note: str = ""
+    passing: str = ""
+
+
+class SelectStyle(StrictModel):
+    """How the numbers of tool, base and load are said; an empty pattern: the program does not select it.
+
+    ``note`` says what the speeds are of; ``{map}`` in it is the place of the measured point in the flange frame.
+    """
+
+    tool: str = ""
+    base: str = ""
+    load: str = ""
+    note: str = ""
+
+
+class LogStyle(StrictModel):
+    """How the controller's own record of its axes is read later: separated columns, or a pattern a line.
+
+    ``passing``: it is kept in passing too; else only at rest, and a continuous session needs ``trace``.
+    """
+
+    file: str
+    passing: bool = False
+    columns: Literal["q", "cmd"] = "q"
+    separator: str = ";"
+    decimal: str = "."
+    encoding: str = "ascii"
+    row: str | None = None
+    axis: str = ""
+    note: str
+
+
+class CentringCall(StrictModel):
+    """The call of the routine that centres the head on ``{ball}`` at pose ``{pose}``; ``note``: where it comes from."""
+
+    call: str
+    note: str
+
+
+class ReaderWords(StrictModel):
+    """What the independent reader looks for; it knows nothing of the template.
+
+    ``family`` names a file of ``planner.programs.readback``; the rest are regular expressions that the
+    G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so
+    that a dwell inside it is not taken for one of the program's.
+    """
+
+    family: Literal["gcode", "krl", "rapid", "pdl2"]
+    motion: Pattern = ""
+    dwell: Pattern = ""
+    sync: Pattern = ""
+    pulse_end: Pattern = ""
+    exact: Pattern = ""
+    blended: Pattern = ""
+    centre: Pattern = ""
+
+
+class DialectOption(StrictModel):
+    """A variant of the dialect, asked for as ``name+option``; only the tables given here differ."""
+
+    title: str
+    blend: BlendStyle
+
+
+class Dialect(StrictModel):
+    """All that is said of a dialect in its ``dialect.toml``."""
+
+    schema_: Literal["edbb-dialect/1"] = Field(alias="schema")
+    title: str
+    files: FileNaming
+    name: NameRule
+    units: str
+    axes: tuple[str, ...] = Field(min_length=1)
+    min_joints: int = Field(default=1, ge=1)
+    decimals: int = Field(ge=1, le=6)
+    encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
+    line_ending: Literal["lf", "crlf"] = "lf"
+    max_line: int = Field(ge=40)
+    part_lines: int | None = Field(default=None, ge=20)
+    number_step: int = Field(default=0, ge=0)
+    output: str = "{number}"
+    input: str = "{number}"
+    trace: str = Field(min_length=1)
+    header: tuple[str, ...] = ()
+    footer: tuple[str, ...] = ()
+    pause: tuple[str, ...]
+    wait: tuple[str, ...]
+    wait_note: str = ""
+    comment: CommentStyle
+    blend: BlendStyle
+    speed: SpeedStyle
+    dwell: DwellStyle
+    sync: SyncStyle
+    select: SelectStyle = SelectStyle()
+    log: LogStyle | None = None
+    centre: CentringCall | None = None
+    reading: ReaderWords
+    options: dict[str, DialectOption] = {}
+
+    @property
+    def max_joints(self) -> int:
+        """Return how many axes the dialect has words for."""
+        return len(self.axes)
+
+    def signal(self, text: str, output: int | None, gauge_input: int | None) -> str:
+        """Return ``text`` with the names of the cell's output and input in it, as far as the cell has them."""
+        for word, pattern, number in (("{output}", self.output, output), ("{input}", self.input, gauge_input)):
+            if number is not None:
+                text = text.replace(word, pattern.replace("{number}", str(number)))
+        return text
+
+
+def dialect_root() -> Path:
+    """Return the folder that holds one folder a dialect."""
+    return data_folder("g-code")
+
+
+def dialect_names() -> list[str]:
+    """Return the names of the dialects on disk, in alphabetical order."""
+    return sorted(p.parent.name for p in dialect_root().glob("*/dialect.toml"))
+
+
+def load_dialect(name: str) -> Dialect:
+    """Read dialect ``name``, or ``name+option`` for a variant that its file offers.
+
+    Raises:
+        InputError: no such dialect or option, or its file has an unknown, missing or wrong key.
+    """
+    base, _, option = name.partition("+")
+    known = dialect_names()
+    if base not in known:
+        raise InputError(f"no dialect '{name}'{did_you_mean(base, known)} (known: {', '.join(known)})")
+    dialect = read_toml(dialect_root() / base / "dialect.toml", Dialect)
+    if not option:
+        return dialect
+    if option not in dialect.options:
+        offered = ", ".join(f"{base}+{o}" for o in dialect.options) or "no options"
+        raise InputError(f"dialect '{base}' has no option '{option}' (it offers: {offered})")
+    return dialect.model_copy(update={"blend": dialect.options[option].blend})

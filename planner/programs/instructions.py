@@ -1,0 +1,180 @@
+"""The neutral program: what the robot shall do, before any controller's language.
+
+Angles are the controller's own, in degrees; they are printed as they are.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+from planner.common.errors import InputError
+
+
+@dataclass(frozen=True)
+class JointMove:
+    """Drive all axes together to ``q_deg`` (a straight line in joint space)."""
+
+    q_deg: tuple[float, ...]
+    duration_s: float
+    """Planned time of the leg [s]."""
+    tool_speed_mm_s: float
+    """Highest speed of the measured point on the leg [mm/s]."""
+    axis_percent: float
+    """Highest percentage of full axis speed at which ``tool_speed_mm_s`` still holds, in (0, 100]."""
+    blend_mm: float = 0.0
+    """Distance from the end at which the corner may be cut [mm]; 0 is an exact stop, in a dense path too:
+    there every step but the last has a distance, or the robot halts at each of them."""
+    pose: int | None = None
+    """Identity of the measuring pose that the leg ends at, if it does."""
+    tool_travel_mm: float | None = None
+    """Largest |dx/ds| of the leg, s from 0 to 1 along it [mm]; unknown: speed times duration stands in."""
+
+    @property
+    def travel_mm(self) -> float:
+        """Return the tool travel that blending distances are converted with [mm]."""
+        return self.tool_speed_mm_s * self.duration_s if self.tool_travel_mm is None else self.tool_travel_mm
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """Stand still for ``seconds`` [s]."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Sync:
+    """Pulse the output that marks pose ``pose`` in the gauge's log."""
+
+    pose: int
+
+
+@dataclass(frozen=True)
+class LogAxes:
+    """Let the controller itself record its axis angles at pose ``pose``; in passing where its language can."""
+
+    pose: int
+
+
+@dataclass(frozen=True)
+class Centre:
+    """Call the routine that brings the tool point onto a ball; the robot then stands where that led it.
+
+    ``ball`` counts from 1 as the cell lists them.
+    """
+
+    ball: int
+    pose: int
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Stop until the operator has done what ``message`` says and starts again."""
+
+    message: str
+
+
+@dataclass(frozen=True)
+class WaitInput:
+    """Wait until the input is on that tells ``what``, such as "gauge ready"."""
+
+    what: str
+
+
+@dataclass(frozen=True)
+class Comment:
+    """A remark for the reader."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """The heading of a stretch of the program."""
+
+    name: str
+
+
+Instruction = JointMove | Dwell | Sync | LogAxes | Centre | Pause | WaitInput | Comment | Section
+
+
+@dataclass(frozen=True)
+class Program:
+    """A whole measuring session, checked for sense when it is made.
+
+    Without ``sync_output`` no output is switched and without ``gauge_input`` no input is waited on, whatever the
+    instructions mark. ``map_mm`` and ``com_mm`` are in the flange frame: the measured point, and the centre of
+    mass of what is bolted on.
+
+    Raises:
+        InputError: an angle, time, speed or blend that no controller could drive, or a stop asked for
+            where the path is blended.
+    """
+
+    plan_id: str
+    robot: str
+    n_joints: int
+    home_deg: tuple[float, ...]
+    instructions: tuple[Instruction, ...]
+    tool: int | None = None
+    base: int | None = None
+    load: int | None = None
+    sync_output: int | None = None
+    gauge_input: int | None = None
+    map_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass_kg: float = 0.0
+    com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):
+            raise InputError(f"plan_id '{self.plan_id}' is not 12 hex digits")
+        _check_angles(self.home_deg, self.n_joints, "home")
+        for number in (self.tool, self.base, self.load, self.sync_output, self.gauge_input):
+            if number is not None and not 0 <= number <= 9999:
+                raise InputError(f"tool, base, load and signals are numbers from 0 to 9999, found {number}")
+        if not all(math.isfinite(v) for v in (*self.map_mm, *self.com_mm, self.mass_kg)) or self.mass_kg < 0.0:
+            raise InputError(f"the tool has a place or a mass ({self.mass_kg} kg) that is no sensible number")
+        if not self.moves:
+            raise InputError("the program holds no move")
+        for number, move in enumerate(self.moves, start=1):
+            _check_move(move, self.n_joints, f"move {number}")
+        if self.moves[0].blend_mm or self.moves[-1].blend_mm:
+            raise InputError("the first and the last move of a program are exact stops, blend_mm must be 0")
+        _check_stops(self.instructions)
+
+    @cached_property
+    def moves(self) -> tuple[JointMove, ...]:
+        """Return the moves alone, in order."""
+        return tuple(i for i in self.instructions if isinstance(i, JointMove))
+
+
+def _check_angles(q_deg: tuple[float, ...], n_joints: int, where: str) -> None:
+    if len(q_deg) != n_joints:
+        raise InputError(f"{where} has {len(q_deg)} angles, the robot has {n_joints} joints")
+    if not all(math.isfinite(q) and abs(q) < 1e5 for q in q_deg):
+        raise InputError(f"{where} has an angle that is no finite number of degrees: {q_deg}")
+
+
+def _check_move(move: JointMove, n_joints: int, where: str) -> None:
+    _check_angles(move.q_deg, n_joints, where)
+    allowed = {
+        "duration_s": (move.duration_s, 0.0 < move.duration_s < 1e5),
+        "tool_speed_mm_s": (move.tool_speed_mm_s, 0.0 <= move.tool_speed_mm_s < 1e5),
+        "axis_percent": (move.axis_percent, 0.0 < move.axis_percent <= 100.0),
+        "blend_mm": (move.blend_mm, 0.0 <= move.blend_mm < 1e4),
+    }
+    for name, (value, good) in allowed.items():
+        if not good:
+            raise InputError(f"{where}: {name} = {value} is out of range")
+
+
+def _check_stops(instructions: tuple[Instruction, ...]) -> None:
+    blended = False
+    for item in instructions:
+        if isinstance(item, JointMove):
+            blended = item.blend_mm > 0.0
+        elif isinstance(item, Dwell | Centre | Pause | WaitInput) and blended:
+            raise InputError(f"only a move that ends in an exact stop can be followed by {item}")
+        elif isinstance(item, Dwell) and not 0.0 < item.seconds < 1e5:
+            raise InputError(f"a dwell of {item.seconds} s is out of range")

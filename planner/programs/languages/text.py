@@ -1,0 +1,125 @@
+"""Numbers inside a text: found by place, written back in place, everything between them kept byte for byte."""
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from planner.common.errors import InputError
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
+EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?\d+)?"
+SHOWN = 20  # refused lines that one message lists
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A place for one number.
+
+    Attributes:
+        start, end: of the number in the text; equal where a word is to be inserted.
+        unit: size of one printed unit in SI (m, rad, or 1).
+        decimals: fewest digits behind the point when the number changes; 0 for whole numbers.
+        prefix: what stands before an inserted number.
+        aligned: whether spaces before the number may give way, to keep columns straight.
+    """
+
+    start: int
+    end: int
+    unit: float
+    decimals: int
+    prefix: str = ""
+    aligned: bool = True
+
+
+@dataclass
+class Refusals:
+    """Lines that are not understood, collected so that a person sees them all at once."""
+
+    name: str
+    lines: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, line: int, sentence: str) -> None:
+        """Note that ``line`` cannot be compensated, and why."""
+        if (line, sentence) not in self.lines:
+            self.lines.append((line, sentence))
+
+    def check(self) -> None:
+        """Raise what was noted.
+
+        Raises:
+            InputError: one sentence a line.
+        """
+        if self.lines:
+            raise InputError("\n".join(list_lines(self.name, self.lines)))
+
+
+def list_lines(name: str, lines: Iterable[tuple[int, str]]) -> Iterator[str]:
+    """Yield ``name:line: sentence`` in the order of the file, the first of many and the count of the rest."""
+    ordered = sorted(lines)
+    yield from (f"{name}:{line}: {sentence}" for line, sentence in ordered[:SHOWN])
+    if len(ordered) > SHOWN:
+        yield f"{name}: and {len(ordered) - SHOWN} more lines like these"
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The lines of a text, with their places; only line feeds and carriage returns end a line."""
+
+    text: str
+    starts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, text: str) -> "Lines":
+        """Cut ``text`` into lines."""
+        ends = [m.end() for m in re.finditer(r"\r\n|\n|\r", text)]
+        return cls(text, (0, *(e for e in ends if e < len(text))))
+
+    def __iter__(self) -> Iterator[tuple[int, int, str]]:
+        """Yield number (from 1), place and text of every line, without its end."""
+        for k, start in enumerate(self.starts):
+            end = self.starts[k + 1] if k + 1 < len(self.starts) else len(self.text)
+            yield k + 1, start, self.text[start:end].rstrip("\r\n")
+
+    def number(self, place: int) -> int:
+        """Return the number of the line that ``place`` is in."""
+        return bisect_right(self.starts, place)
+
+
+def mask_comments(text: str, comment: str, strings: str = '"') -> str:
+    """Return ``text`` with remarks (regular expression ``comment``) and quoted strings blanked, places unchanged."""
+    quoted = "".join(rf"|{q}[^{q}\r\n]*{q}" for q in strings)
+    return re.sub(f"(?:{comment}){quoted}", lambda m: " " * len(m[0]), text)
+
+
+def write_values(text: str, values: Iterable[tuple[Slot, float]]) -> str:
+    """Return ``text`` with SI ``values`` in their slots; a number that the change does not reach stays as it is."""
+    pieces, last = [], 0
+    for slot, value in sorted(values, key=lambda pair: pair[0].start):
+        old = text[slot.start : slot.end]
+        new = number_text(old, value / slot.unit, slot.decimals)
+        gap = text[last : slot.start]
+        if old and slot.aligned:
+            gap = _keep_alignment(gap, len(new) - len(old))
+        pieces += [gap, slot.prefix if not old else "", new]
+        last = slot.end
+    return "".join([*pieces, text[last:]])
+
+
+def number_text(old: str, value: float, decimals: int) -> str:
+    """Return ``value`` with as many decimals as ``old`` shows, or more; ``old`` itself if it says the same."""
+    shown = len(old.partition(".")[2]) if "." in old and "e" not in old.lower() else 0
+    places = max(decimals, shown)
+    if old and abs(float(old) - value) < 0.5 * 10.0**-places:
+        return old
+    text = f"{value:.{places}f}"
+    text = text.lstrip("-") if float(text) == 0.0 else text
+    return "+" + text if old.startswith("+") and not text.startswith("-") else text
+
+
+def _keep_alignment(gap: str, growth: int) -> str:
+    """Let the spaces before a number take up its growth, where there are columns: two spaces or more."""
+    spaces = len(gap) - len(gap.rstrip(" "))
+    if spaces < 2:
+        return gap
+    return gap[: len(gap) - spaces] + " " * max(1, spaces - growth)

@@ -1,0 +1,152 @@
+"""The room's verbs: which dialects there are, write a program, read it back, verify it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from planner.common.errors import InputError
+from planner.programs.dialect import Dialect, LogStyle, dialect_names, load_dialect
+from planner.programs.instructions import Program
+from planner.programs.languages.execution import ReadBack
+from planner.programs.readback import read_texts
+from planner.programs.rendering import ProgramFile, operator_cautions, render_program
+from planner.programs.steps import lower_program
+from planner.programs.verification import check_program
+
+
+@dataclass(frozen=True)
+class DialectInfo:
+    """What a person chooses a dialect by."""
+
+    name: str
+    title: str
+    extensions: tuple[str, ...]
+    units: str
+    min_joints: int
+    max_joints: int
+    decimals: int
+    blend_kind: str
+    """``none``, ``mm``, ``percent``, ``path_degrees`` or ``dense``."""
+    logs_axes: bool
+    """Whether the program records the axes at rest."""
+    logs_passing: bool
+    """Whether it does so in passing too; else a continuous session needs ``trace``."""
+    trace: str
+    """The controller's own recorder."""
+    sync_note: str
+    options: tuple[str, ...]
+
+    @property
+    def wants_dense_path(self) -> bool:
+        """Return whether a blended path must be given in small steps to be driven without stops."""
+        return self.blend_kind == "dense"
+
+    @property
+    def logging(self) -> str:
+        """Return where the program logs the axes, and with what they are recorded elsewhere."""
+        if self.logs_passing:
+            return "at rest and in passing"
+        return f"at rest; in passing: {self.trace}" if self.logs_axes else f"no: {self.trace}"
+
+
+def dialect_info(name: str) -> DialectInfo:
+    """Return what ``name`` is, an option such as ``din66025+rounding`` included.
+
+    Raises:
+        InputError: no such dialect or option, or its file is wrong.
+    """
+    d = load_dialect(name)
+    file_names = (d.files.main, d.files.data)
+    return DialectInfo(
+        name=name,
+        title=d.title,
+        extensions=tuple("." + f.rpartition(".")[2] for f in file_names if f is not None),
+        units=d.units,
+        min_joints=d.min_joints,
+        max_joints=d.max_joints,
+        decimals=d.decimals,
+        blend_kind=d.blend.kind,
+        logs_axes=d.log is not None,
+        logs_passing=d.log is not None and d.log.passing,
+        trace=d.trace,
+        sync_note=d.sync.note.replace("{output}", d.output.replace("{number}", "N")),
+        options=tuple(d.options),
+    )
+
+
+def dialects() -> tuple[DialectInfo, ...]:
+    """Return every dialect on disk, in alphabetical order."""
+    return tuple(dialect_info(name) for name in dialect_names())
+
+
+def write_program(program: Program, dialect_name: str, stem: str) -> tuple[ProgramFile, ...]:
+    """Return the files of ``program`` in a dialect, already read back and compared with the plan.
+
+    Args:
+        program: what the robot shall do.
+        dialect_name: a name of `dialects`, or ``name+option``.
+        stem: wanted name; brought into the form that the controller takes.
+
+    Raises:
+        InputError: no such dialect, or it cannot carry the program.
+        ProgramMismatchError: the text does not do what was planned.
+    """
+    dialect = load_dialect(dialect_name)
+    files = render_program(program, dialect, dialect_name.partition("+")[0], stem)
+    check_program(program, dialect, _texts(files))
+    return files
+
+
+def program_notes(program: Program, dialect_name: str) -> tuple[str, ...]:
+    """Return what a person must know of ``program`` in a dialect before it is started, one sentence each.
+
+    Raises:
+        InputError: no such dialect, or it cannot carry the program.
+    """
+    dialect = load_dialect(dialect_name)
+    return operator_cautions(program, dialect, lower_program(program, dialect))
+
+
+def read_back(dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:
+    """Return what ``files`` make the robot do, read without the code that wrote them.
+
+    Raises:
+        InputError: no such dialect, or a line that is not of it.
+    """
+    return read_texts(load_dialect(dialect_name), _texts(files))
+
+
+def verify(program: Program, dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:
+    """Read ``files`` back and compare them with ``program`` within the printed resolution.
+
+    Raises:
+        InputError: no such dialect.
+        ProgramMismatchError: the files do something else; no such program may be released.
+    """
+    return check_program(program, load_dialect(dialect_name), _texts(files))
+
+
+def import_map(dialect_name: str, n_joints: int) -> str:
+    """Return the column map (TOML) with which the controller's own log of the axes is imported.
+
+    Raises:
+        InputError: the dialect keeps no log.
+    """
+    dialect = load_dialect(dialect_name)
+    if dialect.log is None:
+        raise InputError(f"{dialect.title} keeps no log of its own axes; record them with the controller's trace")
+    return _map_text(dialect, dialect.log, n_joints)
+
+
+def _map_text(dialect: Dialect, log: LogStyle, n_joints: int) -> str:
+    lines = ['schema = "edbb-map/1"', *(f"# {line}" for line in log.note.splitlines())]
+    lines += [f'encoding = "{log.encoding}"', f'decimal = "{log.decimal}"']
+    if log.row is not None:
+        axes = (log.axis.format(axis=a, joint=i) for i, a in enumerate(dialect.axes[:n_joints], start=1))
+        return "\n".join([*lines, f"pattern = '{log.row.format(axes=','.join(axes))}'"]) + "\n"
+    lines += [f'separator = "{log.separator}"', "header = false", "[columns]", "pose = 1"]
+    lines += [f"{log.columns}{i}_deg = {i + 1}" for i in range(1, n_joints + 1)]
+    return "\n".join(lines) + "\n"
+
+
+def _texts(files: Sequence[ProgramFile]) -> tuple[str, ...]:
+    return tuple(f.text for f in files)

@@ -1,0 +1,179 @@
+"""Puts the steps and the remarks for the operator through a dialect's template and cuts the result into files."""
+
+import re
+import textwrap
+from dataclasses import dataclass
+from itertools import accumulate
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
+from jinja2.environment import TemplateModule
+
+from planner.common.errors import InputError
+from planner.programs.dialect import Dialect, dialect_root
+from planner.programs.instructions import Centre, Program, Sync, WaitInput
+from planner.programs.motion_words import format_fixed
+from planner.programs.steps import ProgramStep, comment_text, lower_program
+
+NUMBERS = ("tool", "base", "load")
+
+
+def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> tuple[str, ...]:
+    """Return what the program does not do by itself, or not where one would think; one sentence each."""
+    found = []
+    if program.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
+        found.append("no output marks the poses and none is touched, the cell names no controller.sync_output")
+    if program.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
+        found.append(
+            "no input says that the gauge is ready, the operator alone goes on, "
+            "the cell names no controller.gauge_input"
+        )
+    by_hand = [
+        f"{name} {getattr(program, name)}" for name in NUMBERS if _needs_selection_by_hand(program, dialect, name)
+    ]
+    if by_hand:
+        found.append(f"select {', '.join(by_hand)} by hand before the start, the program does not")
+    if any(s.kind == "unlogged" for s in steps):
+        found.append(
+            "the axis angles in passing are not logged by this program, a continuous session needs the actual "
+            f"positions of the axes recorded with {dialect.trace}, which edbb import reads"
+        )
+    passing = any(s.kind in ("sync_on", "log_passing") or (s.move is not None and s.move.pulse) for s in steps)
+    if dialect.sync.passing and passing:
+        found.append(dialect.sync.passing)
+    return tuple(found)
+
+
+def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
+    """Return what the program's signals and selections mean, and what must exist on the controller for them."""
+    notes = [
+        dialect.sync.note if program.sync_output is not None else "",
+        dialect.wait_note if program.gauge_input is not None else "",
+        dialect.select.note,
+        dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
+    ]
+    place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
+    told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
+    return tuple(n.replace("{map}", place) for n in told)
+
+
+def _needs_selection_by_hand(program: Program, dialect: Dialect, name: str) -> bool:
+    return getattr(program, name) is not None and not getattr(dialect.select, name)
+
+
+LINE_END = {"lf": "\n", "crlf": "\r\n"}
+
+
+@dataclass(frozen=True)
+class ProgramFile:
+    """A file for the controller: ``text`` holds its own line ends, ``encoding`` its characters."""
+
+    name: str
+    text: str
+    encoding: str = "ascii"
+
+
+@dataclass(frozen=True)
+class ProgramPart:
+    """A stretch of a long program that the main program calls by ``name``."""
+
+    name: str
+    number: int
+    lines: tuple[str, ...]
+
+
+def program_name(stem: str, dialect: Dialect, room: int = 0) -> str:
+    """Return ``stem`` as a name that the controller takes: letters, digits, underscores, not too long.
+
+    ``room`` characters are left free for the number of a part.
+    """
+    name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
+    led = len(name) >= dialect.name.letters and name[: dialect.name.letters].isalpha()
+    if not led or name.lower() in dialect.name.reserved:
+        name = f"PR_{name}"
+    name = name[: dialect.name.max_length - room].rstrip("_")
+    return name.upper() if dialect.name.upper else name
+
+
+def render_program(program: Program, dialect: Dialect, folder_name: str, stem: str) -> tuple[ProgramFile, ...]:
+    """Return the files of ``program``; the first is the one to start.
+
+    Raises:
+        InputError: the dialect cannot carry the program, or its template is wrong.
+    """
+    steps = lower_program(program, dialect)
+    try:
+        return _files(program, dialect, folder_name, stem, steps)
+    except TemplateError as err:
+        raise InputError(f"{dialect_root() / folder_name / 'program.j2'}: {err}") from err
+
+
+def _files(
+    program: Program, dialect: Dialect, folder_name: str, stem: str, steps: tuple[ProgramStep, ...]
+) -> tuple[ProgramFile, ...]:
+    environment = Environment(
+        loader=FileSystemLoader([dialect_root() / folder_name, dialect_root()]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,  # a robot program is no HTML
+    )
+    environment.filters["fixed"] = format_fixed
+    template = environment.get_template("program.j2")
+    name = program_name(stem, dialect)
+    context = {
+        "d": dialect,
+        "p": program,
+        "name": name,
+        "rows": [s for s in steps if s.kind in ("log", "log_passing")],
+        "passing": [s for s in steps if s.kind == "log_passing"],
+        "overridden": any(s.kind == "override" for s in steps),
+        "remarks": _remarks(program, dialect, steps),
+    }
+    module = template.make_module(context)
+    blocks = [_lines(module, "step", s) for s in steps]
+    if dialect.part_lines is not None and sum(map(len, blocks)) > dialect.part_lines:
+        name = program_name(stem, dialect, room=4)
+        module = template.make_module({**context, "name": name})
+    parts = _split(blocks, name, dialect.part_lines)
+    files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
+    if dialect.files.part is not None and len(parts) > 1:
+        files += [(dialect.files.part.format(name=p.name), _lines(module, "part", p)) for p in parts]
+    if dialect.files.data is not None:
+        files.append((dialect.files.data.format(name=name), _lines(module, "data", parts)))
+    return tuple(_finish(file_name, lines, dialect) for file_name, lines in files)
+
+
+def _remarks(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> list[str]:
+    """Return what the head of the program says, in lines that fit into comments."""
+    said = (*operator_cautions(program, dialect, steps), *explanations(program, dialect))
+    width = dialect.comment.max_length
+    return [comment_text(line, dialect.comment) for text in said for line in textwrap.wrap(text, width)]
+
+
+def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:
+    if not hasattr(module, macro):
+        raise TemplateError(f"the macro '{macro}' is missing")
+    text = str(getattr(module, macro)(*values))
+    return [line.rstrip() for line in text.split("\n") if line.strip()]
+
+
+def _split(blocks: list[list[str]], name: str, limit: int | None) -> list[ProgramPart]:
+    """Cut between steps, never inside one, into parts of at most ``limit`` lines."""
+    cut: list[list[str]] = [[]]
+    for lines in blocks:
+        if limit is not None and cut[-1] and len(cut[-1]) + len(lines) > limit:
+            cut.append([])
+        cut[-1].extend(lines)
+    return [ProgramPart(f"{name}_{i:03d}", i, tuple(lines)) for i, lines in enumerate(cut, start=1)]
+
+
+def _finish(name: str, lines: list[str], dialect: Dialect) -> ProgramFile:
+    if dialect.number_step:
+        code = [not line.startswith((dialect.comment.start, "%")) for line in lines]
+        numbers = (n * dialect.number_step for n in accumulate(code))
+        lines = [f"N{n} {x}" if c else x for x, c, n in zip(lines, code, numbers, strict=True)]
+    for number, line in enumerate(lines, start=1):
+        if len(line) > dialect.max_line:
+            raise InputError(f"{name}, line {number}: {len(line)} characters, {dialect.title} takes {dialect.max_line}")
+    end = LINE_END[dialect.line_ending]
+    return ProgramFile(name, end.join(lines) + end, dialect.encoding)

@@ -1,0 +1,262 @@
+"""From the neutral program to the steps that a template prints: words chosen, numbers rounded, poses marked."""
+
+import unicodedata
+from dataclasses import dataclass, replace
+from typing import Literal, assert_never
+
+from planner.common.errors import InputError
+from planner.programs.dialect import CommentStyle, Dialect
+from planner.programs.instructions import (
+    Centre,
+    Comment,
+    Dwell,
+    Instruction,
+    JointMove,
+    LogAxes,
+    Pause,
+    Program,
+    Section,
+    Sync,
+    WaitInput,
+)
+from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, speed_value
+
+
+@dataclass(frozen=True)
+class PoseMark:
+    """What the instructions between a move and the next want of the pose that the move ends at."""
+
+    sync: int | None = None
+    log: int | None = None
+
+    @property
+    def pose(self) -> int | None:
+        """Return the pose that is marked, if one is."""
+        return self.sync if self.sync is not None else self.log
+
+
+def find_marks(instructions: tuple[Instruction, ...]) -> list[PoseMark]:
+    """Return for each instruction the marks that stand between it and the next move."""
+    mark = PoseMark()
+    ahead: list[PoseMark] = []
+    for item in reversed(instructions):
+        ahead.append(mark)
+        match item:
+            case JointMove():
+                mark = PoseMark()
+            case Sync(pose=pose):
+                mark = replace(mark, sync=pose)
+            case LogAxes(pose=pose):
+                mark = replace(mark, log=pose)
+            case _:
+                pass
+    return ahead[::-1]
+
+
+@dataclass(frozen=True)
+class MoveWords:
+    """One joint move as a template sees it; every number is text, ready to print."""
+
+    words: tuple[tuple[str, str], ...]
+    """(axis name, angle) pairs."""
+    exact: bool
+    blend: str
+    blend_changed: bool
+    speed: str
+    speed_changed: bool
+    turn_deg_s: float
+    """Sum of the axes' mean speeds [deg/s]: no direction of the tool turns faster at the planned time."""
+    approach: bool
+    """True for the first move, which starts wherever the robot happens to stand."""
+    sync: int | None
+    """Pose marked in passing, where the dialect says so together with the move."""
+    pose: int | None
+    pulse: bool = False
+    """Whether the mark in passing pulses the output."""
+    log: bool = False
+    """Whether the mark in passing records the axes."""
+
+
+Kind = Literal[
+    "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
+    "centre", "pause", "wait", "comment", "section", "override",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ProgramStep:
+    """One step of a template: its kind, and what the kind needs."""
+
+    kind: Kind
+    text: str = ""
+    number: int = 0
+    row: int = 0
+    seconds: float = 0.0
+    move: MoveWords | None = None
+    pulse: bool = False
+    log: bool = False
+
+
+def comment_text(text: str, style: CommentStyle) -> str:
+    """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
+    ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    kept = "".join(" " if c in style.forbid or not c.isprintable() else c for c in ascii_text)
+    return " ".join(kept.split())[: style.max_length].rstrip()
+
+
+def lower_program(program: Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
+    """Return the steps of ``program`` in ``dialect``.
+
+    Raises:
+        InputError: the dialect has too few or too many axes, or cannot say a speed or a mark.
+    """
+    if not dialect.min_joints <= program.n_joints <= dialect.max_joints:
+        raise InputError(
+            f"{dialect.title} carries {dialect.min_joints} to {dialect.max_joints} joints, "
+            f"{program.robot} has {program.n_joints}"
+        )
+    return tuple(_StepBuilder(program, dialect).steps)
+
+
+class _StepBuilder:
+    """Walks the instructions once; remembers what the controller would."""
+
+    def __init__(self, program: Program, dialect: Dialect) -> None:
+        self.dialect = dialect
+        self.pulses, self.waits = program.sync_output is not None, program.gauge_input is not None
+        self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
+        self.overrides = choose_overrides(program.moves, dialect.speed)
+        self.steps: list[ProgramStep] = []
+        self.moves = self.rows = 0
+        self.override = 100
+        self.here = program.home_deg
+        self.last_blend: str | None = None
+        self.last_speed = ""
+        self.flying = self.pulse_open = False
+        for item, mark in zip(program.instructions, find_marks(program.instructions), strict=True):
+            self._add(item, mark)
+        self._set_override(100)
+
+    def _add(self, item: Instruction, mark: PoseMark) -> None:
+        style = self.dialect.comment
+        match item:
+            case JointMove():
+                self._move(item, mark)
+            case Dwell(seconds=seconds):
+                self.steps.append(ProgramStep("dwell", seconds=seconds))
+            case Sync() | LogAxes() if self.flying:
+                pass  # told with the move
+            case Comment(text=text):
+                self.steps.append(ProgramStep("comment", text=comment_text(text, style)))
+            case Section(name=text):
+                self.steps.append(ProgramStep("section", text=comment_text(text, style)))
+            case Pause(message=text):
+                self.steps.append(ProgramStep("pause", text=comment_text(text, style)))
+            case _:
+                self._add_signal(item)
+
+    def _add_signal(self, item: Sync | LogAxes | Centre | WaitInput) -> None:
+        match item:
+            case Sync(pose=pose):
+                self.steps.append(
+                    ProgramStep("sync", number=pose) if self.pulses else ProgramStep("comment", text=f"pose {pose}")
+                )
+            case LogAxes(pose=pose):
+                self._log("log", pose)
+            case Centre(ball=ball, pose=pose):
+                self.steps.append(ProgramStep("centre", text=self._centring(ball, pose)))
+            case WaitInput(what=text):
+                self._wait(comment_text(text, self.dialect.comment))
+            case _:
+                assert_never(item)
+
+    def _centring(self, ball: int, pose: int) -> str:
+        if self.dialect.centre is None:
+            raise InputError(
+                f"{self.dialect.title} has no call of a centring routine, which a plan with an artifact's balls needs; "
+                "take a dialect with one (krl), or let 'edbb centre' drive the robot"
+            )
+        return self.dialect.centre.call.format(ball=ball, pose=pose)
+
+    def _set_override(self, override: int) -> None:
+        if override != self.override:
+            self.override = override
+            self.last_speed = ""
+            self.steps.append(ProgramStep("override", number=override))
+
+    def _log(self, kind: Literal["log", "log_passing"], pose: int) -> None:
+        self.rows += 1
+        self.steps.append(ProgramStep(kind, number=pose, row=self.rows))
+
+    def _wait(self, what: str) -> None:
+        """Without an input the operator alone goes on, at the pause before or at one of its own."""
+        if self.waits:
+            self.steps.append(ProgramStep("wait", text=what, number=len(self.steps)))
+        elif not self.steps or self.steps[-1].kind != "pause":
+            self.steps.append(ProgramStep("pause", text=what))
+        else:
+            self.steps.append(ProgramStep("comment", text=f"{what}: no input is waited for, the operator goes on"))
+
+    def _move(self, item: JointMove, mark: PoseMark) -> None:
+        if not self.flying:
+            self._set_override(self.overrides[self.moves])
+        move = self._printed(item, self.blends[self.moves], mark)
+        self.steps.append(ProgramStep("move", move=move))
+        self.moves += 1
+        self.here, self.flying = item.q_deg, not move.exact
+        self.last_blend, self.last_speed = move.blend, move.speed
+        if self.pulse_open:
+            self.pulse_open = False
+            self.steps.append(ProgramStep("sync_off"))
+            if self.flying and mark.sync is not None:
+                raise InputError(
+                    f"{self.dialect.title} cannot pulse at two points one after the other; put a support "
+                    f"point before pose {mark.sync}"
+                )
+        if self.flying:
+            self._passed(mark)
+
+    def _printed(self, item: JointMove, value: float | None, mark: PoseMark) -> MoveWords:
+        d = self.dialect
+        blend = "" if value is None else format_fixed(value, d.blend.decimals)
+        if d.blend.kind == "dense" and value is not None:
+            blend = d.blend.tolerance
+        speed = format_fixed(speed_value(item, self.override, d.speed), d.speed.decimals)
+        with_move = value is not None and d.sync.flying == "with_move"
+        turned = sum(abs(b - a) for a, b in zip(self.here, item.q_deg, strict=True))
+        return MoveWords(
+            words=tuple(zip(d.axes, (format_fixed(q, d.decimals) for q in item.q_deg), strict=False)),
+            exact=value is None,
+            blend=blend,
+            blend_changed=blend != self.last_blend,
+            speed=speed,
+            speed_changed=speed != self.last_speed,
+            turn_deg_s=turned / item.duration_s,
+            approach=self.moves == 0,
+            sync=mark.pose if with_move else None,
+            pose=item.pose,
+            pulse=self._pulsed(mark),
+            log=self._logged(mark),
+        )
+
+    def _pulsed(self, mark: PoseMark) -> bool:
+        return self.pulses and mark.sync is not None
+
+    def _logged(self, mark: PoseMark) -> bool:
+        return mark.log is not None and self.dialect.log is not None and self.dialect.log.passing
+
+    def _passed(self, mark: PoseMark) -> None:
+        """The steps of a pose that the robot has just driven through."""
+        pose, pulse, log = mark.pose, self._pulsed(mark), self._logged(mark)
+        if pose is None:
+            return
+        if self.dialect.sync.flying == "after":
+            if pulse or log:
+                self.steps.append(ProgramStep("sync_on", number=pose, pulse=pulse, log=log))
+                self.pulse_open = pulse and bool(self.dialect.sync.flying_off)
+            else:
+                self.steps.append(ProgramStep("comment", text=f"pose {pose} in passing"))
+        if log:
+            self._log("log_passing", pose)
+        elif mark.log is not None:
+            self.steps.append(ProgramStep("unlogged", number=pose))

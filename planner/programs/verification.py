@@ -1,0 +1,117 @@
+"""Compares what a program would make the robot do with what was planned."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from planner.common.errors import InputError, PlannerError
+from planner.programs.dialect import Dialect
+from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
+from planner.programs.languages.execution import ReadBack
+from planner.programs.readback import read_texts
+
+_SLACK = 1.0 + 1e-6
+
+
+class ProgramMismatchError(PlannerError):
+    """The text of a program does not do what was planned, so it must not be released."""
+
+
+def check_program(program: Program, dialect: Dialect, texts: tuple[str, ...]) -> ReadBack:
+    """Read ``texts`` back and hold them against ``program``.
+
+    Raises:
+        ProgramMismatchError: a joint angle off by more than the printed resolution; a move, dwell or pulse
+            too many or too few; a corner rounded more, or a leg driven faster, than planned; another plan_id.
+    """
+    try:
+        found = read_texts(dialect, texts)
+    except InputError as err:
+        raise ProgramMismatchError(f"the program is not released, it cannot be read back: {err}") from err
+    for complaint in _complaints(program, dialect, found):
+        raise ProgramMismatchError(f"the program is not released: {complaint}")
+    return found
+
+
+def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
+    if found.plan_id != program.plan_id:
+        yield f"it belongs to plan {found.plan_id}, not {program.plan_id}"
+    planned = np.array([m.q_deg for m in program.moves])
+    if found.joint_path_deg.shape != planned.shape:
+        (n, axes), (n_planned, axes_planned) = found.joint_path_deg.shape, planned.shape
+        yield f"it has {n} moves of {axes} axes, planned are {n_planned} of {axes_planned}"
+        return
+    off = np.abs(found.joint_path_deg - planned)
+    if off.max() > 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9:
+        move, axis = np.unravel_index(int(off.argmax()), off.shape)
+        yield f"move {move + 1} has axis {axis + 1} off by {off.max():.6f} deg"
+    dwells = [i.seconds for i in program.instructions if isinstance(i, Dwell)]
+    if len(dwells) != len(found.dwells_s) or not np.allclose(dwells, found.dwells_s, rtol=0.0, atol=1e-3):
+        yield f"it dwells {len(found.dwells_s)} times, planned are {len(dwells)}, or the times differ"
+    marked = sum(isinstance(i, Sync) for i in program.instructions)
+    syncs = marked if program.sync_output is not None else 0
+    if syncs != found.syncs:
+        yield f"it pulses {found.syncs} times, planned are {syncs}"
+    if found.centrings != _centrings(program):
+        yield "it centres other balls, or elsewhere, than planned"
+    yield from _too_round(program, dialect, found)
+    yield from _too_fast(program, dialect, found)
+
+
+def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:
+    """After how many moves the routine is called, at which ball and pose."""
+    out, moves = [], 0
+    for item in program.instructions:
+        moves += isinstance(item, JointMove)
+        if isinstance(item, Centre):
+            out.append((moves, item.ball, item.pose))
+    return tuple(out)
+
+
+def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
+    """Turn each printed rounding back into millimetres on both legs of its corner."""
+    points = (program.home_deg, *(m.q_deg for m in program.moves))
+    for index, value in enumerate(found.blends):
+        allowed = program.moves[index].blend_mm
+        if value is None:
+            continue
+        for leg in (index, index + 1):
+            if leg >= len(program.moves):
+                yield f"move {index + 1} is the last and does not stop"
+                continue
+            cut = _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
+            if allowed <= 0.0 or cut > allowed * _SLACK:
+                yield f"move {index + 1} rounds its corner by {cut:.2f} mm, planned are {allowed:.2f} mm"
+
+
+def _cut_mm(
+    dialect: Dialect, value: float, start: tuple[float, ...], end: tuple[float, ...], travel_mm: float
+) -> float:
+    match dialect.blend.kind:
+        case "mm":
+            return value
+        case "percent":
+            return value / 100.0 * travel_mm / 2.0
+        case "path_degrees":
+            length = math.dist(start, end)
+            return value / length * travel_mm if length else 0.0
+        case "dense":
+            step = max(abs(b - a) for a, b in zip(start, end, strict=True))
+            return 0.0 if step <= dialect.blend.dense_deg else travel_mm / 2.0
+        case "none":
+            return travel_mm / 2.0
+
+
+def _too_fast(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
+    for number, (move, value) in enumerate(zip(program.moves, found.speeds, strict=True), start=1):
+        match dialect.speed.kind:
+            case "axis_percent":
+                ratio = value / move.axis_percent
+            case "tool_speed":
+                per_second = value / (60.0 if dialect.speed.unit == "mm/min" else 1.0)
+                ratio = per_second / max(move.tool_speed_mm_s, 0.1)
+            case "inverse_time":
+                ratio = 0.0 if number == 1 else value / 60.0 * move.duration_s
+        if ratio > _SLACK:
+            yield f"move {number} is driven at {100.0 * ratio:.1f} % of the planned speed"

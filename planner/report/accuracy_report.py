@@ -1,0 +1,172 @@
+"""The report of a validation by a tracker, or of repeated centrings."""
+
+from base64 import b64encode
+from dataclasses import dataclass
+
+import numpy as np
+from plotly.offline import get_plotlyjs
+
+from planner.common.units import UM, Array, to_mm
+from planner.instruments.accuracy.precision import TOLERANCE, Mastering, RepeatedCentrings
+from planner.instruments.accuracy.results import PUBLISHED_UM
+from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
+from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series
+from planner.report.matplotlib_backend import chart_png
+from planner.report.page import load_template, safe_json
+from planner.report.plotly_backend import chart_json
+
+BINS = 25
+ROW = 26  # [px] of one pose
+ROOM = 1.25  # of the highest bar, for what is written beside the lines
+
+
+def error_histogram(found: Validation) -> Chart:
+    """Errors before and after calibration, each on an axis of its own."""
+    both = [("by the data sheet", ORANGE, found.before)]
+    if found.after is not None:
+        both.append(("calibrated", BLUE, found.after))
+    caption = (
+        "Distance between where the tracker saw the reflector and where the robot's model has it, one a pose; dotted: "
+        "mean and largest. The tracker's frame comes from the nests, never from these poses."
+    )
+    panels = tuple(_panel(*one) for one in both)
+    return Chart("accuracy", f"Position errors at {len(found.run)} poses", caption, panels)
+
+
+def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:
+    size = to_mm(np.linalg.norm(judged.error, axis=1))
+    edges = np.linspace(0.0, float(size.max()), BINS + 1)
+    counts = np.histogram(size, edges)[0].astype(float)
+    mean, largest = float(to_mm(judged.figures.mean)), float(to_mm(judged.figures.largest))
+    return Panel(
+        name,
+        "position error (mm)",
+        "poses",
+        (_steps(name, colour, edges, counts),),
+        (
+            ReferenceLine(mean, f"mean {mean:.3f}", upright=True),
+            ReferenceLine(largest, f"max {largest:.3f}", upright=True),
+        ),
+        x_range=(0.0, 1.12 * largest),
+        y_range=(0.0, ROOM * float(counts.max())),
+        height=240,
+    )
+
+
+def _steps(name: str, colour: str, edges: Array, counts: Array) -> Series:
+    """The outline of a histogram, filled."""
+    x = np.repeat(edges, 2)
+    y = np.concatenate([[0.0], np.repeat(counts, 2), [0.0]])
+    return Series(name, x, y, colour, filled=True)
+
+
+def centring_chart(found: RepeatedCentrings) -> Chart:
+    """How far every repeated centring is from the mean of its pose, one row a pose."""
+    poses = list(dict.fromkeys(int(p) for p in found.pose))
+    size = np.linalg.norm(found.off, axis=1) / UM
+    place = np.array([poses.index(int(p)) for p in found.pose], dtype=float)
+    ball = dict(zip(found.pose.tolist(), found.ball, strict=True))
+    hover = tuple(f"pose {p}: {v:.1f} µm" for p, v in zip(found.pose, size, strict=True))
+    panel = Panel(
+        "",
+        "distance from the mean of the pose (µm)",
+        "",
+        (Series("", size, place, BLUE, "points", hover=hover),),
+        (ReferenceLine(TOLERANCE / UM, f"centred to {TOLERANCE / UM:g} µm by the indicators", upright=True),),
+        x_range=(0.0, 1.15 * max(float(size.max()), 2 * TOLERANCE / UM)),
+        y_names=tuple(f"pose {p}, ball {ball[p]}" for p in poses),
+        height=ROW * len(poses) + 40,
+    )
+    caption = (
+        "Each centring from the mean of all of its pose. The arm's own repeatability, which its joint angles do not "
+        "show, is part of it: the indicators alone agree much more closely."
+    )
+    return Chart("accuracy", "Repeated centrings", caption, (panel,))
+
+
+Row = tuple[str, ...]
+
+
+def validation_report(title: str, found: Validation) -> tuple[str, bytes]:
+    """Return the page and the picture (PNG) of a tracker's run. The same run, the same bytes."""
+    misses = ", ".join(f"{n} by {m / UM:.0f} µm" for n, m in zip(found.nests, found.frame.misses, strict=True))
+    before, after = found.before.figures, None if found.after is None else found.after.figures
+    said = [f"Mean position error {_mm(before.mean)} mm, at most {_mm(before.largest)} mm, by the data sheet."]
+    if after is not None:
+        said.append(
+            f"Calibrated: mean {_mm(after.mean)} mm, at most {_mm(after.largest)} mm, standard deviation "
+            f"{_mm(after.std)} mm."
+        )
+    said.append(f"The tracker's frame was found from {len(found.nests)} nests; it misses {misses}.")
+    said.append(found.floor.text() + ".")
+    head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))
+    rows = [_figures("by the data sheet", before)] + ([] if after is None else [_figures("calibrated", after)])
+    page = _Page(f"Accuracy of {title}", found.run.name, said, found.notes, "Position errors, in mm", head, rows)
+    return _written(page, error_histogram(found))
+
+
+def precision_report(
+    title: str, run: str, found: RepeatedCentrings, master: Mastering | None, notes: tuple[str, ...] = ()
+) -> tuple[str, bytes]:
+    """Return the page and the picture (PNG) of repeated centrings. The same run, the same bytes."""
+    s = found.summary
+    said = [
+        f"{s.centrings} centrings of {s.poses} poses: at most {_um(s.largest)} µm from the mean of a pose, "
+        f"rms {_um(s.rms)} µm, two of one pose at most {_um(s.apart)} µm apart.",
+        f"The robot's repeatability and the gauge's noise, as declared, let expect an rms of {_um(found.expected)} µm.",
+        f"The TriCal paper's Table 3 has three centrings within about {PUBLISHED_UM:g} µm of the master ball, by a "
+        "CMM: there the arm had no part in it; here what its joint angles do not show counts too.",
+    ]
+    if master is not None:
+        said.append(master.text()[0].upper() + master.text()[1:] + ".")
+    head = ("pose", "ball", "centring", "x", "y", "z", "distance")
+    page = _Page(f"Precision of centring on {title}", run, said, notes, "Centrings, in µm", head, _centrings(found))
+    return _written(page, centring_chart(found))
+
+
+@dataclass(frozen=True)
+class _Page:
+    """What a page says: title, run, sentences, notes, and a table under its heading."""
+
+    title: str
+    run: str
+    said: list[str]
+    notes: tuple[str, ...]
+    table: str
+    head: Row
+    rows: list[Row]
+
+
+def _written(page: _Page, picture: Chart) -> tuple[str, bytes]:
+    printed = chart_png(picture)
+    text = load_template("accuracy/report.html.j2").render(
+        page=page,
+        picture=picture,
+        printed=b64encode(printed).decode("ascii"),
+        figure=safe_json(chart_json(picture)),
+        plotly=get_plotlyjs(),
+    )
+    return text, printed
+
+
+def _figures(name: str, f: ErrorFigures) -> Row:
+    return (name, str(f.count), _mm(f.mean), _mm(f.largest), _mm(f.std), *(_mm(v) for _, v in f.percentiles))
+
+
+def _centrings(found: RepeatedCentrings) -> list[Row]:
+    """One row a centring, pose by pose."""
+    rows, seen = list[Row](), dict[int, int]()
+    for k in np.argsort(found.pose, kind="stable"):
+        pose = int(found.pose[k])
+        seen[pose] = seen.get(pose, 0) + 1
+        off = [f"{round(v / UM, 1) + 0.0:+.1f}" for v in found.off[k]]
+        rows.append((str(pose), found.ball[k], str(seen[pose]), *off, _um(float(np.linalg.norm(found.off[k])))))
+    return rows
+
+
+def _mm(value: float) -> str:
+    return f"{float(to_mm(value)):.3f}"
+
+
+def _um(value: float) -> str:
+    return f"{value / UM:.1f}"

@@ -1,0 +1,185 @@
+"""Charts of a calibration: errors before and after, residuals against every quantity, correlations."""
+
+import numpy as np
+
+from planner.common.determinism import even_positions
+from planner.common.units import Array, to_mm
+from planner.identification.calibration import error_size
+from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, PlotVariable, error_along, error_by_pose
+from planner.report.chart import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
+from planner.report.formatting import significant_text
+
+LINE_POINTS = 16  # points of the line through the residuals
+KINDS = {
+    "joints": ("residual_joints", "Error against each joint"),
+    "loads": ("residual_loads", "Error against the load on each joint"),
+    "gauge": ("residual_gauge", "Error against where the gauge reads"),
+    "circumstances": ("residual_circumstances", "Error against time and circumstances"),
+}
+SCATTER = (
+    "What the calibrated robot leaves, on samples that the fit had not seen. The line is the mean: where it leaves "
+    "zero, the model does not say all."
+)
+
+
+def residual_chart(told: CalibrationFacts, kind: str) -> Chart:
+    """Residuals of the last stage against every quantity of one kind."""
+    name, title = KINDS[kind]
+    error = to_mm(told.after.held_residual[told.looked_samples][:, :3])
+    panels = tuple(_scatter(a, error) for a in told.against if a.kind == kind)
+    return Chart(name, title, SCATTER, panels, columns=2)
+
+
+def approach_chart(told: CalibrationFacts) -> Chart:
+    """Residuals of every joint's two senses of approach, side by side."""
+    samples = told.calibration.run.samples
+    assert samples.direction is not None
+    which = told.looked_samples[even_positions(len(told.looked_samples), PANEL_POINTS // 3)]
+    sense = samples.direction[told.looked_samples]
+    joints = np.arange(1, sense.shape[1] + 1)
+    across = 0.14 * (np.arange(len(which)) * 0.6180339887 % 1 - 0.5)  # golden steps: points side by side, not on one
+    panels = []
+    for stage, side in ((told.before, "gauge placed"), (told.after, "calibrated")):
+        error = to_mm(error_along(stage.held_residual))
+        few, x = error[which], joints + 0.2 * samples.direction[which] + across[:, None]
+        cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
+        seen = [(j, s, sense[:, j - 1] == s) for j in joints for s in (-1.0, 1.0) if (sense[:, j - 1] == s).any()]
+        at = np.array([j + 0.2 * s for j, s, _ in seen])
+        mean = np.array([error[told.looked_samples][here].mean() for _, _, here in seen])
+        means = Series("mean", at, mean, BLACK, "points", size=8.0)
+        span = 1.08 * float(np.abs(few).max()) or 1.0
+        label = "joint: left came from above, right from below"
+        panels.append(
+            Panel(side, label, "error (mm)", (cloud, means), (ReferenceLine(0.0, ""),), y_range=(-span, span))
+        )
+    caption = (
+        "Two means of a joint that differ tell of backlash or friction. Where positions are read, the error is the "
+        "part along the direction in which it varies most."
+    )
+    return Chart("residual_approach", "Error against the sense of the last approach", caption, tuple(panels), 2)
+
+
+def _scatter(a: PlotVariable, error: Array) -> Panel:
+    """One panel: points, and for each component the line of means."""
+    wide = error.shape[1] > 1
+    colours = (BLUE, GREEN, RED) if wide else (BLUE,)
+    series, shown = [], even_positions(len(error), PANEL_POINTS)
+    for k, colour in enumerate(colours):
+        name = f"along {'xyz'[k]}" if wide else "a reading"
+        series.append(Series(name, a.values[shown], error[shown, k], colour, "points", size=3.5, opacity=0.4))
+    for k, colour in enumerate(colours):
+        at, mean = _means(a.values, error[:, k])
+        series.append(Series("mean", at, mean, colour if wide else BLACK, width=2.0))
+    span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
+    series.append(Series("", np.array([a.values.min(), a.values.max()]), np.zeros(2), GREY, dashed=True, width=1.0))
+    return Panel("", a.label, "error (mm)", tuple(series), y_range=(-span, span), height=150)
+
+
+def _means(x: Array, y: Array) -> tuple[Array, Array]:
+    """Means of y in groups of equal count along x; a quantity with few values has one group a value."""
+    values, group = np.unique(x, return_inverse=True)
+    if len(values) > LINE_POINTS:
+        group = np.empty(len(x), dtype=int)
+        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * LINE_POINTS // len(x)
+    count = np.bincount(group)
+    kept = count > 0
+    return np.bincount(group, x)[kept] / count[kept], np.bincount(group, y)[kept] / count[kept]
+
+
+BEFORE, AFTER = ORANGE, BLUE
+BINS = 60  # of the histogram
+MOST_CORRELATED = 60  # parameters in the correlation matrix
+ROW = 20  # [px] of one name in the correlation matrix
+
+
+def draw_calibration_charts(told: CalibrationFacts) -> tuple[Chart, ...]:
+    """Return every picture of the report."""
+    drawn = [residual_chart(told, kind) for kind in KINDS if any(a.kind == kind for a in told.against)]
+    if told.calibration.run.samples.direction is not None:
+        drawn.append(approach_chart(told))
+    matrix = (correlation_chart(told),) if len(told.calibration.fit.errors) > 1 else ()
+    loop = (stage_chart(told), *(finding_chart(told, step) for step in finding_steps(told)))
+    return (histogram_chart(told), pose_chart(told), *loop, *drawn, *matrix)
+
+
+def histogram_chart(told: CalibrationFacts) -> Chart:
+    """How many samples have which error, before and after."""
+    before, after = (to_mm(error_size(s.held_residual)) for s in (told.before, told.after))
+    low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
+    high = 1.1 * max(float(before.max()), float(after.max()))
+    edges = np.geomspace(min(low, high / 10), high, BINS + 1)
+    series = [
+        Series(f"{name}, mean {significant_text(float(e.mean()))} mm", *_steps(e, edges), colour, filled=True)
+        for name, e, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER))
+    ]
+    top = 1.1 * max(float(s.y.max()) for s in series)
+    panel = Panel(
+        "",
+        "error of a reading that the fit had not seen (mm, logarithmic)",
+        "part of the readings (%)",
+        tuple(series),
+        log_x=True,
+        x_range=(float(edges[0]), float(edges[-1])),
+        y_range=(0.0, top),
+        height=230,
+    )
+    caption = "Every reading was predicted by a fit that had not seen it. One step of the scale is ten times less."
+    return Chart("histogram", "Error before and after", caption, (panel,))
+
+
+def _steps(error: Array, edges: Array) -> tuple[Array, Array]:
+    """Outline of a histogram in per cent; what lies below the scale counts at its end."""
+    share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
+    return np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(share, 2), [0.0]])
+
+
+def pose_chart(told: CalibrationFacts) -> Chart:
+    """Error of every pose, before and after, in the order in which they were measured."""
+    names, before, after = error_by_pose(told)
+    floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
+    x = np.arange(1, len(names) + 1, dtype=float)
+    series = [
+        Series(
+            label,
+            x,
+            to_mm(np.maximum(values, floor)),
+            colour,
+            "points",
+            hover=tuple(f"{n}: {significant_text(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True)),
+            size=5.0,
+            opacity=0.8,
+        )
+        for label, values, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER))
+    ]
+    moving = told.calibration.run.continuous or told.calibration.run.samples.pose is None
+    what = "sample drawn" if moving else "pose"
+    high = 1.5 * float(to_mm(max(before.max(), after.max())))
+    panel = Panel(
+        "",
+        f"{what}, in the order of measuring",
+        "error (mm, logarithmic)",
+        tuple(series),
+        log_y=True,
+        y_range=(float(to_mm(floor)) / 1.3, high),
+        height=270,
+    )
+    caption = f"Each {what} as predicted by a fit that had not seen it. Point at one for its number."
+    return Chart("by_pose", f"Error of each {what}", caption, (panel,))
+
+
+def correlation_chart(told: CalibrationFacts) -> Chart:
+    """Correlations of the fitted parameters; of many, those that hang together most."""
+    matrix = told.correlation
+    strongest = np.abs(matrix - np.eye(len(matrix))).max(axis=1)
+    kept = np.sort(np.argsort(-strongest, kind="stable")[:MOST_CORRELATED])
+    names = tuple(told.calibration.fit.model.names[k] for k in kept)
+    cells = Heatmap(matrix[np.ix_(kept, kept)], names)
+    panel = Panel("", "", "", (), y_names=names, cells=cells, height=max(240, ROW * len(names)))
+    caption = (
+        f"The {MOST_CORRELATED} of {len(matrix)} that hang together most. " if len(matrix) > MOST_CORRELATED else ""
+    ) + (
+        "Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run knows "
+        "the two better together than each by itself."
+    )
+    return Chart("correlation", "Which parameters hang together", caption, (panel,))

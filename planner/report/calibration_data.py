@@ -1,0 +1,146 @@
+"""The numbers of the report, prepared once: errors before and after, and what they are drawn against."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from planner.common.determinism import even_positions
+from planner.common.units import Array, to_deg, to_mm
+from planner.effects.context import Context
+from planner.identification.artifact_pose import GaugeFrames, gauge_frames
+from planner.identification.calibration import Calibration, ResidualDiagnosis, Stage, error_size
+from planner.identification.residual_tests import diagnose_residual
+from planner.kinematics.bar_geometry import bar_state
+
+LOOKED_SAMPLES = 20_000  # samples of a long run that means are taken over
+EFFECT_SAMPLES = 1_500  # samples that single effects are drawn from
+PANEL_POINTS = 500  # of them that are drawn in one panel
+SHOWN_POSES = 1500  # that are drawn one by one
+
+
+@dataclass(frozen=True)
+class PlotVariable:
+    """What residuals are drawn against: a quantity of the samples ``Told.looked``, (m,) in the unit of ``label``."""
+
+    kind: str
+    label: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class CalibrationFacts:
+    """A calibration with all that the report works out of it."""
+
+    calibration: Calibration
+    known: ResidualDiagnosis | None = None
+
+    @property
+    def before(self) -> Stage:
+        """The robot as its data sheet has it, only the gauge placed on it."""
+        return next((s for s in self.calibration.stages if s.name == "frames"), self.calibration.stages[0])
+
+    @property
+    def after(self) -> Stage:
+        """The last stage."""
+        return self.calibration.stages[-1]
+
+    @cached_property
+    def left(self) -> ResidualDiagnosis:
+        """What the tests of the residual say, unless that was known."""
+        return self.known or diagnose_residual(self.calibration)
+
+    @cached_property
+    def frames(self) -> GaugeFrames:
+        """Where the gauge stands."""
+        return gauge_frames(self.calibration)
+
+    @cached_property
+    def looked_samples(self) -> np.ndarray:
+        """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
+        return even_positions(len(self.calibration.run), LOOKED_SAMPLES)
+
+    @cached_property
+    def few_rows(self) -> tuple[np.ndarray, Array]:
+        """Samples that effects are drawn from, (m,) int, and the model's rows there without orientation, (m, r, P)."""
+        fit, which = self.calibration.fit, even_positions(len(self.calibration.run), EFFECT_SAMPLES)
+        return which, fit.model.rows(self.calibration.run.samples.take(which), fit.errors)[:, :3]
+
+    @cached_property
+    def moves(self) -> Array:
+        """How far each fitted error moves the reading, (P,) [m], root mean square over the samples looked at."""
+        fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.looked_samples)
+        rows = fit.model.rows(samples, fit.errors)[:, :3] * fit.errors
+        return np.asarray(np.sqrt((rows**2).sum(axis=1).mean(axis=0)))
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Correlations of the fitted parameters, (P, P)."""
+        C = self.calibration.covariance
+        size = np.sqrt(np.diag(C))
+        return np.asarray(np.clip(C / np.outer(size, size), -1.0, 1.0))
+
+    @cached_property
+    def against(self) -> tuple[PlotVariable, ...]:
+        """Everything that the run has to draw residuals against."""
+        return tuple(a for a in (*self._angles(), *self._gauge(), *self._circumstances()) if np.ptp(a.values) > 0)
+
+    def _angles(self) -> list[PlotVariable]:
+        samples = self.calibration.run.samples.take(self.looked_samples)
+        out = [PlotVariable("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
+        rig = self.calibration.fit.model.rig
+        if rig.weighs or samples.force is not None or samples.payload is not None:
+            load = Context(rig, samples).load_torque
+            out += [PlotVariable("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
+        if samples.torque is not None:
+            out += [PlotVariable("loads", f"measured torque {j + 1} (Nm)", t) for j, t in enumerate(samples.torque.T)]
+        return out
+
+    def _gauge(self) -> list[PlotVariable]:
+        c, which = self.calibration, self.looked_samples
+        rig, samples = c.fit.model.rig, c.run.samples.take(which)
+        if c.run.readings.length is None:
+            p = rig.targets(samples, c.run.readings.take(which)).position
+            assert p is not None
+            return [
+                PlotVariable("gauge", f"position {axis} (mm)", to_mm(v)) for axis, v in zip("xyz", p.T, strict=True)
+            ]
+        motion = rig.chain.forward(rig.robot.theta(samples.q), rig.offsets(samples))
+        bar = bar_state(motion.x.T, rig.p_BX[samples.place])
+        x, y, z = bar.direction.T
+        return [
+            PlotVariable("gauge", "length read (mm)", to_mm(c.run.readings.length[which])),
+            PlotVariable("gauge", "direction of the bar about z (deg)", to_deg(np.arctan2(y, x))),
+            PlotVariable("gauge", "elevation of the bar (deg)", to_deg(np.arcsin(np.clip(z, -1.0, 1.0)))),
+        ]
+
+    def _circumstances(self) -> list[PlotVariable]:
+        s = self.calibration.run.samples.take(self.looked_samples)
+        logged = (("time (s)", s.t), ("temperature (°C)", s.temperature), ("force (N)", s.force))
+        more = (*logged, ("payload (kg)", s.payload))
+        return [PlotVariable("circumstances", label, v) for label, v in more if v is not None]
+
+
+def error_along(residual: Array) -> Array:
+    """Signed errors (n,) [m] of residuals (n, r): of lengths, or of positions along where they vary most."""
+    error = residual[:, :3]
+    if error.shape[1] == 1:
+        return error[:, 0]
+    axis = np.linalg.eigh(error.T @ error)[1][:, -1]
+    return np.asarray(error @ (axis * np.sign(axis[np.argmax(np.abs(axis))])))
+
+
+def error_by_pose(told: CalibrationFacts) -> tuple[tuple[str, ...], Array, Array]:
+    """Names and held-out errors [m] before and after, of the poses at rest or of samples along a continuous run."""
+    run = told.calibration.run
+    before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
+    if run.continuous or run.samples.pose is None:
+        which = even_positions(len(run), SHOWN_POSES)
+        return tuple(f"sample {k + 1}" for k in which), before[which], after[which]
+    pose, first = np.unique(run.samples.pose, return_index=True)
+    pose = pose[np.argsort(first)]
+    place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
+    count = np.bincount(place)
+    rms = [np.sqrt(np.bincount(place, size**2) / count) for size in (before, after)]
+    few = even_positions(len(pose), SHOWN_POSES)
+    return tuple(f"pose {p}" for p in pose[few]), rms[0][few], rms[1][few]

@@ -1,0 +1,296 @@
+"""The report of a calibration: one page that needs nothing else, and a PNG of each chart."""
+
+from base64 import b64encode
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from plotly.offline import get_plotlyjs
+
+from planner.common.files import write_bytes, write_text
+from planner.common.units import to_deg, to_mm
+from planner.identification.calibration import Calibration, Estimate, Metrics, ResidualDiagnosis, error_size
+from planner.identification.estimates import displayed_estimates
+from planner.report.calibration_charts import draw_calibration_charts
+from planner.report.calibration_data import CalibrationFacts
+from planner.report.calibration_text import (
+    GROUP_NAMES,
+    FindingText,
+    LimitTable,
+    correlation_text,
+    estimate_unit,
+    finding_texts,
+    findings_summary,
+    headline_text,
+    held_out_text,
+    limit_table,
+    noise_text,
+    refusal_text,
+    rejected_effects,
+)
+from planner.report.chart import Chart
+from planner.report.formatting import count_text, significant_text
+from planner.report.matplotlib_backend import chart_png
+from planner.report.page import load_template, safe_json
+from planner.report.plotly_backend import chart_json
+
+Row = tuple[str, ...]
+MOST_MOVED = 5  # parameters on the first sheet
+OUTLIERS = 50  # that are listed
+SHORT = 6  # stages up to which the first sheet lists all of them
+STAGE_NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
+
+
+@dataclass(frozen=True)
+class CalibrationPage:
+    """The report without its drawings; tables are rows of texts."""
+
+    title: str
+    about: str
+    problems: tuple[str, ...]
+    headline: tuple[str, ...]
+    facts: tuple[Row, ...]
+    stages: tuple[Row, ...]
+    first_stages: tuple[Row, ...]
+    found: tuple[str, ...]
+    loop: tuple[FindingText, ...]
+    limits: LimitTable
+    rejected: tuple[Row, ...]
+    traced: bool
+    validated: bool
+    warnings: tuple[str, ...]
+    held_out: str
+    noise: str
+    left: str
+    trials: tuple[Row, ...]
+    moved: tuple[Row, ...]
+    parameters: tuple[Row, ...]
+    unseen: tuple[Row, ...]
+    pairs: tuple[str, ...]
+    outliers: tuple[Row, ...]
+    outliers_more: int
+    gauge: tuple[Row, ...]
+
+
+def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
+    """Set all texts of the report."""
+    c = told.calibration
+    stages = tuple(_stage(told, k) for k in range(len(c.stages)))
+    estimates = displayed_estimates(c)
+    return CalibrationPage(
+        title=f"Calibration of {c.fit.model.rig.robot.title}",
+        about=_about(c),
+        problems=refusal_text(c),
+        headline=headline_text(told),
+        facts=_facts(told),
+        stages=stages,
+        first_stages=stages if len(stages) <= SHORT else (*stages[:3], ("all effects", *stages[-1][1:])),
+        found=findings_summary(told),
+        loop=finding_texts(told),
+        limits=limit_table(told),
+        rejected=rejected_effects(told),
+        traced=c.traced is not None,
+        validated=any(s.validation is not None for s in c.stages),
+        warnings=(*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
+        held_out=held_out_text(c),
+        noise=noise_text(told),
+        left=told.left.sentence,
+        trials=tuple(
+            (t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in sorted(told.left.trials, key=lambda t: t.p_value)
+        ),
+        moved=_most_moved(told),
+        parameters=tuple(_parameter(told, e) for e in estimates if e.identifiable),
+        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in estimates if not e.identifiable),
+        pairs=correlation_text(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
+        outliers=tuple(_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]),
+        outliers_more=max(0, len(c.fit.outliers) - OUTLIERS),
+        gauge=_gauge(told),
+    )
+
+
+def _about(c: Calibration) -> str:
+    kind = "continuous" if c.run.continuous else "static"
+    read = {"length": "lengths", "position": "positions", "pose": "positions and orientations"}[c.fit.model.rig.kind]
+    if c.run.readings.ball is not None:
+        read = "a point in balls or sockets"
+    plan = f" · plan {c.run.plan_id}" if c.run.plan_id else ""
+    return f"measured run “{c.run.name}” · {kind}, {read}{plan}"
+
+
+def _facts(told: CalibrationFacts) -> tuple[Row, ...]:
+    """The handful of numbers that a person asks for first: (what, value, remark)."""
+    c, before, after = told.calibration, told.before.held_out, told.after.held_out
+    several = GROUP_NAMES[c.split_by][0]
+    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {_mm(c.noise_floor)} mm"
+    return (
+        ("before, mean", f"{_mm(before.mean)} mm", f"largest {_mm(before.largest)} mm"),
+        ("calibrated, mean", f"{_mm(after.mean)} mm", f"largest {_mm(after.largest)} mm"),
+        ("anywhere, rms", f"{_mm(c.workspace_error)} mm", "expected by the covariance"),
+        ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
+        ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
+        ("condition", significant_text(c.condition_number), "of the rows, scaled"),
+        ("outliers", count_text(len(c.fit.outliers)), floor),
+    )
+
+
+def _stage(told: CalibrationFacts, k: int) -> Row:
+    """Name, parameters, then rms, mean and largest on training and held-out samples and on the validation run."""
+    s = told.calibration.stages[k]
+    spread = "" if s.held_out.spread is None else f" ± {_mm(s.held_out.spread, 2)}"
+    check = ("", "", "") if s.validation is None else _metrics(s.validation)
+    rms, mean, largest = _metrics(s.held_out)
+    name = STAGE_NAMES.get(s.name, s.name)
+    return (name, str(s.parameters), _mm(s.train.rms), rms + spread, mean, largest, *check)
+
+
+def _metrics(m: Metrics) -> Row:
+    return (_mm(m.rms), _mm(m.mean), _mm(m.largest))
+
+
+def _most_moved(told: CalibrationFacts) -> tuple[Row, ...]:
+    """The fitted errors of the robot that move the reading most: name, what, change, unit, and by how much."""
+    c = told.calibration
+    by_name = {e.name: e for e in c.estimates}
+    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, told.moves, strict=True)]
+    robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
+    return tuple(
+        (e.name, e.what, f"{_fixed(e, e.value - e.nominal, '+')} ± {_size(e)}", estimate_unit(e)[0], _mm(m, 2))
+        for e, m in robot[:MOST_MOVED]
+    )
+
+
+def _parameter(told: CalibrationFacts, e: Estimate) -> Row:
+    """Name, what, unit, nominal, value, change, ±, change in standard deviations, effect on the reading, absorbed."""
+    assert e.std is not None
+    change = e.value - e.nominal
+    moves = dict(zip(told.calibration.fit.model.names, told.moves, strict=True))
+    unit = estimate_unit(e)[0]
+    times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
+    return (
+        e.name,
+        e.what,
+        unit,
+        _nominal(e),
+        _fixed(e, e.value),
+        _fixed(e, change, "+"),
+        _size(e),
+        times,
+        _mm(float(moves[e.name]), 2),
+        ", ".join(e.absorbs),
+    )
+
+
+def _nominal(e: Estimate) -> str:
+    return f"{e.nominal * estimate_unit(e)[1]:.6g}"
+
+
+def _fixed(e: Estimate, value: float, sign: str = "") -> str:
+    """Write a value with as many decimals as its standard deviation has at two digits."""
+    return f"{value * estimate_unit(e)[1]:{sign}.{_decimals(e)}f}"
+
+
+def _size(e: Estimate) -> str:
+    return "–" if e.std is None else f"{e.std * estimate_unit(e)[1]:.{_decimals(e)}f}"
+
+
+def _decimals(e: Estimate) -> int:
+    size = (e.std or 0.0) * estimate_unit(e)[1]
+    return int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
+
+
+def _outlier(c: Calibration, k: int) -> Row:
+    """Sample, pose, place, error with it in the fit, and when held out."""
+    s, last = c.run.samples, c.stages[-1]
+    pose = "" if s.pose is None else str(s.pose[k])
+    error, held = (float(error_size(r[k : k + 1])[0]) for r in (last.residual, last.held_residual))
+    return (str(k + 1), pose, c.run.places[s.place[k]], _mm(error), _mm(held))
+
+
+def _gauge(told: CalibrationFacts) -> tuple[Row, ...]:
+    """Where the gauge stands: (what, position or angles)."""
+    f = told.frames
+    several = len(f.points) > 1
+    rows = [(f"fixture {n}".strip(), f"{_triple(to_mm(p))} mm in the base frame") for n, p in f.fixtures]
+    for n, p, rpy in f.places:
+        rows.append((f"frame of the gauge {n}".strip(), f"{_triple(to_mm(p))} mm in the base frame"))
+        rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(rpy), 4)} deg"))
+    for n, p in f.points:
+        rows.append((f"tool point {n}" if several else "tool point", f"{_triple(to_mm(p))} mm in the flange frame"))
+    if f.zero is not None:
+        rows.append(("zero of the bar", f"{float(to_mm(f.zero)):.4f} mm"))
+    return tuple(rows)
+
+
+def _chance(p: float) -> str:
+    return "below 1 in a million" if p < 1e-6 else significant_text(p, 2)
+
+
+def _triple(values: np.ndarray, decimals: int = 3) -> str:
+    return ", ".join(f"{v:.{decimals}f}" for v in values)
+
+
+def _mm(value: float, digits: int = 3) -> str:
+    return significant_text(float(to_mm(value)), digits)
+
+
+COLOURS = 128
+
+
+def calibration_report_html(calibration: Calibration) -> str:
+    """Return the page: its first printed sheet is a summary for the customer. The same calibration, the same bytes."""
+    told = CalibrationFacts(calibration)
+    drawn = draw_calibration_charts(told)
+    return _page(told, drawn, _prints(drawn))
+
+
+def calibration_pngs(calibration: Calibration) -> dict[str, bytes]:
+    """Return every picture as a PNG for print, name → bytes."""
+    return _prints(draw_calibration_charts(CalibrationFacts(calibration)))
+
+
+def write_calibration_report(
+    calibration: Calibration, folder: Path, left: ResidualDiagnosis | None = None
+) -> list[Path]:
+    """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
+
+    ``left`` is what the tests of its residual say, where they were made before.
+
+    Returns:
+        What was written, the page first.
+
+    Raises:
+        InputError: the folder does not exist, or may not be written.
+    """
+    told = CalibrationFacts(calibration, left)
+    drawn = draw_calibration_charts(told)
+    prints = _prints(drawn)
+    write_text(folder / "report.html", _page(told, drawn, prints))
+    (folder / "pictures").mkdir(exist_ok=True)
+    paths = [folder / "pictures" / f"{name}.png" for name in prints]
+    for path, data in zip(paths, prints.values(), strict=True):
+        write_bytes(path, data)
+    return [folder / "report.html", *paths]
+
+
+def _prints(drawn: tuple[Chart, ...]) -> dict[str, bytes]:
+    return {p.name: _light(chart_png(p)) for p in drawn}
+
+
+def _light(png: bytes) -> bytes:
+    """Return the PNG with a small palette: a third of the size, and no eye sees it."""
+    out = BytesIO()
+    few = Image.open(BytesIO(png)).convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(out, "PNG")
+    return out.getvalue()
+
+
+def _page(told: CalibrationFacts, drawn: tuple[Chart, ...], prints: dict[str, bytes]) -> str:
+    return load_template("calibration/report.html.j2").render(
+        page=build_calibration_page(told),
+        pictures={p.name: p for p in drawn},
+        prints={name: b64encode(data).decode("ascii") for name, data in prints.items()},
+        figures=[(p.name, safe_json(chart_json(p))) for p in drawn],
+        plotly=get_plotlyjs(),
+    )

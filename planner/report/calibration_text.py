@@ -1,0 +1,338 @@
+"""Sentences of a calibration's report: every number in them is one of the calibration's."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.units import Array, to_mm
+from planner.identification.calibration import Calibration, DetectionLimit, Estimate, Finding
+from planner.identification.estimates import file_unit
+from planner.report.calibration_data import CalibrationFacts
+from planner.report.effect_evidence import FindingStep, finding_steps
+from planner.report.formatting import count_text, significant_text
+
+MILLIONTHS = {"rad": "µrad", "m": "µm"}
+PARTS = {"1": "ppm", "rad/rad": "ppm", "1/K": "ppm/K", "1/m": "ppm/m"}
+LONG = 1.0  # [s] from here on a time is written in seconds
+SHARE = 0.005  # from here on a part of one is written in per cent
+HOUR = 3600.0
+
+
+def display_unit(unit: str, size: float) -> tuple[str, float]:
+    """Return how an effect's value of the SI ``unit`` and of about this ``size`` is written, and the factor to it."""
+    top, _, per = unit.partition("/")
+    if unit == "s":
+        return ("s", 1.0) if abs(size) >= LONG else ("ms", 1e3)
+    if unit == "1" and abs(size) >= SHARE:
+        return "%", 100.0
+    if unit in PARTS:
+        return PARTS[unit], 1e6
+    if top in MILLIONTHS and per == "s":
+        return f"{MILLIONTHS[top]}/h", 1e6 * HOUR
+    if top in MILLIONTHS:
+        return MILLIONTHS[top] + (f"/{per}" if per else ""), 1e6
+    return ("a turn", 1.0) if unit == "1/turn" else (unit, 1.0)
+
+
+def estimate_unit(e: Estimate) -> tuple[str, float]:
+    """Return how a parameter is written: mm and degrees for the geometry, small units for effects."""
+    if e.group in ("gauge", "geometry"):
+        return display_unit(e.unit, e.std or 0.0) if e.unit == "s" else file_unit(e.unit)
+    return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
+
+
+LISTED_PARAMETERS = 8  # parameters of one effect that are listed
+
+
+def declared_effects_text(c: Calibration) -> tuple[str, ...]:
+    """Say one sentence for each effect of the last stage that no tracing brought, with its values."""
+    found = () if c.traced is None else c.traced.findings
+    traced = {f"{f.effect}, {f.on}" for f in found}
+    return tuple(_sentence(c, kind) for kind in c.stages[-1].effects if kind not in traced and ", " not in kind)
+
+
+def _sentence(c: Calibration, kind: str) -> str:
+    own = [e for e in c.estimates if e.group == kind and e.identifiable]
+    listed = ", ".join(_value(e) for e in own[:LISTED_PARAMETERS])
+    more = f" and {len(own) - LISTED_PARAMETERS} more" if len(own) > LISTED_PARAMETERS else ""
+    return f"Fitted beside the geometry: {kind} ({listed}{more})."
+
+
+def _value(e: Estimate) -> str:
+    unit, factor = estimate_unit(e)
+    return f"{e.name} {significant_text(e.value * factor)} ± {significant_text((e.std or 0.0) * factor, 2)} {unit}"
+
+
+GROUP_NAMES = {
+    "pose": ("poses", "whole poses, each with all its repeats"),
+    "placement": ("placements", "whole placements of the gauge"),
+    "session": ("sessions", "whole sessions"),
+    "block": ("blocks", "whole blocks of the run in its order"),
+    "stretch": ("stretches", "whole stretches of the drive, never single rows of it"),
+}
+STRONG_CORRELATION, NAMED_PAIRS = 0.9, 6  # correlation worth a sentence, and how many sentences
+
+
+def millimetres(value: float) -> str:
+    """Write a length [m] in millimetres."""
+    return f"{significant_text(float(to_mm(value)))} mm"
+
+
+def headline_text(told: CalibrationFacts) -> tuple[str, ...]:
+    """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
+    c = told.calibration
+    first, before, after = c.stages[0].held_out, told.before.held_out, told.after.held_out
+    if c.problems:
+        return (
+            "No robot was calibrated: the fit failed its own checks.",
+            (
+                f"It leaves a mean error of {millimetres(after.mean)} on {GROUP_NAMES[c.split_by][0]} that it never"
+                " saw; that says nothing of the robot, only of the fit."
+            ),
+        )
+    out = [
+        f"Mean error {millimetres(before.mean)} → {millimetres(after.mean)} on {GROUP_NAMES[c.split_by][0]} that the"
+        " fit never saw."
+    ]
+    factor = before.mean / max(after.mean, 1e-300)
+    if factor >= 1.2:
+        out.append(
+            f"That is {significant_text(factor, 2)} times less; the largest error fell"
+            f" {_fell(before.largest, after.largest)}."
+        )
+    elif factor <= 1.0:
+        out.append("The calibration brought nothing.")
+    if first.mean > 1.05 * before.mean:
+        out.append(
+            "The first figure is the robot by its data sheet with only the gauge placed; "
+            f"before the gauge's own place was fitted it was {millimetres(first.mean)}."
+        )
+    else:
+        out.append("The first figure is the robot by its data sheet, with only the gauge placed.")
+    if told.before.validation is not None and told.after.validation is not None:
+        a, b = told.before.validation.mean, told.after.validation.mean
+        out.append(f"On the separate validation run: {millimetres(a)} → {millimetres(b)}.")
+    return tuple(out)
+
+
+def _fell(before: float, after: float) -> str:
+    return (
+        f"from {millimetres(before)} to {millimetres(after)}"
+        if after < before
+        else f"not: {millimetres(before)} before, {millimetres(after)} now"
+    )
+
+
+def held_out_text(c: Calibration) -> str:
+    """Say how samples were kept from the fit that predicts them."""
+    several, whole = GROUP_NAMES[c.split_by]
+    folds = round(1 / c.hold_out)
+    out = (
+        f"Held out were {whole}: {count_text(c.n_groups)} {several} in {folds} parts; each part "
+        f"was predicted by a fit to the other {folds - 1}. The spread is that of the rms over the parts."
+    )
+    if c.within is not None:
+        out += f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
+        out += f"error is {millimetres(c.within.mean)}."
+    return out
+
+
+def noise_text(told: CalibrationFacts) -> str:
+    """Say how large the noise is, as estimated and as repeated readings show it."""
+    c = told.calibration
+    C = c.fit.problem.whitener.covariance(slice(0, 4096))
+    width = min(3, C.shape[1])
+    sigma = float(np.sqrt(np.einsum("nii->n", C[:, :width, :width]).mean()))
+    out = (
+        f"One reading scatters by {millimetres(sigma)} (standard deviation{' of each axis' if width > 1 else ''},"
+        " estimated)"
+    )
+    if c.noise_floor is not None:
+        out += f"; readings repeated at the same pose scatter by {millimetres(c.noise_floor)}"
+    if c.correlation_time > 1.05:
+        out += f"; along the drive {significant_text(c.correlation_time, 2)} samples are worth one"
+    return out + "."
+
+
+def correlation_text(names: tuple[str, ...], correlation: Array) -> tuple[str, ...]:
+    """Say which parameters the run can hardly tell apart."""
+    i, j = np.triu_indices(len(names), 1)
+    order = np.argsort(-np.abs(correlation[i, j]), kind="stable")
+    out = []
+    for k in order[:NAMED_PAIRS]:
+        a, b, rho = names[i[k]], names[j[k]], float(correlation[i[k], j[k]])
+        if abs(rho) < STRONG_CORRELATION:
+            break
+        better = "difference" if rho > 0 else "sum"
+        out.append(
+            f"{a} and {b} ({rho:+.3f}): counted in their own standard deviations, the run knows their {better} "
+            f"{significant_text(1 / np.sqrt(max(1 - abs(rho), 1e-12)), 2)} times better than if they were independent."
+        )
+    if not out and len(order):
+        k = order[0]
+        rho = float(correlation[i[k], j[k]])
+        out.append(
+            f"No two parameters hang closely together; the closest are {names[i[k]]} and {names[j[k]]} ({rho:+.2f})."
+        )
+    return tuple(out)
+
+
+def refusal_text(c: Calibration) -> tuple[str, ...]:
+    """Return the reasons not to use the result: one sentence, or one that announces them and one for each."""
+    if len(c.problems) < 2:
+        return tuple(f"Not to be used, because {p}." for p in c.problems)
+    return (f"Not to be used, for {len(c.problems)} reasons:", *(f"{p}." for p in c.problems))
+
+
+Row = tuple[str, ...]
+NAMED_RIVALS = 4  # rivals that are listed by name
+FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
+NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
+MOST_REJECTED, MOST_NAMED = 20, 6  # in the table, and findings on the first sheet
+BLIND = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
+"""Sizes of an effect that no arm has: a run that shows only such ones does not see it."""
+
+
+@dataclass(frozen=True)
+class FindingText:
+    """One finding on the page: a sentence, the name of its picture, and the evidence."""
+
+    heading: str
+    picture: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LimitTable:
+    """Detection limits: one row an effect, a column for each joint, and what is elsewhere in words."""
+
+    joints: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def finding_texts(told: CalibrationFacts) -> tuple[FindingText, ...]:
+    """Say what was found, in the order in which it came."""
+    return tuple(FindingText(_capital(s.finding.note), s.name, _evidence(told, s)) for s in finding_steps(told))
+
+
+def findings_summary(told: CalibrationFacts) -> Row:
+    """Say what was fitted by name, what was found and what would have been, for the first sheet."""
+    traced, named = told.calibration.traced, declared_effects_text(told.calibration)
+    if traced is None:
+        return named
+    first = sorted(traced.findings, key=lambda f: -f.held_out_gain)[:MOST_NAMED]
+    found = [_capital(f.note) + _or(f.rivals) + "." for f in traced.findings if f in first] or [NOTHING_FOUND]
+    if len(first) < len(traced.findings):
+        found.append(f"And {len(traced.findings) - len(first)} more that bring less.")
+    return (*named, *found, *detection_text(traced.limits))
+
+
+def detection_text(limits: Iterable[DetectionLimit]) -> Row:
+    """Say what familiar effects would have been seen from which size on, where they were not found."""
+    out = []
+    for kind in FAMILIAR:
+        own = [x for x in limits if x.effect == kind and _seen(x)]
+        if own:
+            worst = max(own, key=lambda x: x.size)
+            unit, factor = display_unit(worst.unit, worst.size)
+            where = f"of {worst.on}" if len(own) == 1 else f"of {len(own)} joints"
+            out.append(f"{kind} {where} above {significant_text(worst.size * factor, 2)} {unit}")
+    return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
+
+
+def _evidence(told: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
+    f, before, after = step.finding, step.before.held_out.rms, step.after.held_out.rms
+    others = [e for e in step.after.effects if e not in step.before.effects and e != step.what]
+    along = f" (with {', '.join(others)})" if others else ""
+    lines = [
+        (
+            f"Size {_size(f)}. Chance of so large an effect where there is none, corrected for the "
+            f"{count_text(_tried(told))} alternatives that were tried: {_chance(f.log_p)}."
+        ),
+        (
+            f"Held-out error {millimetres(before)} → {millimetres(after)} (rms) when it was added{along}; "
+            f"fitted samples {millimetres(step.before.train.rms)} → {millimetres(step.after.train.rms)}."
+        ),
+        _rivals(f),
+    ]
+    return tuple(lines)
+
+
+def _size(f: Finding) -> str:
+    unit, factor = display_unit(f.unit, f.value)
+    out = f"{_pair(f.value * factor, f.std * factor)} {unit}"
+    if f.inner is None:
+        return out
+    unit, factor = display_unit(f.inner_unit or "", f.inner)
+    inner = (
+        significant_text(f.inner * factor, 4) if f.inner_std is None else _pair(f.inner * factor, f.inner_std * factor)
+    )
+    return f"{out}, {f.inner_name} {inner} {unit}"
+
+
+def _pair(value: float, std: float) -> str:
+    """Write a value and its deviation with as many decimals as the deviation has at two digits."""
+    places = int(np.clip(1 - np.floor(np.log10(std)), 0, 8)) if std > 0 else 3
+    return f"{value:.{places}f} ± {std:.{places}f}"
+
+
+def _rivals(f: Finding) -> str:
+    if not f.rivals:
+        return "Rivals: none. Nothing else that was tried explains the same, at a hundred to one."
+    named = ", ".join(f.rivals[:NAMED_RIVALS]) + (
+        f" and {len(f.rivals) - NAMED_RIVALS} more" if len(f.rivals) > NAMED_RIVALS else ""
+    )
+    return f"Rivals that this run cannot tell from it: {named}."
+
+
+def _or(rivals: Row) -> str:
+    return "" if not rivals else f" — or {rivals[0]}" + (f" or {len(rivals) - 1} more" if len(rivals) > 1 else "")
+
+
+def _chance(log_p: float) -> str:
+    ten = log_p / np.log(10)
+    if ten < -300:
+        return "below 10^-300"
+    return f"10^{ten:.0f}" if ten < -4 else significant_text(float(np.exp(log_p)), 2)
+
+
+def _tried(told: CalibrationFacts) -> int:
+    traced = told.calibration.traced
+    return 0 if traced is None else traced.tried
+
+
+def rejected_effects(told: CalibrationFacts) -> tuple[Row, ...]:
+    """List what was tried in full and not kept, and why; each only once."""
+    traced = told.calibration.traced
+    return () if traced is None else tuple(dict.fromkeys(traced.rejected))[:MOST_REJECTED]
+
+
+def limit_table(told: CalibrationFacts) -> LimitTable:
+    """Set the detection limits: effects by joints."""
+    traced = told.calibration.traced
+    n = told.calibration.run.samples.q.shape[1]
+    rows: dict[str, list[tuple[str, DetectionLimit]]] = {}
+    for limit in () if traced is None else traced.limits:
+        place, _, by = limit.on.partition(" by ")
+        rows.setdefault(f"{limit.effect} by {by}" if by else limit.effect, []).append((place, limit))
+    joints = tuple(f"joint {j + 1}" for j in range(n))
+    return LimitTable(joints, tuple(_limits(effect, joints, own) for effect, own in rows.items()))
+
+
+def _limits(effect: str, joints: Row, own: list[tuple[str, DetectionLimit]]) -> Row:
+    seen = sorted(limit.size for _, limit in own if _seen(limit)) or [0.0]
+    middle = seen[len(seen) // 2]
+    unit, factor = display_unit(own[0][1].unit, middle)
+    at = {place: significant_text(limit.size * factor, 2) if _seen(limit) else "–" for place, limit in own}
+    elsewhere = ", ".join(f"{place} {size}" for place, size in at.items() if place not in joints)
+    return (effect, unit, *(at.get(j, "") for j in joints), elsewhere)
+
+
+def _seen(limit: DetectionLimit) -> bool:
+    """Tell whether the run would show a size of the effect that an arm may have."""
+    return limit.size < BLIND.get(limit.unit, np.inf)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,261 @@
+"""The cell in space as triangles, points and lines: robot, tool, bar, obstacles, poses and path.
+
+Lengths are in millimetres; collision engines use the exact shapes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array, to_deg, to_mm
+from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.bodies import Body, rotation_from_z
+from planner.kinematics.chain import Chain
+from planner.motion.collision.pieces import SceneBody, mesh_vertices
+from planner.motion.collision.scene import build_scene
+from planner.report.chart import ORANGE
+from planner.report.formatting import duration_text
+from planner.report.plan_data import sample_drive
+from planner.session.plan_types import Drive, Plan
+
+AROUND, RINGS = 20, 5  # facets around a capsule, and from the rim of a cap to its pole
+BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+BOX_SIDES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles: vertices (v, 3) [m] and positions of their corners (t, 3)."""
+
+    vertices: Array
+    triangles: np.ndarray
+
+    def moved(self, T: Array) -> "Mesh":
+        """Return the mesh carried by the pose ``T`` (4, 4)."""
+        return Mesh(self.vertices @ T[:3, :3].T + T[:3, 3], self.triangles)
+
+
+def join_meshes(meshes: list[Mesh]) -> Mesh:
+    """Return several meshes as one."""
+    start = np.cumsum([0, *[len(m.vertices) for m in meshes]])
+    triangles = [m.triangles + k for m, k in zip(meshes, start[:-1], strict=True)]
+    return Mesh(np.vstack([m.vertices for m in meshes]), np.vstack(triangles))
+
+
+def body_mesh(body: Body) -> Mesh:
+    """Return the surface of a body in the frame that carries it."""
+    if body.kind == "mesh":
+        return Mesh(*mesh_vertices(body)).moved(body.T)
+    if body.kind == "box":
+        sides = np.vstack([BOX_SIDES[:, :3], BOX_SIDES[:, [0, 2, 3]]])
+        # every side has its own corners, so that edges stay sharp when shaded
+        return Mesh((BOX_CORNERS * body.size)[sides.ravel()], np.arange(sides.size).reshape(-1, 3)).moved(body.T)
+    radius, straight = body.size[0], body.size[1] if body.kind == "capsule" else 0.0
+    up = np.linspace(-np.pi / 2, 0.0, RINGS + 1)
+    profile_r = radius * np.concatenate([np.cos(up), np.cos(up[::-1])])
+    profile_z = np.concatenate([radius * np.sin(up) - straight / 2, -radius * np.sin(up[::-1]) + straight / 2])
+    return _turned(profile_r, profile_z).moved(body.T)
+
+
+def sphere_cap(centre: Array, axis: Array, radius: float, opening: float) -> Mesh:
+    """Return the part of a sphere around ``centre`` (3,) within ``opening`` [rad] of the unit vector ``axis`` (3,)."""
+    polar = np.linspace(0.0, opening, 4 * RINGS)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation_from_z(axis), centre
+    return _turned(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND).moved(T)
+
+
+def _turned(r: Array, z: Array, around: int = AROUND) -> Mesh:
+    """Turn the profile (r, z) about z."""
+    angle = np.arange(around) * (2 * np.pi / around)
+    ring = np.stack([np.cos(angle), np.sin(angle), np.ones(around)], axis=1)
+    vertices = (ring[None] * np.stack([r, r, z], axis=1)[:, None]).reshape(-1, 3)
+    row, column = np.divmod(np.arange((len(r) - 1) * around), around)
+    a, b = row * around + column, row * around + (column + 1) % around
+    return Mesh(vertices, np.vstack([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]))
+
+
+VIEW_FRAMES = 480  # states along the way there, shared by the fixtures
+SHOWN_CANDIDATES = 2500  # candidates shown
+LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade
+TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"
+
+
+@dataclass(frozen=True)
+class MovingBodies:
+    """Bodies that move: vertices [mm] in the frames of their carriers, ``carrier`` (v,) of each, colours (t,)."""
+
+    name: str
+    mesh: Mesh
+    carrier: np.ndarray
+    colours: tuple[str, ...]
+
+    def at(self, poses: Array) -> Array:
+        """Vertices (v, 3) [mm] where the carriers stand at ``poses`` (C, 3, 4)."""
+        T = poses[self.carrier]
+        return np.asarray(np.einsum("vij,vj->vi", T[:, :, :3], self.mesh.vertices) + T[:, :, 3])
+
+
+@dataclass(frozen=True)
+class ViewFrames:
+    """States that the slider goes through: ``poses`` of the carriers (f, C, 3, 4) [mm], and what is said of each."""
+
+    poses: Array
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ViewPose:
+    """A measuring pose in space: position (3,) [mm], role, and what is said of it."""
+
+    position: Array
+    role: str
+    label: str
+
+
+@dataclass(frozen=True)
+class CellView:
+    """All that the view shows; lengths in mm.
+
+    Attributes:
+        moving: robot, tool and the two parts of the bar.
+        standing: bodies that stand, with the base.
+        shells: inner and outer limit of the bar's reach within the fixture's cone, of every fixture.
+        cloud: candidates' tool points, (c, 3).
+        paths, ways: tool point along each measuring path, and along the way to it without the bar.
+        spots: measuring poses.
+        low, high: corners of the box that holds it all, (3,).
+        near_low, near_high: corners of the box around the shells, (3,).
+    """
+
+    moving: tuple[MovingBodies, ...]
+    standing: Mesh | None
+    shells: tuple[Mesh, ...]
+    cloud: Array
+    paths: tuple[Array, ...]
+    ways: tuple[Array, ...]
+    spots: tuple[ViewPose, ...]
+    frames: ViewFrames
+    floor: float | None
+    low: Array
+    high: Array
+    near_low: Array
+    near_high: Array
+
+
+def build_cell_view(plan: Plan) -> CellView:
+    """Collect what the view shows of a plan."""
+    cell, drives = plan.cell, plan.drives
+    parts = [_frames(cell, d, VIEW_FRAMES // len(drives)) for d in drives]
+    frames = ViewFrames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
+    thin = plan.pool.take(np.linspace(0, len(plan.pool) - 1, min(SHOWN_CANDIDATES, len(plan.pool))).astype(int))
+    return compose_cell_view(
+        cell,
+        frames,
+        cloud=np.vstack([to_mm(cell.at(d.fixture).map_position(thin.q[thin.fixture == d.fixture])) for d in drives]),
+        paths=tuple(to_mm(cell.at(d.fixture).map_position(sample_drive(cell, d).motion.q)) for d in drives),
+        ways=tuple(to_mm(cell.at(d.fixture).map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
+        spots=tuple(s for d in drives for s in _spots(cell, d)),
+    )
+
+
+def compose_cell_view(
+    cell: Cell,
+    frames: ViewFrames,
+    cloud: Array,
+    paths: tuple[Array, ...],
+    ways: tuple[Array, ...],
+    spots: tuple[ViewPose, ...],
+) -> CellView:
+    """Put what moves among what stands, in boxes that hold it all; points in mm."""
+    pieces = build_scene(cell).pieces
+    moving, shells = _moving(cell, pieces), _shells(cell)
+    standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
+    seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
+    corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
+    near = np.vstack([s.vertices for s in shells] or [s.position for s in spots])
+    return CellView(
+        moving=moving,
+        standing=_mm(join_meshes(standing)) if standing else None,
+        shells=shells,
+        cloud=cloud,
+        paths=paths,
+        ways=ways,
+        spots=spots,
+        frames=frames,
+        floor=None if cell.base.floor is None else float(to_mm(cell.base.floor)),
+        low=corners.min(axis=0) - 100,
+        high=corners.max(axis=0) + 100,
+        near_low=near.min(axis=0) - 60,
+        near_high=near.max(axis=0) + 60,
+    )
+
+
+def _moving(cell: Cell, pieces: tuple[SceneBody, ...]) -> tuple[MovingBodies, ...]:
+    """Group the moving pieces by look; carriers are links 0 … N, then the housing, then the rod."""
+    robot = [p for p in pieces if p.of_robot]
+    tool = [p for p in pieces if p.carrier == "link" and not p.of_robot]
+    bar = [p for p in pieces if p.of_bar]
+    groups = (
+        ("robot", robot, [LINKS[p.link % 2] for p in robot]),
+        ("tool", tool, [TOOL] * len(tool)),
+        ("bar", bar, [HOUSING if p.carrier == "housing" else ROD for p in bar]),
+    )
+    carrier = {"housing": cell.robot.n_joints + 1, "rod": cell.robot.n_joints + 2}
+    return tuple(_group(name, parts, colours, carrier) for name, parts, colours in groups if parts)
+
+
+def _group(name: str, pieces: list[SceneBody], colours: list[str], carrier: dict[str, int]) -> MovingBodies:
+    meshes = [_mm(body_mesh(p.body)) for p in pieces]
+    which = np.repeat([carrier.get(p.carrier, p.link) for p in pieces], [len(m.vertices) for m in meshes])
+    painted = tuple(c for c, m in zip(colours, meshes, strict=True) for _ in m.triangles)
+    return MovingBodies(name, join_meshes(meshes), which, painted)
+
+
+def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
+    """Poses of all carriers along the way there, and a line of text for each."""
+    way = sample_drive(cell, drive, count)
+    name = f"fixture {cell.place_name(drive.fixture)}   " if len(cell.fixtures) > 1 else ""
+    upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
+    labels = tuple(
+        f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
+        + (f"bar {to_mm(length):.1f} mm   " if cell.gauge.is_bar else "")
+        + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
+        for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
+    )
+    return ViewFrames(carrier_poses(cell, drive.fixture, way.motion.q), labels)
+
+
+def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
+    """Poses of links 0 … N, housing and rod at controller angles q (n, N) [rad], (n, N + 3, 3, 4) [mm]."""
+    robot, p_BX = cell.robot, cell.fixtures[fixture].p_BX
+    out = np.zeros((len(q), robot.n_joints + 3, 3, 4))
+    for link, end in enumerate(robot.link_end):
+        motion = Chain(robot.transforms[:end]).forward(robot.theta(q))
+        out[:, link, :, :3], out[:, link, :, 3] = np.moveaxis(motion.R, 2, 0), to_mm(motion.x.T)
+    x = cell.at(fixture).map_position(q)
+    along = np.array([rotation_from_z(d) for d in bar_state(x, p_BX).direction])
+    out[:, -2:, :, :3] = along[:, None]
+    out[:, -2, :, 3], out[:, -1, :, 3] = to_mm(p_BX), to_mm(x)
+    return out
+
+
+def _shells(cell: Cell) -> tuple[Mesh, ...]:
+    g = cell.gauge
+    if not g.is_bar:
+        return ()
+    radii = (g.length_min, g.length_max)
+    cups = [f for f in cell.fixtures if f.point == 0]
+    return tuple(_mm(sphere_cap(f.p_BX, f.axis_B, r, g.cone_fixture)) for f in cups for r in radii)
+
+
+def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:
+    x = to_mm(cell.at(drive.fixture).map_position(np.array([v.q for v in drive.visits])))
+    return [
+        ViewPose(p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_bar else ""))
+        for p, v in zip(x, drive.visits, strict=True)
+    ]
+
+
+def _mm(mesh: Mesh) -> Mesh:
+    return Mesh(to_mm(mesh.vertices), mesh.triangles)

@@ -1,0 +1,242 @@
+"""What each identified effect explains: residuals before and after it was added, and their charts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.common.determinism import even_positions
+from planner.common.units import Array, to_mm
+from planner.effects.basis import ONE
+from planner.effects.context import Context
+from planner.effects.parameters import Parameter
+from planner.identification.calibration import Finding, Stage
+from planner.model.model import Model
+from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
+from planner.report.chart import BLACK, BLUE, GREY, ORANGE, RED, Chart, Panel, Series
+from planner.report.effect_variables import EffectVariable, effect_variable
+
+MEAN_POINTS = 24  # points of the line through the residuals; more for an effect of many waves
+FAINT_LEVERAGE = 0.3  # part of its usual leverage below which a reading says nothing of an effect
+
+
+@dataclass(frozen=True)
+class FindingStep:
+    """One finding and the stages before and after it was added.
+
+    Attributes:
+        name: of its picture.
+        what: as its stage and its parameters' group are called.
+        replaced: whether it took the place of something, which the stage before then still has.
+    """
+
+    finding: Finding
+    name: str
+    what: str
+    before: Stage
+    after: Stage
+    replaced: bool
+
+    @property
+    def inner(self) -> str:
+        """Name of the parameter that moves the effect's inner number."""
+        return f"{self.what}, {self.finding.inner_name}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """An effect in the residual, before and after it was in the model.
+
+    Attributes:
+        against: what it is drawn against.
+        unit: ``rad`` or ``m``, of ``before``, ``after`` and ``fitted``.
+        before, after: what the residual says of it, sample by sample, (m,).
+        weight: how much each sample says, (m,).
+        fitted: what the effect adds as fitted, (m,).
+        means: points of the line through the residuals.
+    """
+
+    against: EffectVariable
+    unit: str
+    before: Array
+    after: Array
+    weight: Array
+    fitted: Array
+    means: int = MEAN_POINTS
+
+
+def finding_steps(told: CalibrationFacts) -> tuple[FindingStep, ...]:
+    """Return the findings with their stages, in the order in which they came."""
+    c = told.calibration
+    out = list[tuple[int, FindingStep]]()
+    for f in () if c.traced is None else c.traced.findings:
+        what = f"{f.effect}, {f.on}"
+        without = [k for k, s in enumerate(c.stages) if what not in s.effects]
+        first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
+        before = c.stages[max(first - 1, 0)]
+        replaced = not set(before.effects) <= set(c.stages[-1].effects)
+        out.append((first, FindingStep(f, f"found_{len(out) + 1}", what, before, c.stages[first], replaced)))
+    return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
+
+
+def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
+    """Draw out of the residuals what they say of a step's effect.
+
+    An effect that moves one transform is drawn as that transform's error, each reading's share of it (its residual
+    along the transform's screw, over the screw's length) against the quantity it depends on. Others are drawn as the
+    part of the residual along what the effect adds, against just that: a line of slope one before, a flat one after.
+    What the effect adds is always less what the model before could take up (an added-variable plot; Cook and Weisberg
+    1982, section 2.3.2).
+    """
+    fit, (which, rows) = told.calibration.fit, told.few_rows
+    context = Context(fit.model.rig, told.calibration.run.samples.take(which))
+    residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
+    added = _added(told, step)
+    if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
+        residuals[0] = residuals[1] + added
+    own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
+    looked = effect_variable(own[0].main.phi, context) if _single(own) else None
+    if looked is None:
+        return _pulled(added, residuals)
+    first = own[0]
+    bare = Model(fit.model.rig, (replace(first, moves=(replace(first.main, phi=ONE),)),))
+    screw = bare.linear_in(context, None).rows[:, : rows.shape[1], 0]
+    power = (screw**2).sum(axis=1)
+    safe = np.maximum(power, (FAINT_LEVERAGE**2) * max(float(np.median(power)), 1e-300))
+    before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
+    turns = first.main.on == "transform" and fit.model.rig.chain.transforms[first.main.index].kind == "rotation"
+    means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
+    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means)
+
+
+def _added(told: CalibrationFacts, step: FindingStep) -> Array:
+    """What an effect adds to the readings (m, r) beyond what the parameters of the stage before could take up."""
+    fit, rows = told.calibration.fit, told.few_rows[1]
+    groups = [p.group for p in fit.model.parameters]
+    own = [k for k, p in enumerate(fit.model.parameters) if p.group == step.what and p.name != step.inner]
+    known_then = (step.after if step.replaced else step.before).effects
+    rest = [k for k, group in enumerate(groups) if group in ("gauge", "geometry", *known_then)]
+    added = rows[:, :, own] @ fit.errors[own]
+    known = rows[:, :, [k for k in rest if k not in own]].reshape(added.size, -1)
+    known = known / np.maximum(np.linalg.norm(known, axis=0), 1e-300)
+    taken = np.linalg.lstsq(known, added.ravel(), rcond=1e-6)[0]
+    return np.asarray(added - (known @ taken).reshape(added.shape))
+
+
+def _single(parameters: list[Parameter]) -> bool:
+    """Tell whether all parameters move one and the same transform or number."""
+    places = {(m.on, m.index) for p in parameters for m in p.moves}
+    return len(places) == 1 and all(len(p.moves) == 1 for p in parameters)
+
+
+def _pulled(added: Array, residuals: list[Array]) -> Evidence:
+    """Residuals (m, r) along what an effect adds (m, r), against that."""
+    size = np.linalg.norm(added, axis=1)
+    along = added / np.maximum(size, 1e-300)[:, None]
+    if added.shape[1] == 1:
+        size, along = added[:, 0], np.ones_like(along)
+    before, after = (np.einsum("nr,nr->n", r, along) for r in residuals)
+    return Evidence(
+        EffectVariable("what the effect adds to the reading (µm)", 1e6 * size), "m", before, after, size**0, size
+    )
+
+
+STAGE_LABELS = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
+SHOWN_QUANTILE = 0.98  # part of the points that the panel's height is made for
+SIZES = {"rad": "µrad", "m": "µm"}
+
+
+def stage_chart(told: CalibrationFacts) -> Chart:
+    """Error of every stage, fitted and held out."""
+    stages = told.calibration.stages
+    names = tuple(STAGE_LABELS.get(s.name, s.name) for s in stages)
+    places = np.arange(len(stages), dtype=float)
+    held, train = (
+        to_mm(np.array([m.rms for m in side])) for side in zip(*((s.held_out, s.train) for s in stages), strict=True)
+    )
+    series = [
+        Series("", np.array([low, high]), np.array([k, k]), ORANGE, width=5.0, opacity=0.4)
+        for k, (low, high) in enumerate(zip(*_span(told, held), strict=True))
+        if high > low
+    ]
+    series += [
+        Series("fitted samples", train, places, GREY, "points", size=7.0),
+        Series("held out, with the spread over the parts", held, places, ORANGE, "points", size=9.0),
+    ]
+    checked = [(k, s.validation.rms) for k, s in enumerate(stages) if s.validation is not None]
+    if checked:
+        at, rms = np.array(checked).T
+        series.append(Series("validation run", to_mm(rms), at, BLUE, "points", size=7.0))
+    panel = Panel(
+        "", "rms error (mm, logarithmic)", "", tuple(series), log_x=True, y_names=names, height=_height(names)
+    )
+    caption = "From top to bottom the model grows by one effect at a time; what counts is the held-out error."
+    return Chart("by_stage", "The error stage by stage", caption, (panel,))
+
+
+def _span(told: CalibrationFacts, held: Array) -> tuple[Array, Array]:
+    spread_mm = to_mm(np.array([s.held_out.spread or 0.0 for s in told.calibration.stages]))
+    return np.maximum(held - spread_mm, 0.3 * held), held + spread_mm
+
+
+def _height(names: tuple[str, ...]) -> int:
+    return max(150, 26 * len(names) + 40)
+
+
+def finding_chart(told: CalibrationFacts, step: FindingStep) -> Chart:
+    """One effect: what the residual says of it before (left) and after (right) it was added."""
+    e = collect_evidence(told, step)
+    span = 1e6 * max(
+        float(np.quantile(np.abs(e.before), SHOWN_QUANTILE)),
+        1.15 * float(np.quantile(np.abs(e.fitted), SHOWN_QUANTILE)),
+        1e-12,
+    )
+    panels = tuple(
+        _panel(e, values, side, fitted, span)
+        for values, side, fitted in ((e.before, "before", True), (e.after, "after", False))
+    )
+    caption = (
+        "Held-out residuals, each as the error of the effect's own axis. Points: readings; black: their mean"
+        if e.unit == "rad"
+        else "Held-out residuals along what the effect moves. Points: readings; black: their mean"
+    )
+    return Chart(
+        step.name,
+        step.finding.note,
+        f"{caption}; red: the effect as fitted in the end, less what the model before it could take up.",
+        panels,
+        columns=2,
+    )
+
+
+def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:
+    x, y = e.against.folded, 1e6 * values
+    heavy = np.flatnonzero(e.weight >= 0.09 * np.median(e.weight))
+    shown = heavy[even_positions(len(heavy), PANEL_POINTS)]
+    inside = shown[np.abs(y[shown]) <= span]
+    zero = Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
+    series = [zero, Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
+    if fitted:
+        series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight, e.means), RED, width=3.0))
+    at, mean = weighted_means(x, y, e.weight, e.means)
+    series.append(Series("mean", at, mean, BLACK, width=1.8))
+    return Panel(f"{title} ({SIZES[e.unit]})", e.against.label, "", tuple(series), y_range=(-span, span), height=210)
+
+
+def _apart(x: Array) -> Array:
+    """Move points of a quantity with few values side by side, by golden steps: they do not lie on each other then."""
+    values = np.unique(x)
+    if len(values) > 8 or len(values) < 2:
+        return x
+    return np.asarray(x + 0.3 * float(np.diff(values).min()) * (np.arange(len(x)) * 0.6180339887 % 1 - 0.5))
+
+
+def weighted_means(x: Array, y: Array, weight: Array, most: int = MEAN_POINTS) -> tuple[Array, Array]:
+    """Means of y in groups of equal count along x, by weight; a quantity with few values has one group a value."""
+    values, group = np.unique(x, return_inverse=True)
+    if len(values) > most:
+        group = np.empty(len(x), dtype=int)
+        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * most // len(x)
+    total = np.bincount(group, weight)
+    kept = total > 0
+    middle = np.bincount(group, x) / np.maximum(np.bincount(group), 1)
+    return middle[kept], np.bincount(group, weight * y)[kept] / total[kept]

@@ -1,0 +1,93 @@
+"""Numbers and findings as sentences: a bound is never rounded to the side on which it would be wrong."""
+
+from math import ceil, floor, isfinite, log10
+
+from planner.design.discrimination.power import Discrimination
+from planner.design.observability.information import INDEX_RULES
+from planner.session.course import is_continuous
+from planner.session.plan_types import Plan
+
+FILTERS = (
+    "sampled",
+    "within joint limits",
+    "bar length in range",
+    "within both cones",
+    "within cable budget",
+    "collision-free",
+)
+
+
+def count_text(n: float) -> str:
+    """Write a whole number with its thousands apart."""
+    return f"{int(n):,}".replace(",", "\u202f")
+
+
+def separation_text(separation: Discrimination) -> str:
+    """Say what the table of findings and rivals shows, and how far it is proven."""
+    proof = "proven" if separation.verified else "not proven"
+    return (
+        "Noncentrality: what is left of an effect's readings, as a sum of squares in noise variances "
+        f"({separation.noise * 1e6:.3g} µm, as the identification left it), when its rival explains what it can; "
+        "the less sure of either being the truth. Power: the chance that the run then speaks a hundred to one for the "
+        f"truth. No {separation.poses} candidates weigh all of this more than "
+        f"{percent_text(max(separation.gap, 0.0))} better ({proof})."
+    )
+
+
+def significant_text(x: float, digits: int = 3) -> str:
+    """Write a number with so many significant digits, without an exponent where it can be read without one."""
+    if x == 0 or not isfinite(x):
+        return f"{x:g}"
+    if not 1e-5 <= abs(x) < 1e7:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{max(0, digits - 1 - floor(log10(abs(x))))}f}"
+
+
+def duration_text(t: float) -> str:
+    """Write a time: seconds up to two minutes, then minutes and seconds."""
+    if t < 120:
+        return f"{t:.1f} s"
+    minutes, rest = divmod(round(t), 60)
+    return f"{minutes} min {rest:02d} s"
+
+
+def bound_text(bound: float, maximise: bool) -> str:
+    """Write a bound with four digits, rounded to the side on which it still holds."""
+    if not isfinite(bound) or bound == 0:
+        return f"{bound:g}"
+    step = 10.0 ** (floor(log10(abs(bound))) - 3)
+    return significant_text((ceil if maximise else floor)(bound / step) * step, 4)
+
+
+def percent_text(gap: float) -> str:
+    """Write a gap in per cent, rounded up to a tenth."""
+    return f"{ceil(gap * 1000 - 1e-9) / 10:.1f} %"
+
+
+def certificate_text(plan: Plan) -> tuple[str, ...]:
+    """Say how far from the best possible the poses are, sentence by sentence."""
+    choice, bound = plan.choice, plan.choice.certificate
+    rule, n = INDEX_RULES[choice.index], len(choice.q)
+    pool = f"the {count_text(bound.candidates)} candidate poses"
+    who = f"No {n} of {pool}" if bound.poses else f"No set of {pool}, however many it takes,"
+    verb = ("reach" if bound.poses else "reaches") if rule.maximise else ("have" if bound.poses else "has")
+    limit = bound_text(bound.value, rule.maximise)
+    gap = rule.gap(choice.on_grid_value, bound.value)
+    side = "below" if rule.maximise else "above"
+    own = (
+        f"The {n} that were chosen among them have {significant_text(choice.on_grid_value, 4)}: at most"
+        f" {percent_text(gap)} {side} what is possible."
+        if plan.by_index
+        else f"The {n} here were not chosen by it, and have {significant_text(choice.on_grid_value, 4)}."
+    )
+    out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
+    if choice.value != choice.on_grid_value:
+        out.append(f"After moving them off the grid of candidates: {significant_text(choice.value, 4)}.")
+    driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
+    out.append(f"{driven}: {significant_text(plan.driven, 4)}.")
+    out.append(
+        "The bound is a proof: its dual solution was checked afresh against every candidate."
+        if bound.verified
+        else "The check of the bound's dual solution failed: take it as an estimate, not as a proof."
+    )
+    return tuple(out)

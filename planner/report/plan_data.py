@@ -1,0 +1,107 @@
+"""The numbers of the report, prepared once: page and prints show these and compute none of their own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import Workspace
+from planner.common.units import Array
+from planner.design.observability.information import predict_covariance
+from planner.effects.parameters import Parameter
+from planner.motion.timing.trajectory import MotionSamples
+from planner.session.course import axis_limits
+from planner.session.plan_types import Drive, Plan
+
+PATH_SAMPLES = 2000  # along the way there: a picture has no more columns
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """One fixture's measuring path, from the mount pose through all poses, as it is driven.
+
+    Attributes:
+        motion: state at n times.
+        length: bar length, (n,) [m].
+        tilt: of the bar at the fixture and at the tool, (n, 2) [rad].
+        share: joint speed as a part of its limit, (n, N).
+        passed: times of the visits [s], (k,), with the bar's length then, (k,) [m].
+        ends: when the last visit is done [s]; a drive both ways then goes the same way back.
+        returns: whether it does.
+    """
+
+    motion: MotionSamples
+    length: Array
+    tilt: Array
+    share: Array
+    passed: Array
+    passed_length: Array
+    ends: float
+    returns: bool
+
+
+def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> DrivenPath:
+    """Sample one fixture's way there evenly in time."""
+    trajectory, count = drive.trajectory, len(drive.path.q)
+    returns = len(trajectory.waypoint_time) > count
+    ends = float(trajectory.waypoint_time[count - 1]) if returns else trajectory.duration_s
+    motion = trajectory.at(np.linspace(0.0, ends, samples))
+    workspace = Workspace(cell, drive.fixture)
+    cones = np.array([cell.gauge.cone_fixture, cell.gauge.cone_map])
+    passed = trajectory.waypoint_time[:count][drive.path.node >= 0]
+    return DrivenPath(
+        motion=motion,
+        length=cell.bar_length(motion.q, drive.fixture),
+        tilt=cones - workspace.stage("cones", motion.q),
+        share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
+        passed=passed,
+        passed_length=cell.bar_length(trajectory.at(passed).q, drive.fixture),
+        ends=ends,
+        returns=returns,
+    )
+
+
+@dataclass(frozen=True)
+class TourOrders:
+    """The same poses in two orders: time of each [s] by its slowest axis (EDBB paper, eq. 7), angles (m, N) [rad]."""
+
+    unsorted_t: Array
+    unsorted_q: Array
+    sorted_t: Array
+    sorted_q: Array
+
+
+def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
+    """Return the tour before and after sorting, both closed at the mount pose."""
+    order = [int(k) for k in drive.tour.order]
+    q = np.array([v.q for v in drive.visits if v.repeats is None][: len(order)])
+    sorted_q = np.vstack([q, q[:1]])
+    unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
+    return TourOrders(_clock(cell, unsorted_q), unsorted_q, _clock(cell, sorted_q), sorted_q)
+
+
+def _clock(cell: Cell, q: Array) -> Array:
+    legs = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+@dataclass(frozen=True)
+class ParameterForecast:
+    """One identifiable parameter: prior size and predicted standard deviation [m or rad], and what it moves."""
+
+    parameter: Parameter
+    what: str
+    sigma: float
+
+    @property
+    def share(self) -> float:
+        """Standard deviation left, as a part of the prior size."""
+        return self.sigma / self.parameter.prior
+
+
+def forecast_parameters(plan: Plan) -> tuple[ParameterForecast, ...]:
+    """Predict what one reading at each chosen pose leaves unknown of every parameter."""
+    choice = plan.choice
+    noise = choice.model.noise(choice.q, choice.fixture)
+    std = predict_covariance(choice.model.jacobian(choice.q, choice.fixture), noise[:, None]).std
+    return tuple(ParameterForecast(p, p.what, float(s)) for p, s in zip(choice.model.parameters, std, strict=True))

@@ -1,0 +1,206 @@
+"""How the joints moved: clock and sessions, speeds, rests, directions and reversals."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.runs.run import IntArray, Samples
+from planner.runs.text import RowSource
+
+DENSE = 0.2  # [s] median step of time below which samples may follow each other along a path
+SMALL_STEP = 0.1  # [rad] median movement between such neighbours: 0.5 rad/s at DENSE, several at a controller's cycle
+
+
+def looks_continuous(t: Array | None, q: Array) -> bool:
+    """Return whether samples follow each other closely in time (n,) [s] and in joint angles (n, N) [rad]."""
+    if t is None or len(t) < 3:
+        return False
+    step = np.median(np.abs(np.diff(t)))
+    return bool(step < DENSE and np.median(np.abs(np.diff(q, axis=0)).max(axis=1)) < SMALL_STEP)
+
+
+def number_sessions(t: Array | None, given: Array | None, n: int) -> tuple[IntArray, IntArray]:
+    """Return the number of each sample's session (n,), from 0 on, and the rows where a clock steps back.
+
+    A session that is named in the data keeps its samples together wherever they stand; without names a session ends
+    where the clock steps back.
+    """
+    named = np.zeros(n, dtype=np.int64) if given is None else _in_order(given)
+    if t is None:
+        return named, np.empty(0, dtype=np.int64)
+    back = 1 + np.flatnonzero((np.diff(t) < 0.0) & (named[1:] == named[:-1]))
+    if given is None:
+        named[back] = 1
+        named = np.cumsum(named)
+    return named, back
+
+
+def check_order(source: RowSource, t: Array, session: IntArray) -> None:
+    """Check that the clock of a continuous run goes forward within each session.
+
+    Raises:
+        InputError: with the line where time (n,) [s] stands still or runs backwards.
+    """
+    back = 1 + np.flatnonzero((np.diff(t) < 0.0) & (np.diff(session) == 0))
+    if len(back):
+        row = int(back[0])
+        raise InputError(
+            f"{source.at(row)}, column '{source.header('t')}': time runs backwards from {t[row - 1]:g} s to "
+            f"{t[row]:g} s in a continuous run; split the file there, or give each part its own number in a column "
+            "session (in a log of poses at rest, '# measure: static' above the columns allows it)"
+        )
+    still = 1 + np.flatnonzero((np.diff(t) == 0.0) & (np.diff(session) == 0))
+    if len(still):
+        raise InputError(
+            f"{source.at(int(still[0]))}, column '{source.header('t')}': the time {t[still[0]]:g} s stands twice "
+            f"({len(still)} such lines); in a continuous run each sample has its own"
+        )
+
+
+def _in_order(values: Array) -> IntArray:
+    """Number values by their first appearance."""
+    _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(rank[inverse])
+
+
+BoolArray = NDArray[np.bool_]
+REST_SPEED = 0.002  # [rad/s] 0.1 degree a second: slower than any measuring move, above an encoder's flicker
+REST_TIME = 0.5  # [s] the shortest rest
+
+
+def joint_speeds(samples: Samples) -> Array:
+    """Return joint speeds (n, N) [rad/s] by time differences within sessions.
+
+    A parabola through each sample and its two neighbours (exact for constant acceleration, any spacing); a straight
+    line at the ends of a session, zero where it has one sample.
+
+    Raises:
+        InputError: the run has no time, or two samples of a session have the same.
+    """
+    if samples.t is None:
+        raise InputError("joint speeds need the time of each sample, but the run has no column t_s")
+    t, q = samples.t, samples.q
+    together = np.zeros(len(t) + 1, dtype=bool)  # whether sample i follows sample i − 1 in its session
+    together[1:-1] = np.diff(session_numbers(samples)) == 0
+    step = np.ones(len(t) + 1)
+    step[1:-1] = np.diff(t)
+    if (step[together] <= 0.0).any():
+        raise InputError("joint speeds need a clock that goes forward, but two samples of a session have the same time")
+    slope = np.zeros((len(t) + 1, q.shape[1]))
+    slope[1:-1] = np.diff(q, axis=0) / step[1:-1, None]
+    before, after = together[:-1], together[1:]
+    weight = np.where(before & after, step[1:] / (step[1:] + step[:-1]), before.astype(float))[:, None]
+    return np.asarray(slope[:-1] * weight + slope[1:] * np.where(after, 1.0 - weight[:, 0], 0.0)[:, None])
+
+
+def session_numbers(samples: Samples) -> IntArray:
+    """Return the session of each sample (n,); 0 where none is logged."""
+    return np.zeros(len(samples), dtype=np.int64) if samples.session is None else samples.session
+
+
+def find_rests(samples: Samples, speed: float = REST_SPEED, least: float = REST_TIME) -> IntArray:
+    """Return first sample and end (exclusive) of each stretch at rest, (k, 2).
+
+    The arm rests where no joint's angle changes by more than ``speed`` · ``least`` [rad] within ``least`` [s]: a
+    difference over a time, not a speed, as encoder steps divided by a controller's cycle are large. A quarter of
+    ``least`` is cut off at both ends, where the arm still brakes or already starts.
+
+    Raises:
+        InputError: the run has no time.
+    """
+    if samples.t is None:
+        raise InputError("rests are found by time, but the run has no column t_s")
+    t, q = samples.t, samples.q
+    width, cut = _widths(t, least)
+    if width > len(t):
+        return np.empty((0, 2), dtype=np.int64)
+    still = _largest_change(q, width) <= speed * least  # (n − width + 1,) of the windows i … i + width − 1
+    apart = _breaks(samples, least)
+    part = np.concatenate([[0], np.cumsum(apart)])
+    still &= part[width - 1 :] == part[: len(part) - width + 1]
+    covered = np.zeros(len(t) + 1, dtype=np.int64)
+    np.add.at(covered, np.flatnonzero(still), 1)
+    np.add.at(covered, np.flatnonzero(still) + width, -1)
+    at_rest = np.cumsum(covered[:-1]) > 0
+    on = at_rest[1:] & at_rest[:-1] & ~apart  # the rest goes on from one sample to the next
+    begins = at_rest & ~np.concatenate([[False], on])
+    ends = at_rest & ~np.concatenate([on, [False]])
+    return np.column_stack([np.flatnonzero(begins) + cut, np.flatnonzero(ends) + 1 - cut])
+
+
+def _widths(t: Array, least: float) -> tuple[int, int]:
+    """Return how many samples a rest has at least, and how many are cut off at either end of one."""
+    step = float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else least
+    width = max(3, round(least / max(step, 1e-9)) + 1)
+    return width, (width - 1) // 4
+
+
+def _largest_change(q: Array, width: int) -> Array:
+    """Return the largest change of a joint in each window of ``width`` samples, (n − width + 1,) [rad]."""
+    inside = slice(width // 2, width // 2 + len(q) - width + 1)
+    high, low = maximum_filter1d(q, width, axis=0)[inside], minimum_filter1d(q, width, axis=0)[inside]
+    return np.asarray((high - low).max(axis=1))
+
+
+def _breaks(samples: Samples, gap: float) -> BoolArray:
+    """Return whether something ends between each sample and the next, (n − 1,): a session, a pose, a fixture …"""
+    ends = np.abs(np.diff(samples.t if samples.t is not None else samples.q[:, 0])) > gap
+    for values in (samples.session, samples.pose, samples.place, samples.point):
+        if values is not None:
+            ends |= np.diff(values) != 0
+    return np.asarray(ends, dtype=bool)
+
+
+def last_directions(q: Array, first: IntArray, least: float = REST_SPEED * REST_TIME) -> Array:
+    """Return the sign of each joint's last move before the samples ``first`` (k,), (k, N); 0 where it had not moved.
+
+    Angles are counted in steps of ``least`` [rad]; a move is two steps in one direction, so that an encoder that
+    flickers over the border of a step does not move.
+    """
+    signs = np.zeros((len(first), q.shape[1]))
+    for joint, angle in enumerate(q.T):
+        level = np.round(angle / least)
+        change = np.diff(level)
+        moved = np.flatnonzero(change)
+        way = np.sign(change[moved])
+        real = np.abs(change[moved]) > 1.0
+        real[1:] |= way[1:] == way[:-1]
+        moved, way = moved[real] + 1, np.append(way[real], 0.0)  # the last entry answers for "not yet"
+        signs[:, joint] = way[np.searchsorted(moved, first, side="right") - 1]
+    return signs
+
+
+STEP = 1e-4  # [rad] of travel that tells a reversal from the noise of the encoder
+
+
+def last_reversals(q: Array, last: int = 4) -> Array:
+    """Angles at each joint's last reversals before every sample, the latest last.
+
+    Args:
+        q: angles along a driven path, (n, N) [rad].
+        last: how many, M; where there were fewer the path's first angle stands.
+
+    Returns:
+        (n, N, M) [rad].
+    """
+    n, joints = q.shape
+    out = np.empty((n, joints, last))
+    for i in range(joints):
+        out[:, i] = q[_turns(q[:, i], n, last), i]
+    return out
+
+
+def _turns(angle: Array, n: int, last: int) -> np.ndarray:
+    """Sample of each of the last reversals before every sample, (n, last)."""
+    level = np.round(angle / STEP)
+    moved = np.flatnonzero(np.diff(level)) + 1  # samples that stand on another step than the one before
+    way = np.sign(level[moved] - level[moved - 1])
+    back = np.flatnonzero(way[1:] != way[:-1]) + 1
+    seen, turned = moved[back], moved[back] - 1  # when a reversal shows, and where it was
+    turned = np.concatenate([np.zeros(last, dtype=int), turned])
+    count = np.searchsorted(seen, np.arange(n), side="right")
+    return np.asarray(turned[count[:, None] + np.arange(last)])

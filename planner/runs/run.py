@@ -1,0 +1,131 @@
+"""A measured run: where the arm stood, what the gauge read, and what else was logged, in SI units."""
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from planner.common.units import Array
+
+IntArray = np.ndarray  # of integers
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Where the arm stood and under which circumstances, one entry a sample; what was not logged is ``None``.
+
+    Attributes:
+        q: controller angles at which the arm stood, as far as is known, (n, N) [rad].
+        place: index into the names of fixtures, sockets' plates or tracker stations, (n,) int.
+        t: time [s], (n,).
+        q_cmd: commanded angles (n, N) [rad]; ``q_read``: angles as read (n, N) [rad].
+        session: number of the session, (n,) int.
+        pose: id of the pose, (n,) int.
+        point: index of the target on the tool, (n,) int.
+        temperature: (n,) [°C].
+        force: pull along the bar, (n,) [N].
+        torque: measured joint torques, (n, N) [Nm].
+        payload: (n,) [kg].
+        direction: sign of each axis' last approach, (n, N).
+        length: as the bar showed it, (n,) [m].
+        reversals: angles at each joint's last reversals, (n, N, M) [rad], the latest last.
+        speed: of the controller angles where the run is continuous, (n, N) [rad/s].
+        file: index of the file that a sample was read from, (n,) int; ``line``: its line there (row of a Parquet file).
+    """
+
+    q: Array
+    place: IntArray
+    t: Array | None = None
+    q_cmd: Array | None = None
+    q_read: Array | None = None
+    session: IntArray | None = None
+    pose: IntArray | None = None
+    point: IntArray | None = None
+    temperature: Array | None = None
+    force: Array | None = None
+    torque: Array | None = None
+    payload: Array | None = None
+    direction: Array | None = None
+    speed: Array | None = None
+    length: Array | None = None
+    reversals: Array | None = None
+    file: IntArray | None = None
+    line: IntArray | None = None
+
+    def __len__(self) -> int:
+        """Return the number of samples n."""
+        return len(self.q)
+
+    def take(self, which: slice | IntArray) -> "Samples":
+        """Return the samples at ``which`` (a slice, indices, or a mask)."""
+        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the gauge read, one entry a sample: one of length, position (and rotation), or socket.
+
+    Attributes:
+        length: (n,) [m].
+        position: of the target in the gauge's own frame G, p_GM (n, 3) [m].
+        rotation: of the probe, R_GM (n, 3, 3).
+        ball: index of the ball or socket that the point sits in, (n,) int.
+        offset: of the point from that ball's centre in the plate's axes, (n, 3) [m].
+    """
+
+    length: Array | None = None
+    position: Array | None = None
+    rotation: Array | None = None
+    ball: IntArray | None = None
+    offset: Array | None = None
+
+    def take(self, which: slice | IntArray) -> "Readings":
+        """Return the readings at ``which`` (a slice, indices, or a mask)."""
+        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
+
+
+@dataclass(frozen=True)
+class Run:
+    """One measured run, loaded and checked.
+
+    Attributes:
+        name: of the file.
+        samples: where the arm stood.
+        readings: what the gauge read.
+        places: names that ``samples.place`` counts (fixtures, plates, stations; one unnamed place is ``""``).
+        balls: names that ``readings.ball`` counts.
+        points: names that ``samples.point`` counts.
+        continuous: whether the samples follow each other along a driven path; else each is a pose at rest.
+        clocks: 2 where gauge and controller were logged apart, each by its own clock, else 1.
+        plan_id, robot: from the comment lines, ``None`` where not given.
+        warnings: what a person should know.
+        files: names that ``samples.file`` counts.
+    """
+
+    name: str
+    samples: Samples
+    readings: Readings
+    places: tuple[str, ...] = ("",)
+    balls: tuple[str, ...] = ()
+    points: tuple[str, ...] = ("",)
+    continuous: bool = False
+    clocks: int = 1
+    plan_id: str | None = None
+    robot: str | None = None
+    warnings: tuple[str, ...] = field(default=())
+    files: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of samples n."""
+        return len(self.samples)
+
+    def where(self, k: int) -> str:
+        """Return where sample k, from 0, stands: ``"run.csv, line 12"``; its number where no file is known."""
+        s = self.samples
+        if s.file is None or s.line is None:
+            return f"number {k + 1}"
+        name = self.files[s.file[k]]
+        return f"{name}, {'row' if name.lower().endswith('.parquet') else 'line'} {s.line[k]}"
+
+    def take(self, which: slice | IntArray) -> "Run":
+        """Return the run with only the samples at ``which`` (a slice, indices, or a mask)."""
+        return replace(self, samples=self.samples.take(which), readings=self.readings.take(which))

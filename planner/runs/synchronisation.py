@@ -1,0 +1,244 @@
+"""Two logs of one run, the gauge's and the controller's, brought together by time or by pose."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+from scipy.interpolate import CubicHermiteSpline
+
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.runs.columns import NAMES, WHOLE, split_key
+from planner.runs.joint_motion import DENSE
+from planner.runs.quantities import check_jumps, has_reading
+from planner.runs.run import IntArray
+from planner.runs.table import RunTable
+
+
+def rising_edges(t: Array, mark: Array) -> Array:
+    """Return the times (k,) [s] at which a mark (n,) of 0 and 1 rises: half way between the two samples."""
+    rise = 1 + np.flatnonzero((mark[1:] > 0.5) & (mark[:-1] <= 0.5))
+    return np.asarray(0.5 * (t[rise] + t[rise - 1]))
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """What the marks say of two clocks: add ``seconds`` to the gauge's; ``marks`` agree on it, within ``rms`` [s]."""
+
+    seconds: float
+    marks: int
+    rms: float
+
+
+def edge_offset(gauge: Array, axes: Array, reach: float) -> ClockOffset:
+    """Return the offset at which most marks of two logs meet.
+
+    Every pair of marks proposes an offset; the window of ``reach`` [s] that holds most proposals wins, so that a mark
+    lost in either log does no harm. The offset is the median in it.
+
+    Args:
+        gauge: times of the marks by the gauge's clock, (j,) [s].
+        axes: by the controller's, (k,) [s].
+        reach: the resolution of a mark, the sum of both logs' steps of time [s].
+
+    Raises:
+        InputError: a log has no mark, the marks do not belong together, or fit as well at another offset.
+    """
+    if len(gauge) == 0 or len(axes) == 0:
+        raise InputError("the column sync never rises from 0 to 1")
+    proposed = np.sort(np.subtract.outer(axes, gauge).ravel())
+    end = np.searchsorted(proposed, proposed + reach, side="right")
+    agreeing = end - np.arange(len(proposed))
+    count = int(agreeing.max())
+    if 2 * count < min(len(gauge), len(axes)):
+        raise InputError(
+            f"the sync marks do not belong together: of {len(gauge)} in one log and {len(axes)} in the other "
+            f"{count} meet"
+        )
+    best = np.flatnonzero(agreeing == count)
+    first = int(best[np.argmin(proposed[end[best] - 1] - proposed[best])])
+    found = proposed[first : end[first]]
+    offset = float(np.median(found))
+    rivals = proposed[best][np.abs(proposed[best] - offset) > 2.0 * reach]
+    if len(rivals):
+        raise InputError(
+            f"the sync marks fit as well at an offset of {offset:g} s as at {rivals[0]:g} s; "
+            "marks at uneven times, or none lost at either end, would tell"
+        )
+    return ClockOffset(offset, count, float(np.sqrt(np.mean((found - offset) ** 2))))
+
+
+SMOOTH = frozenset({"q", "cmd"})  # interpolated by cubics, as a drive's path is smooth; the rest by straight lines
+
+
+def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
+    """Return one table with the gauge's readings and the controller's angles.
+
+    With ``t_s`` in both and angles logged closely, the angles are interpolated at the gauge's stamps (cubic Hermite) on
+    the controller's clock; the clocks' offset comes from the marks in ``sync`` where both have them, else it is taken
+    for 0 with a warning. What is finer than that is the gauge's lag, a parameter of the fit. With ``pose`` in both and
+    one row a pose, rows are matched by it.
+
+    Raises:
+        InputError: the logs cannot be joined in either way, do not overlap, or a clock does not go forward.
+    """
+    both = f"{gauge.source.file} and {axes.source.file}"
+    timed = gauge.has("t") and axes.has("t") and _time_step(axes) < DENSE
+    if timed:
+        return _by_time(gauge, axes)
+    if gauge.has("pose") and axes.has("pose"):
+        return _by_pose(gauge, axes)
+    if gauge.has("t") and axes.has("t"):
+        raise InputError(
+            f"{axes.source.file}: joint angles stand {_time_step(axes):g} s apart, too far to be interpolated "
+            f"(less than {DENSE:g} s is needed, or a column pose in both files)"
+        )
+    raise InputError(f"{both} cannot be joined: both need a column t_s, or both a column pose")
+
+
+def _time_step(table: RunTable) -> float:
+    t = table.array("t")
+    return float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else np.inf
+
+
+def _by_time(gauge: RunTable, axes: RunTable) -> RunTable:
+    t_axes, t_gauge = _forward_time(axes), _forward_time(gauge)
+    check_jumps(axes, axes.n_joints)
+    offset, said = _offset(gauge, axes, t_gauge, t_axes)
+    t = t_gauge + offset
+    inside = np.flatnonzero((t >= t_axes[0]) & (t <= t_axes[-1]))
+    if len(inside) == 0:
+        raise InputError(
+            f"{gauge.source.file} lasts from {t[0]:g} s to {t[-1]:g} s, {axes.source.file} from {t_axes[0]:g} s to "
+            f"{t_axes[-1]:g} s: they do not overlap; a column sync in both would tell the offset of their clocks"
+        )
+    if len(inside) < len(t):
+        said.append(
+            f"{gauge.source.name}: {len(t) - len(inside)} of {len(t)} readings lie outside the time of "
+            f"{axes.source.name} and were left out"
+        )
+    frame = gauge.frame[inside].with_columns(pl.Series("t", t[inside]))
+    others = [key for key in axes.frame.columns if key not in (*gauge.frame.columns, "t", "sync")]
+    frame = frame.with_columns(_column_at(axes, key, t_axes, t[inside]) for key in others)
+    merged = _merge_tables(gauge, axes, frame, inside, said)
+    return replace(merged, notes=(*merged.notes, ("clocks", "2")))
+
+
+def _forward_time(table: RunTable) -> Array:
+    t = table.array("t")
+    back = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise InputError(
+            f"{table.source.at(row)}, column '{table.source.header('t')}': the clock goes from {t[row - 1]:g} s to "
+            f"{t[row]:g} s; logs are joined by time only where it goes forward"
+        )
+    return t
+
+
+def _offset(gauge: RunTable, axes: RunTable, t_gauge: Array, t_axes: Array) -> tuple[float, list[str]]:
+    """Return what is to be added to the gauge's clock [s], and a sentence on where it comes from."""
+    names = f"{gauge.source.name} and {axes.source.name}"
+    if not (gauge.has("sync") and axes.has("sync")):
+        return 0.0, [
+            f"{names}: the clocks are taken for the same, as there is no column sync in both; "
+            "a small offset is found by the fit as the gauge's lag, a large one is not"
+        ]
+    g, a = (rising_edges(t, table.array("sync")) for t, table in ((t_gauge, gauge), (t_axes, axes)))
+    try:
+        found = edge_offset(g, a, _time_step(gauge) + _time_step(axes))
+    except InputError as err:
+        raise InputError(f"{gauge.source.file} and {axes.source.file}: {err}") from err
+    return found.seconds, [
+        f"{names}: {found.seconds:.6f} s was added to the gauge's clock; {found.marks} sync marks agree on it "
+        f"(RMS {1e3 * found.rms:.3f} ms)"
+    ]
+
+
+def _column_at(axes: RunTable, key: str, t_axes: Array, t: Array) -> pl.Series:
+    """Return a column of the controller at the stamps ``t`` [s] (all within its time)."""
+    stem = split_key(key)[0]
+    if stem in NAMES | WHOLE:
+        return axes.frame[key].gather(np.searchsorted(t_axes, t, side="right") - 1)
+    values = axes.array(key)
+    if stem not in SMOOTH or len(values) < 3:
+        return pl.Series(key, np.interp(t, t_axes, values))
+    return pl.Series(key, CubicHermiteSpline(t_axes, values, np.gradient(values, t_axes, edge_order=2))(t))
+
+
+def _by_pose(gauge: RunTable, axes: RunTable) -> RunTable:
+    """Match rows by the number of the pose, visits of one pose in their order."""
+    g, a = (
+        table.frame.with_columns(
+            pl.int_range(pl.len()).over("pose").alias("#visit"), pl.int_range(pl.len()).alias("#row")
+        )
+        for table in (gauge, axes)
+    )
+    twice = (
+        g.group_by("pose")
+        .len("g")
+        .join(a.group_by("pose").len("a"), on="pose")
+        .filter(pl.col("g") != pl.col("a"))
+        .sort("pose")
+    )
+    if twice.height:
+        pose, in_g, in_a = twice.row(0)
+        raise InputError(
+            f"pose {pose:g} stands {in_g} times in {gauge.source.file} and {in_a} times in {axes.source.file}; "
+            "which reading belongs to which angles cannot be told"
+        )
+    others = [key for key in axes.frame.columns if key not in gauge.frame.columns]
+    frame = g.join(a.select("pose", "#visit", *others), on=["pose", "#visit"], how="inner").sort("#row")
+    if frame.height == 0:
+        raise InputError(f"{gauge.source.file} and {axes.source.file} have no pose in common")
+    said = [
+        f"{table.source.name}: {table.frame.height - frame.height} of {table.frame.height} rows have no partner of "
+        "their pose and were left out"
+        for table in (gauge, axes)
+        if table.frame.height > frame.height
+    ]
+    return _merge_tables(gauge, axes, frame.drop("#visit", "#row"), frame["#row"].to_numpy(), said)
+
+
+def _merge_tables(gauge: RunTable, axes: RunTable, frame: pl.DataFrame, rows: IntArray, said: list[str]) -> RunTable:
+    source = replace(gauge.source, rows=rows, headers=gauge.source.headers + axes.source.headers)
+    twice = sorted((set(gauge.frame.columns) & set(axes.frame.columns)) - {"t", "sync", "pose"})
+    if twice:
+        said.append(
+            f"{axes.source.name}: {', '.join(twice)} stand in both files; those of {gauge.source.name} are used"
+        )
+    return RunTable(
+        source,
+        frame,
+        tuple({**dict(axes.units), **dict(gauge.units)}.items()),
+        tuple({**dict(axes.notes), **dict(gauge.notes)}.items()),
+        (*gauge.warnings, *axes.warnings, *said),
+    )
+
+
+def pair_tables(tables: Sequence[RunTable]) -> list[RunTable]:
+    """Return whole tables in their order, a gauge's log joined with the controller's that is given with it.
+
+    The first log without angles goes with the first without a reading, the second with the second.
+
+    Raises:
+        InputError: a half has no partner, or the two cannot be joined.
+    """
+    gauges = [t for t in tables if has_reading(t) and not t.n_joints]
+    axes = [t for t in tables if t.n_joints and not has_reading(t)]
+    if not gauges or not axes:
+        return list(tables)  # what is missing in them is said where the run is made
+    if len(gauges) != len(axes):
+        raise InputError(
+            f"{', '.join(t.source.file for t in gauges)}: readings without joint angles; "
+            f"{', '.join(t.source.file for t in axes)}: joint angles without readings; "
+            "each of the one needs one of the other"
+        )
+    partner = dict(zip((t.source.file for t in gauges), axes, strict=True))
+    alone = {t.source.file for t in axes}
+    return [
+        synchronise_tables(t, partner[t.source.file]) if t.source.file in partner else t
+        for t in tables
+        if t.source.file not in alone
+    ]

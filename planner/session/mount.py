@@ -1,0 +1,142 @@
+"""Where a session starts and ends: the cell's own mount pose, or a good one that is found."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import Workspace
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import Array
+from planner.design.candidates.pool import PoseSet, draw_candidates
+from planner.design.pose_selection import identify_candidates
+from planner.design.selection.column_generation import certify_bound, price_core
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import connected_parts
+from planner.session.course import round_angles
+
+POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
+CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves
+TRIED = 2000  # poses among which a mount pose is looked for
+ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
+
+
+def check_home(cell: Cell, without_bar: Constraints) -> None:
+    """Refuse a home where the robot itself collides.
+
+    Raises:
+        InputError: naming the two bodies or the limit.
+    """
+    reason = without_bar.reason(cell.home)
+    if reason is not None:
+        raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}")
+
+
+def with_mounts(cell: Cell, seed: int) -> Cell:
+    """Return the cell with a mount pose for every fixture: its own, checked, or one that is found.
+
+    The twist of a cable along the bar is counted from there, so it is settled before the candidates are drawn.
+
+    Raises:
+        InputError: home or a mount pose of the cell breaks a constraint.
+        NoSolutionError: no pose at all holds the bar.
+    """
+    check_home(cell, Constraints(cell, bar=False))
+    fixtures = []
+    for k, fixture in enumerate(cell.fixtures):
+        mount = round_angles(_find_mount(cell, k, seed)) if fixture.mount is None else fixture.mount
+        fixtures.append(replace(fixture, mount=mount))
+    cell = replace(cell, fixtures=tuple(fixtures))
+    for k, fixture in enumerate(cell.fixtures):
+        reason = Constraints(cell, k).reason(np.asarray(fixture.mount))
+        if reason is not None:
+            raise InputError(f"{cell.path}: mount_deg of fixture {cell.place_name(k)} cannot hold the bar: {reason}")
+    return cell
+
+
+def drop_unreachable(
+    cell: Cell, pool: PoseSet, index: str, poses: int | None, seed: int
+) -> tuple[PoseSet, tuple[str, ...]]:
+    """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
+
+    Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
+    by their neighbours in a roadmap; those whose price in the bound singles them out are in it themselves.
+    """
+    kept = _joined_to_mount(cell, pool, np.arange(0), seed)
+    likely = pool.take(kept)
+    _, _, rows = identify_candidates(cell, likely)
+    n = min(poses or POSES, len(rows))
+    order, _ = price_core(rows, certify_bound(rows, index, n, tolerance=ROUGH, seed=seed), n)
+    kept = _joined_to_mount(cell, likely, np.sort(order[:CERTAIN]), seed)
+    lost = len(pool) - int(kept.sum())
+    note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
+    return likely.take(kept), (note,) if lost else ()
+
+
+def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.ndarray:
+    """Tell which candidates lie in their mount pose's part; those in ``certain`` by roadmap edges of their own."""
+    kept = np.zeros(len(pool), dtype=bool)
+    for k, fixture in enumerate(cell.fixtures):
+        mine = np.flatnonzero(pool.fixture == k)
+        first = certain[pool.fixture[certain] == k]
+        rows = np.concatenate([first, np.setdiff1d(mine, first)])
+        part = connected_parts(
+            Constraints(cell, k), np.vstack([np.array(fixture.mount), pool.q[rows]]), seed, 1 + len(first)
+        )
+        kept[rows] = part[1:] == part[0]
+    return kept
+
+
+def _find_mount(cell: Cell, fixture: int, seed: int) -> Array:
+    """Of the poses in the largest part of the shell with the most room to every limit, the quickest to reach."""
+    one = replace(cell.unwound, fixtures=(cell.fixtures[fixture],), plan=replace(cell.plan, grid_step=None))
+    q = draw_candidates(one, TRIED, seed).q
+    q = q[connected_parts(Constraints(one), q, seed) == 0]
+    workspace = Workspace(one)
+    margins = workspace.margins(q)
+    room = (margins / np.median(margins, axis=0)).min(axis=1)
+    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY * len(q)))]]
+    seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
+    return np.asarray(roomy[int(np.argmin(seconds))])
+
+
+DRAWN = 200_000  # states among which a pose for mastering is looked for
+UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
+
+
+def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | None = None) -> Cell:
+    """Return the cell with the pose where the session starts and ends.
+
+    A head is mastered with its opening upwards, so that gravity holds the master ball (TriCal paper, section 3). A
+    tracker is to see the reflector there: the nearest to home of the candidates ``pool`` (n, N) [rad].
+
+    Raises:
+        InputError: home or the cell's own pose breaks a constraint.
+        NoSolutionError: no pose turns the head upwards.
+    """
+    check_home(cell, away)
+    given = cell.fixtures[0].mount
+    if given is not None:
+        reason = away.reason(given)
+        if reason is not None:
+            raise InputError(f"{cell.path}: gauge.mount_deg cannot be where the session starts: {reason}")
+        return cell
+    found = _draw_upright(cell, away, seed) if pool is None else pool
+    seconds = (np.abs(found - cell.home) / cell.robot.speed).max(axis=1)
+    mount = round_angles(found[int(np.argmin(seconds))])
+    return replace(cell, fixtures=(replace(cell.fixtures[0], mount=mount),))
+
+
+def _draw_upright(cell: Cell, away: Constraints, seed: int) -> Array:
+    robot, rng = cell.robot, np.random.default_rng([seed, 3])
+    lower, upper = np.maximum(robot.q_lower, cell.home - np.pi), np.minimum(robot.q_upper, cell.home + np.pi)
+    q = rng.uniform(lower, upper, (DRAWN, robot.n_joints))
+    up = cell.map_axis(q) @ cell.base.R_WB[2]
+    q = q[up > np.cos(UPRIGHT)]
+    q = q[away.valid(q)]
+    if not len(q):
+        raise NoSolutionError(
+            f"no collision-free pose turns the head upwards within {np.rad2deg(UPRIGHT):.0f}°, as mastering the "
+            "indicators takes: give gauge.mount_deg"
+        )
+    return np.asarray(q)

@@ -1,0 +1,170 @@
+"""What a person must know of a planned session: its programs, its bar lengths, and which effects it tells apart."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import setup_of
+from planner.common.units import Array, to_mm
+from planner.design.discrimination.power import UNSURE, Discrimination
+from planner.design.discrimination.selection import DiscriminatingChoice
+from planner.design.observability.information import INDEX_RULES
+from planner.design.pose_selection import PoseChoice, warn_too_few_readings
+from planner.programs.program_files import dialect_info, program_notes
+from planner.runs.joint_motion import last_reversals
+from planner.runs.run import Samples
+from planner.session.course import Course, is_continuous
+from planner.session.neutral_program import session_program
+from planner.session.plan_types import Drive
+
+
+def session_notes(cell: Cell, courses: Iterable[Course], plan_id: str, dialects: Iterable[str]) -> tuple[str, ...]:
+    """Return the notes of the session, then those of its program in each dialect; what several share is said once.
+
+    Raises:
+        InputError: no such dialect, or it cannot carry the session.
+    """
+    made = tuple(courses)
+    said: dict[str, list[str]] = {}
+    for name in dialects:
+        for text in program_notes(session_program(cell, made, plan_id, dialect_info(name).wants_dense_path), name):
+            said.setdefault(text, []).append(name)
+    return (*_repeat_notes(cell), *_speed_notes(cell), *(f"{', '.join(names)}: {text}" for text, names in said.items()))
+
+
+def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
+    """Return what is to be told of poses nearer to the bar's ends than is known where it hangs."""
+    low, high, out = cell.gauge.length_min, cell.gauge.length_max, []
+    for drive in drives:
+        prior = float(np.hypot(cell.fixtures[drive.fixture].prior, cell.tool.prior))
+        room = [min(v.length - low, high - v.length) for v in drive.visits if v.role != "mount"]
+        near = sum(r < prior for r in room)
+        if near:
+            out.append(
+                f"{near} of {len(room)} poses at fixture {cell.place_name(drive.fixture)} come within "
+                f"{to_mm(prior):.2g} mm of the bar's ends, and it is known no better where fixture and tool point are "
+                "(their prior_mm): measure both first, or narrow gauge.length_mm, so that the bar meets no stop"
+            )
+    return tuple(out)
+
+
+def _speed_notes(cell: Cell) -> list[str]:
+    """Programs name one tool; who measures at several points of it is told which one."""
+    if not cell.tool.points:
+        return []
+    first = cell.tool.points[0].name
+    return [f"the tool's point in a program, and its speed, are those of tool point {first} at all places of the bar"]
+
+
+def _repeat_notes(cell: Cell) -> list[str]:
+    """Repeats are visits at rest; who asked for them is told what stands in for them while moving."""
+    asked = cell.plan.repeat and "repeat" in cell.file.plan.model_fields_set
+    if not asked or not is_continuous(cell):
+        return []
+    instead = "every pose is passed twice, there and back" if cell.motion.both_ways else "no pose is visited twice"
+    return [f"plan.repeat = {cell.plan.repeat} is for poses at rest: in this continuous session {instead}"]
+
+
+STEP = 0.05  # [s] along the path in which reversals are looked for
+MEASURED = ("calibrate", "repeat")
+MUCH = 1.5  # times worse that the index may be before a person is told
+
+
+def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:
+    """Return how surely the plan tells findings from rivals, as it is driven."""
+    parts = [_samples_in_passing(cell, d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
+    ways = min(len(p) for p in parts)
+    return parted.as_driven(tuple(_join_samples([p[k] for p in parts]) for k in range(ways)))
+
+
+def discrimination_notes(
+    cell: Cell, separation: Discrimination | None, choice: PoseChoice, drives: tuple[Drive, ...]
+) -> tuple[str, ...]:
+    """Return what a person should know of it."""
+    if separation is None:
+        return ()
+    missed, few = _count_missed_sides(choice, drives), _scarcity_notes(cell, choice, drives)
+    sides = (f"{missed} of {len(choice.q)} poses cannot be come to from the side that was wanted",) if missed else ()
+    unsure = (
+        f"{t.finding} and {t.rival} are told apart with a power of {t.power_text} only; what would help: "
+        + "; or ".join(("more --poses", *t.help))
+        for t in separation.told
+        if t.power < UNSURE and t.named
+    )
+    return (
+        *(f"not told apart: {s}" for s in separation.inseparable),
+        *unsure,
+        *sides,
+        *few,
+        *_index_notes(separation, choice),
+    )
+
+
+def _index_notes(separation: Discrimination, choice: PoseChoice) -> tuple[str, ...]:
+    """Tell that poses which tell effects apart see the robot's own parameters much worse."""
+    times = 1.0 + INDEX_RULES[choice.index].gap(choice.value, separation.alone)
+    if times < MUCH:
+        return ()
+    return (
+        f"these poses see the robot's own parameters {times:.1f} times worse than poses chosen by {choice.index} alone "
+        f"({choice.index} {choice.value:.4g} instead of {separation.alone:.4g}): identify their run together with the "
+        "one before",
+    )
+
+
+def _scarcity_notes(cell: Cell, choice: PoseChoice, drives: tuple[Drive, ...]) -> tuple[str, ...]:
+    """Tell that a run at rest has too few readings to be traced."""
+    visits = sum(v.role in MEASURED for d in drives for v in d.visits)
+    said = None if is_continuous(cell) else warn_too_few_readings(visits * choice.model.width, choice.seen.rank)
+    return () if said is None else (said,)
+
+
+def _count_missed_sides(choice: PoseChoice, drives: tuple[Drive, ...]) -> int:
+    """Number of chosen poses that are come to from another side than wanted."""
+    if choice.approach is None:
+        return 0
+    wanted = {q.tobytes(): side for q, side in zip(choice.q, choice.approach, strict=True)}
+    visits = [v for d in drives for v in d.visits if v.role == "calibrate" and v.q.tobytes() in wanted]
+    sides = [(wanted[v.q.tobytes()], np.array(v.approach)) for v in visits]
+    return sum(bool(((want != 0) & (want != is_)).any()) for want, is_ in sides)
+
+
+def _samples_at_rest(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
+    """Every visit in the middle of its dwell."""
+    at, visits = _measured_waypoints(drive), [v for v in drive.visits if v.role in MEASURED]
+    t = drive.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
+    approach = np.array([v.approach for v in visits], dtype=float)
+    q = np.array([v.q for v in visits])
+    return (replace(setup_of(cell).visits(q, drive.fixture), t=t, direction=approach),)
+
+
+def _samples_in_passing(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
+    """Every visit in passing, for each way driven."""
+    ways: dict[int, list[int]] = {}
+    for k in _measured_waypoints(drive):
+        ways.setdefault(int(drive.course.measuring.visit[k]), []).append(int(k))
+    count = min(len(way) for way in ways.values())
+    return tuple(_sample_passage(cell, drive, np.array([way[j] for way in ways.values()])) for j in range(count))
+
+
+def _sample_passage(cell: Cell, drive: Drive, at: np.ndarray) -> Samples:
+    t: Array = drive.trajectory.waypoint_time[at]
+    motion, whole = drive.trajectory.at(t), drive.trajectory.sample(STEP)
+    turned = last_reversals(whole.q)[np.minimum(np.searchsorted(whole.t, t), len(whole.t) - 1)]
+    return replace(setup_of(cell).visits(motion.q, drive.fixture), t=t, speed=motion.dq, reversals=turned)
+
+
+def _measured_waypoints(drive: Drive) -> np.ndarray:
+    """Waypoints of the measuring path that are visits which count."""
+    ids = [v.id for v in drive.visits if v.role in MEASURED]
+    return np.flatnonzero(np.isin(drive.course.measuring.visit, ids))
+
+
+def _join_samples(parts: list[Samples]) -> Samples:
+    """The samples of every fixture, one after the other."""
+    first = parts[0]
+    names = ("q", "place", "point", "t", "direction", "speed", "reversals")
+    columns = [k for k in names if getattr(first, k) is not None]
+    return Samples(**{k: np.concatenate([getattr(p, k) for p in parts]) for k in columns})

@@ -1,0 +1,274 @@
+"""``plan.json``: written in the contract's keys, the same bytes for the same input and seed, and read back later."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.schema import read_json, validate
+from planner.design.bayesian_design import BayesianDesign
+from planner.design.discrimination.power import Discrimination
+from planner.design.observability.information import INDEX_RULES
+from planner.design.pose_selection import PoseChoice
+from planner.design.undeclared_errors import ASSUMED
+from planner.session.course import DIGITS, Waypoints
+from planner.session.plan_types import Drive, Plan, Visit
+
+
+class PartialModel(BaseModel):
+    """A part of plan.json: only what is needed later is checked, the rest is passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class WaypointFile(PartialModel):
+    """One waypoint of a driven path."""
+
+    q_deg: tuple[float, ...]
+    visit: int
+    blend_mm: float = Field(ge=0)
+
+
+class DriveFile(PartialModel):
+    """What is driven with the bar on one fixture, at one tool point where there are several."""
+
+    fixture: str
+    point: str = ""
+    travel: tuple[WaypointFile, ...]
+    waypoints: tuple[WaypointFile, ...]
+
+
+class PoseFile(PartialModel):
+    """One pose in visiting order."""
+
+    id: int
+    q_deg: tuple[float, ...]
+    role: Literal["calibrate", "repeat", "validate", "mount"]
+    approach: tuple[int, ...] = ()
+    fixture: str = ""
+    point: str = ""
+    ball: str | None = None
+
+
+class PlanFile(PartialModel):
+    """The keys of ``plan.json`` that are read later."""
+
+    schema_: Literal["edbb-plan/1"] = Field(alias="schema")
+    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
+    robot: str = ""
+    drives: tuple[DriveFile, ...] = Field(min_length=1)
+    poses: tuple[PoseFile, ...] = ()
+
+    def ids(self, *roles: str) -> list[int]:
+        """Ids of the poses with one of these roles, of all without any named."""
+        return [p.id for p in self.poses if not roles or p.role in roles]
+
+
+def read_plan(path: Path) -> PlanFile:
+    """Read the plan at ``path``.
+
+    Raises:
+        InputError: no such file, no plan, or a plan of circles.
+    """
+    content = read_json(path)
+    if isinstance(content, dict) and content.get("kind") == "circular":
+        raise InputError(
+            f"{path}: is a plan of circles, and a plan of poses is needed here; runs of circles are for edbb circular, "
+            "those under load for edbb loaded"
+        )
+    return validate(content, PlanFile, str(path))
+
+
+SCHEMA = "edbb-plan/1"
+
+
+def plan_content(plan: Plan) -> dict[str, object]:
+    """Return what ``plan.json`` says, in the contract's keys."""
+    content = {"schema": SCHEMA, "plan_id": plan.plan_id, **plan_record(plan)}
+    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
+    content["notes"] = list(plan.notes)
+    short = round_numbers(content)
+    assert isinstance(short, dict)
+    return short
+
+
+def plan_text(plan: Plan) -> str:
+    """Return the text of ``plan.json``."""
+    return json.dumps(plan_content(plan), indent=1, ensure_ascii=False) + "\n"
+
+
+def plan_hash(plan: Plan) -> str:
+    """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
+    return content_hash(plan_record(plan), plan.cell)
+
+
+def content_hash(content: dict[str, object], cell: Cell) -> str:
+    """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
+    whole = content | {"cell_file": cell.file.model_dump(mode="json", by_alias=True)}
+    return hashlib.sha256(json.dumps(round_numbers(whole), sort_keys=True).encode()).hexdigest()[:12]
+
+
+def plan_record(plan: Plan) -> dict[str, object]:
+    """Return the plan's content, without its id, its programs and its notes."""
+    choice, drives = plan.choice, plan.drives
+    return {
+        "robot": plan.cell.robot.name,
+        "cell": plan.cell.name,
+        "seed": plan.seed,
+        "parameters": list(choice.seen.names),
+        "dropped": [{"name": d.name, "because": d.because} for d in choice.seen.dropped],
+        "funnel": asdict(plan.pool.funnel),
+        "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
+        "supports": [s for d in drives for s in _support_records(d)],
+        "observability": _observability_record(choice, plan.driven),
+        "tour": _tour_record(drives),
+        "path": _path_record(drives, plan.cell.gauge.is_bar),
+        "trajectory": {
+            "duration_s": sum(d.trajectory.duration_s for d in drives),
+            "measuring_s": sum(d.trajectory.measuring_s for d in drives),
+            "file": "trajectory.csv",
+        },
+        "drives": [_drive_record(plan, d) for d in drives],
+    } | (_separation_record(plan.separation) | _foresight_record(plan.foresight))
+
+
+def _pose_record(plan: Plan, v: Visit) -> dict[str, object]:
+    pose: dict[str, object] = {"id": v.id, "q_deg": np.rad2deg(v.q)}
+    if plan.cell.gauge.is_bar:
+        pose |= {"length_mm": v.length * 1e3, **_place_record(plan.cell, v.fixture)}
+    elif v.ball >= 0:
+        pose |= {"ball": plan.cell.balls[v.ball].name, "first_contact_mm": (v.contact or 0.0) * 1e3}
+    pose |= {"role": v.role, "approach": list(v.approach)}
+    return pose if v.repeats is None else pose | {"repeats": v.repeats}
+
+
+def _place_record(cell: Cell, fixture: int) -> dict[str, object]:
+    """The fixture and, where the tool has several points, the one that the bar hangs from."""
+    place: dict[str, object] = {"fixture": cell.fixtures[fixture].name}
+    point = cell.point_name(fixture)
+    return place | {"point": point} if point else place
+
+
+def _support_records(drive: Drive) -> list[dict[str, object]]:
+    """Support poses, each with the id of the visit that it follows."""
+    ids = np.cumsum(drive.path.node >= 0) - 1
+    support = np.flatnonzero(drive.path.node < 0)
+    return [{"after": drive.visits[int(ids[k])].id, "q_deg": np.rad2deg(drive.path.q[k])} for k in support]
+
+
+def _observability_record(choice: PoseChoice, driven: float) -> dict[str, object]:
+    rule, bound = INDEX_RULES[choice.index], choice.certificate
+    values = {name: getattr(choice.raw, name) for name in INDEX_RULES}
+    scaled = {name: getattr(choice.scaled, name) for name in INDEX_RULES}
+    return {
+        "index": choice.index,
+        "n": len(choice.q),
+        **values,
+        "scaled": scaled,
+        "bound": bound.value,
+        "gap": rule.gap(choice.value, bound.value),
+        "bound_kind": bound.kind,
+        "bound_verified": bound.verified,
+        "on_grid": {"value": choice.on_grid_value, "gap": rule.gap(choice.on_grid_value, bound.value)},
+        "path": {choice.index: driven},
+    }
+
+
+def _separation_record(separation: Discrimination | None) -> dict[str, object]:
+    """How surely findings are told from their rivals; nothing where that was not asked."""
+    if separation is None:
+        return {}
+    proof = {
+        "gap": separation.gap,
+        "bound_kind": f"exactly {separation.poses} poses",
+        "bound_verified": separation.verified,
+        "noise_mm": separation.noise * 1e3,
+    }
+    return {"separation": [asdict(t) for t in separation.told], "separation_proof": proof}
+
+
+def _foresight_record(ahead: BayesianDesign | None) -> dict[str, object]:
+    """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
+    if ahead is None:
+        return {}
+    told = {
+        "assumed": ASSUMED,
+        "error_mm": ahead.left * 1e3,
+        "untraced_mm": ahead.unknown.untraced * 1e3,
+        "on_grid": {"error_mm": ahead.after[-1] * 1e3, "gap": ahead.gap},
+        "bound_mm": ahead.bound * 1e3,
+        "after_mm": ahead.after * 1e3,
+    }
+    return {"foresight": told}
+
+
+def _tour_record(drives: tuple[Drive, ...]) -> dict[str, object]:
+    return {
+        "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
+        "unsorted_s": sum(d.tour.unsorted_s for d in drives),
+        "cost_s": sum(d.tour.cost_s for d in drives),
+        "lower_bound_s": sum(d.tour.lower_bound_s for d in drives),
+        "optimal": all(d.tour.optimal for d in drives),
+        "driven_s": sum(d.trajectory.duration_s for d in drives),
+    }
+
+
+def _path_record(drives: tuple[Drive, ...], bar: bool) -> dict[str, object]:
+    legs = [leg for d in drives for leg in d.path.legs]
+    direct = sum(leg.direct for leg in legs)
+    lengths = {
+        "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
+        "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
+    }
+    return {
+        "legs": len(legs),
+        "direct_legs": direct,
+        "planned_legs": len(legs) - direct,
+        "checked": "continuous",
+        "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
+        **(lengths if bar else {}),
+        "verdicts": [
+            {"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3}
+            for d in drives
+            for v in d.verdicts
+        ],
+    }
+
+
+def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
+    """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
+    m, measuring = len(drive.path.q), drive.course.measuring
+    return {
+        **_place_record(plan.cell, drive.fixture),
+        "travel": _waypoint_records(drive.course.travel, len(drive.travel.q)),
+        "waypoints": _waypoint_records(measuring, m),
+    }
+
+
+def _waypoint_records(path: Waypoints, count: int) -> list[dict[str, object]]:
+    return [
+        {"q_deg": np.rad2deg(q), "visit": int(visit), "blend_mm": float(r) * 1e3}
+        for q, visit, r in zip(path.q[:count], path.visit[:count], path.blend[:count], strict=True)
+    ]
+
+
+def round_numbers(value: object) -> object:
+    """Round every number to what matters, so that the last bits of a sum do not change the bytes."""
+    if isinstance(value, dict):
+        return {k: round_numbers(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [round_numbers(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return round_numbers(value.tolist())
+    if isinstance(value, float | np.floating):
+        if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
+            return None
+        short = round(float(value), DIGITS)
+        return 0.0 if short == 0 else short
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,181 @@
+"""Places where a loaded circle could be driven: a grid of centres, three planes from both sides, followed round.
+
+Turning everything about axis 1 changes no torque of the bar, so the centres lie in one upright plane through that axis,
+the one in which the cell's own circle has its centre.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
+
+from planner.cell.cell import Cell
+from planner.cell.circles import Circle, CirclePlane
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.units import MM, Array, read_only
+from planner.instruments.circular.inverse_kinematics import conditioning, solve_ik
+from planner.kinematics.bar_geometry import bar_state, tilt_angle
+
+ANGLES = 36  # of a circle that is followed
+STEPS = (7, 6)  # of the grid in distance from axis 1, and in height
+NEAREST, FURTHEST, TOP = 0.35, 0.85, 0.75  # of the reach
+SEEDS = 3  # log2 of the arm positions from which a start is looked for
+SPINS = 4  # turns of the tool about its own axis
+SEARCH, FOLLOW = 40, 8  # rounds for a start, and from one angle to the next
+LEAP = 0.6  # [rad] no joint moves more from one angle to the next
+ROOM = 0.03  # [rad] from limits and cones; of a singularity
+PLANES: dict[CirclePlane, tuple[int, int]] = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
+
+
+@dataclass(frozen=True)
+class CirclePlace:
+    """A circle that the arm can drive.
+
+    Attributes:
+        plane: ``XY``, ``XZ`` or ``YZ``; side: 1 where the bar leans against its normal, −1 along it.
+        centre: (3,) [m]; p_BX: the fixture's ball (3,) [m]; axis_B: of its ball joint (3,).
+        q: controller angles round the circle, (B, N) [rad].
+    """
+
+    plane: CirclePlane
+    side: int
+    centre: Array
+    p_BX: Array
+    axis_B: Array
+    q: Array
+
+
+def find_circle_places(cell: Cell, seed: int = 0, steps: tuple[int, int] = STEPS) -> tuple[CirclePlace, ...]:
+    """Return every place of the grid whose circle the arm follows within limits and cones, in a fixed order.
+
+    ``steps`` are those of the grid. Collisions are not looked at here: the plan of a chosen cell judges them.
+
+    Raises:
+        InputError: the cell has no circle to take radius and loads from.
+        NoSolutionError: no circle can be followed anywhere.
+    """
+    circle = own_circle(cell)
+    grid = [(plane, side, c) for c in _centre_grid(cell, circle, steps) for plane in PLANES for side in (1, -1)]
+    found = _follow_circles(cell, circle, grid, seed)
+    if not found:
+        raise NoSolutionError(
+            f"{cell.path}: none of {len(grid)} circles of radius {circle.radius / MM:.0f} mm can be followed within "
+            "joint limits and cones: widen gauge.cone_deg, or drive a smaller circle"
+        )
+    return tuple(found)
+
+
+def find_own_place(cell: Cell, seed: int = 0) -> CirclePlace:
+    """Return the cell's own circle as a candidate.
+
+    Raises:
+        InputError: the cell has no circle.
+        NoSolutionError: the arm cannot follow it.
+    """
+    circle = own_circle(cell)
+    side = 1 if _centre_height(cell, circle) >= 0 else -1
+    found = _follow_circles(cell, circle, [(circle.plane, side, circle.p_BC)], seed)
+    if not found:
+        raise NoSolutionError(
+            f"{cell.path}: circle {circle.name} cannot be followed within joint limits and cones from its fixture"
+        )
+    return found[0]
+
+
+def own_circle(cell: Cell) -> Circle:
+    """Return the cell's first circle.
+
+    Raises:
+        InputError: it has none, or it is driven without loads.
+    """
+    if not cell.circles:
+        raise InputError(f"{cell.path}: has no [[circles]]; radius, loads and the bar's lean are taken from the first")
+    if len(cell.circles[0].loads) < 2:
+        raise InputError(
+            f"{cell.path}: circle {cell.circles[0].name} has {len(cell.circles[0].loads)} loads in loads_N; a "
+            "stiffness needs two at least, better five"
+        )
+    return cell.circles[0]
+
+
+def _centre_height(cell: Cell, circle: Circle) -> float:
+    return float((circle.p_BC - cell.fixtures[circle.fixture].p_BX) @ circle.normal)
+
+
+def _centre_grid(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Array]:
+    """Grid of centres in the upright plane through axis 1 and the cell's own centre."""
+    reach = sum(abs(t.nominal) for t in cell.robot.transforms if t.kind == "translation")
+    towards = np.append(circle.p_BC[:2] / np.linalg.norm(circle.p_BC[:2]), 0.0)
+    out = []
+    for r in np.linspace(NEAREST * reach, FURTHEST * reach, steps[0]):
+        for z in np.linspace(circle.radius + 0.1, TOP * reach, steps[1]):
+            out.append(np.round(r * towards + [0, 0, z], 3))
+    return out
+
+
+def _follow_circles(
+    cell: Cell, circle: Circle, grid: list[tuple[CirclePlane, int, Array]], seed: int
+) -> list[CirclePlace]:
+    """Circles that can be followed, each in its roomiest way."""
+    normals = np.array([side * np.cross(*np.eye(3)[list(PLANES[plane])]) for plane, side, _ in grid])
+    centre = np.array([c for _, _, c in grid])
+    p_BX = centre - abs(_centre_height(cell, circle)) * normals
+    theta = np.arange(ANGLES) * 2 * np.pi / ANGLES
+    round_ = np.array([_circle_points(plane, circle.radius, theta) for plane, _, _ in grid]) + centre[:, None]
+    which, q, R = _find_starts(cell, round_[:, 0], normals, seed)
+    course = np.repeat(q[:, None], ANGLES, axis=1)
+    alive = np.arange(len(which))
+    for k in range(1, ANGLES if len(alive) else 0):
+        course[alive, k], good = solve_ik(cell, course[alive, k - 1], round_[which[alive], k], R[alive], FOLLOW)
+        good &= np.abs(course[alive, k] - course[alive, k - 1]).max(axis=1) < LEAP
+        alive = alive[good]
+        if not len(alive):
+            break
+    room = np.array([_smallest_margin(cell, course[m], p_BX[which[m]], normals[which[m]]) for m in alive])
+    out = []
+    for k, (plane, side, c) in enumerate(grid):
+        own = np.flatnonzero((which[alive] == k) & (room > ROOM))
+        if len(own):
+            best = alive[own[int(np.argmax(np.round(room[own], 6)))]]
+            out.append(
+                CirclePlace(
+                    plane, side, read_only(c), read_only(p_BX[k]), read_only(normals[k]), read_only(course[best])
+                )
+            )
+    return out
+
+
+def _circle_points(plane: CirclePlane, radius: float, theta: Array) -> Array:
+    first, second = np.eye(3)[list(PLANES[plane])]
+    return np.asarray(radius * (np.cos(theta)[:, None] * first + np.sin(theta)[:, None] * second))
+
+
+def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.ndarray, Array, Array]:
+    """Start poses: which circle (m,), angles (m, N) [rad] and orientation (m, 3, 3), the tool against the normal."""
+    robot = cell.robot
+    low, high = np.maximum(robot.q_lower, -np.pi / 2), np.minimum(robot.q_upper, np.pi / 2)
+    seeds = np.vstack([cell.home, low + qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS) * (high - low)])
+    spin = Rotation.from_rotvec(np.arange(SPINS)[:, None] * (2 * np.pi / SPINS) * cell.tool.axis_F).as_matrix()
+    against = [Rotation.align_vectors(-n[None], cell.tool.axis_F[None])[0].as_matrix() for n in normals]
+    R = np.repeat(np.array([[a @ s for s in spin] for a in against]).reshape(-1, 3, 3), len(seeds), axis=0)
+    which = np.repeat(np.arange(len(x)), SPINS * len(seeds))
+    q, good = solve_ik(cell, np.tile(seeds, (len(x) * SPINS, 1)), x[which], R, SEARCH)
+    q = (q + np.pi) % (2 * np.pi) - np.pi
+    good &= ((q > robot.q_lower) & (q < robot.q_upper)).all(axis=1)
+    return which[good], q[good], R[good]
+
+
+def _smallest_margin(cell: Cell, q: Array, p_BX: Array, axis_B: Array) -> float:
+    """Smallest distance of a way round from limits, cones and singularities [rad]."""
+    robot = cell.robot
+    direction = bar_state(cell.map_position(q), p_BX).direction
+    return float(
+        min(
+            (robot.q_upper - q).min(),
+            (q - robot.q_lower).min(),
+            (cell.gauge.cone_fixture - tilt_angle(direction, axis_B)).min(),
+            (cell.gauge.cone_map - tilt_angle(-direction, cell.map_axis(q))).min(),
+            conditioning(cell, q).min(),
+        )
+    )

@@ -1,0 +1,227 @@
+"""One fit of poses without load and of loaded circles: its rows, what it would know, and the circles that add most."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.setup import setup_of
+from planner.common.determinism import first_maximum, on_one_thread
+from planner.common.errors import InputError
+from planner.common.units import Array, read_only
+from planner.design.observability.information import predict_covariance
+from planner.effects.parameters import compliance_parameters
+from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_torques
+from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
+from planner.model.model import Model
+from planner.runs.run import Samples
+from planner.study.compliance_design.circle_candidates import CirclePlace
+from planner.study.compliance_design.place_selection import TYPICAL_SHARE, planned_curves
+
+
+@dataclass(frozen=True)
+class FitRows:
+    """Rows (n, P) of one kind of run in standard deviations of a reading, with names, units and prior sizes.
+
+    What belongs to one gauge alone, its fixtures and zero, is named after it.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    prior: Array
+    rows: Array
+
+    def on(self, names: Sequence[str]) -> Array:
+        """Rows per prior size with the columns of ``names``, (n, len(names)); nought where it has none of them."""
+        out = np.zeros((len(self.rows), len(names)))
+        here = [n for n in self.names if n in names]
+        which = [self.names.index(n) for n in here]
+        out[:, [list(names).index(n) for n in here]] = self.rows[:, which] * self.prior[which]
+        return out
+
+
+def unloaded_rows(cell: Cell, q: Array, fixture: np.ndarray) -> FitRows:
+    """Return the rows of poses without load, q (n, N) [rad], and which fixture (n,) int holds the bar."""
+    rig = setup_of(cell)
+    model = Model.of(rig, cell.plan.free).plus(compliance_parameters(rig))
+    rows = model.rows(rig.visits(q, fixture))[:, 0] / model.noise(q, fixture)[:, None]
+    return _name_rows(model, rows, "unloaded ", True)
+
+
+def loaded_rows(cell: Cell, places: Sequence[CirclePlace], shared_tool: bool) -> FitRows:
+    """Return the rows of loaded circles, every angle, load and sense; places are named P1 … in the order given."""
+    rig = setup_of(cell)
+    names = tuple(f"P{k + 1}" for k in range(len(places)))
+    p_BX, prior = np.array([p.p_BX for p in places]), np.repeat(rig.place_prior[:1], len(places))
+    rig = replace(rig, p_BX=p_BX, place_names=names, place_prior=prior)
+    model = Model.of(rig, cell.plan.free).plus(compliance_parameters(rig))
+    rows = np.concatenate([_circle_rows(cell, model, k, c) for k, c in enumerate(places)])
+    return _name_rows(model, rows, "loaded ", shared_tool)
+
+
+def _name_rows(model: Model, rows: Array, whose: str, shared_tool: bool) -> FitRows:
+    def name(plain: str, group: str) -> str:
+        return f"{whose}{plain}" if group == "gauge" and not (shared_tool and plain.startswith("map_")) else plain
+
+    names = tuple(name(p.name, p.group) for p in model.parameters)
+    return FitRows(names, tuple(p.unit for p in model.parameters), model.prior, rows)
+
+
+def _circle_rows(cell: Cell, model: Model, k: int, place: CirclePlace) -> Array:
+    """Rows (n, P) of one circle, every load and sense, in standard deviations; the k-th of the model's places.
+
+    They are those of the common fit, about joints that yield as is typical: the fixture's place turns the load, and
+    what all loads have in common carries the error of a pose.
+    """
+    curves = planned_curves(cell, model.rig, place)
+    D, K, A = curves.length.shape
+    apart = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A]
+    samples = Samples(curves.q.reshape(D * K * A, -1), np.full(D * K * A, k), force=curves.force.ravel())
+    soft = np.array([p.group == "joint compliance" for p in model.parameters])
+    held = replace(model, parameters=use_held_torques(model.parameters))
+    errors = np.where(soft, TYPICAL_SHARE * model.prior, 0.0)
+    there = solve_equilibrium(model, samples, errors)[1]
+    rows = held.rows(there, errors)[:, 0] + torque_rows(held, there, errors, model.prior)
+    pose = model.noise(samples.q, samples.place) ** 2
+    parts = zip(range(D), np.split(rows, D), np.split(pose, D), strict=True)
+    return np.concatenate([whiten_turns(r, apart / curves.repeats[d, :, None, None], v) for d, r, v in parts])
+
+
+@dataclass(frozen=True)
+class CommonFit:
+    """Standard deviations per prior size, (P,) each, of geometry and compliances.
+
+    ``unloaded``, ``loaded``: by one kind of run alone; ``both``: by one fit of all. ``prior`` sizes in ``units``.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    prior: Array
+    unloaded: Array
+    loaded: Array
+    both: Array
+
+    def of(self, start: str) -> tuple[tuple[str, float, float, float], ...]:
+        """Rows (name, unloaded, loaded, both) of the parameters whose names begin so."""
+        rows = zip(self.names, self.unloaded, self.loaded, self.both, strict=True)
+        return tuple((n, float(u), float(w), float(b)) for n, u, w, b in rows if n.startswith(start))
+
+
+def predict_common_fit(
+    free_cell: Cell, q: Array, fixture: np.ndarray, cell: Cell, places: Sequence[CirclePlace]
+) -> CommonFit:
+    """Predict what unloaded poses and loaded circles know, each alone and together.
+
+    Each gauge has its own fixtures and zero; the tool point is common where both cells have the same, geometry and
+    compliances are.
+
+    Args:
+        free_cell: cell of the poses without load.
+        q: controller angles of its poses, (n, N) [rad]; fixture: which holds the bar, (n,) int.
+        cell: with the loaded circle; places: where it is driven.
+
+    Raises:
+        InputError: the cells have different robots.
+    """
+    check_robots(free_cell, cell)
+    first = unloaded_rows(free_cell, q, fixture)
+    second = loaded_rows(cell, places, has_same_tool(free_cell, cell))
+    names = (*first.names, *(n for n in second.names if n not in first.names))
+    common = [k for k, n in enumerate(names) if n in first.names and n in second.names]
+    one, other = first.on(names), second.on(names)
+    size = np.ones(len(names))
+    known = [predict_covariance(rows, 1.0, size).std for rows in (one, other, np.concatenate([one, other]))]
+    where = [first.names.index(names[k]) for k in common]
+    return CommonFit(
+        tuple(names[k] for k in common),
+        tuple(first.units[k] for k in where),
+        read_only(first.prior[where]),
+        *(read_only(s[common]) for s in known),
+    )
+
+
+def check_robots(free_cell: Cell, cell: Cell) -> None:
+    """Refuse two cells with different robots.
+
+    Raises:
+        InputError: with both names.
+    """
+    if free_cell.robot.name != cell.robot.name:
+        raise InputError(
+            f"{free_cell.path} has the robot {free_cell.robot.name}, but {cell.path} has {cell.robot.name}; one fit "
+            "needs one robot"
+        )
+
+
+def has_same_tool(free_cell: Cell, cell: Cell) -> bool:
+    """Tell whether both bars hang from the same ball of the same tool."""
+    one, other = free_cell.tool, cell.tool
+    same = np.allclose(one.p_FM, other.p_FM) and np.allclose(one.com_F, other.com_F)
+    return bool(same and np.isclose(one.mass, other.mass))
+
+
+BETTER = 1e-9  # of the logarithm of a determinant: less is rounding
+
+
+@on_one_thread
+def select_circles_beside(
+    free_cell: Cell, q: Array, fixture: np.ndarray, cell: Cell, pool: Sequence[CirclePlace], count: int
+) -> np.ndarray:
+    """Return the positions in the pool, (count,), of the circles that one fit with the poses gains most from.
+
+    The determinant of the information of geometry, compliances, tool point and zeros is what grows most: greedily, then
+    by exchange as long as any swap gains (Fedorov 1972); what the poses say and the prior sizes stand beneath.
+
+    Raises:
+        InputError: the cells have different robots.
+    """
+    check_robots(free_cell, cell)
+    first = unloaded_rows(free_cell, q, fixture)
+    parts = [loaded_rows(cell, [c], has_same_tool(free_cell, cell)) for c in pool]
+    names = (*first.names, *(n for n in parts[0].names if n not in first.names and not _is_fixture_of_place(n)))
+    rows = first.on(names)
+    return augment_design(
+        rows.T @ rows + np.eye(len(names)), np.array([_shared_information(p, names) for p in parts]), count
+    )
+
+
+def augment_design(base: Array, blocks: Array, count: int) -> np.ndarray:
+    """Return the ``count`` blocks (M, P, P) that together with ``base`` (P, P) have a large determinant, ascending."""
+    chosen: list[int] = []
+    for _ in range(count):
+        chosen.append(_best_block(base + blocks[chosen].sum(axis=0), blocks, chosen)[0])
+    value = _log_det(base + blocks[chosen].sum(axis=0))
+    improved = count > 0
+    while improved:
+        improved = False
+        for k in range(count):
+            rest = chosen[:k] + chosen[k + 1 :]
+            other, gained = _best_block(base + blocks[rest].sum(axis=0), blocks, rest)
+            if gained > value + BETTER:
+                chosen[k], value, improved = other, gained, True
+    return np.sort(np.array(chosen, dtype=int))
+
+
+def _best_block(base: Array, blocks: Array, taken: Sequence[int]) -> tuple[int, float]:
+    size = np.linalg.slogdet(base + blocks)[1]
+    size[list(taken)] = -np.inf
+    best = first_maximum(size)
+    return int(best), float(size[best])
+
+
+def _log_det(matrix: Array) -> float:
+    return float(np.linalg.slogdet(matrix)[1])
+
+
+def _is_fixture_of_place(name: str) -> bool:
+    """Tell whether a parameter belongs to one place of the loaded bar alone."""
+    return name.startswith("loaded fixture_")
+
+
+def _shared_information(part: FitRows, names: Sequence[str]) -> Array:
+    """Information of a circle about the parameters ``names`` (P, P) in prior sizes, its fixture left open."""
+    own = [n for n in part.names if _is_fixture_of_place(n)]
+    rows, open_ = part.on(names), part.on(own)
+    across = open_.T @ rows
+    return np.asarray(rows.T @ rows - across.T @ np.linalg.solve(open_.T @ open_ + np.eye(len(own)), across))

@@ -1,0 +1,139 @@
+"""Results of the study of places for loaded circles and of the common fit: JSON, table and sentences."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+
+from planner.common.units import to_deg, to_mm
+from planner.instruments.loaded.results import share_text
+from planner.study.compliance_design.common_fit import CommonFit
+from planner.study.compliance_design.place_selection import CirclePlaceChoice, PredictedCompliance
+
+GOOD = 0.15  # of the prior size: more places are said to be worth it until the worst joint is known so well
+
+
+def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> dict[str, object]:
+    """Return the content of ``places.json``; ``both`` is what the chosen circles know with a plan without load."""
+    return {
+        "schema": "edbb-places/1",
+        "robot": robot,
+        "candidates": len(found.pool),
+        "own_circle": _compliance_content(found, found.own),
+        "sets": [
+            {"places": [_place_content(found, int(i)) for i in chosen], **_compliance_content(found, known)}
+            for chosen, known in zip(found.sets, found.known, strict=True)
+        ],
+        "with_unloaded_plan": None if both is None else [_common_fit_row(r) for r in both.of("")],
+        "sentences": list(describe_places(found)),
+    }
+
+
+def places_text(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> str:
+    """Return ``places.json``."""
+    return json.dumps(places_content(found, robot, both), indent=1, ensure_ascii=False) + "\n"
+
+
+def places_csv(found: CirclePlaceChoice) -> str:
+    """Return a row for every candidate: where it is, and how well its circle alone knows each compliance."""
+    single = [_prior_shares(np.asarray(block)) for block in found.information]
+    centre = np.array([to_mm(c.centre) for c in found.pool])
+    data: dict[str, object] = {
+        "plane": [c.plane for c in found.pool],
+        "side": [c.side for c in found.pool],
+        **{f"centre_{a}_mm": np.round(centre[:, k], 1) for k, a in enumerate("xyz")},
+        **{f"{n}_share_of_prior": [round(float(s[k]), 4) for s in single] for k, n in enumerate(found.names)},
+    }
+    return pl.DataFrame(data).write_csv()
+
+
+def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
+    """Say what the cell's own circle leaves open, and what more places would tell."""
+    short = [n.replace("compliance", "c") for n in found.names]
+    own = ", ".join(f"{n} {share_text(float(s))}" for n, s in zip(short, found.own.std, strict=True))
+    out = [f"The cell's own circle would leave, of the prior sizes: {own}."]
+    for chosen, known in zip(found.sets, found.known, strict=True):
+        worst = short[int(np.argmax(known.std))]
+        what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
+        out.append(f"{what} would leave {worst} with {share_text(known.worst)}, all others with less.")
+    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < GOOD]
+    if enough:
+        out.append(f"{enough[0]} places know every joint to {100 * GOOD:.0f} % of its prior size or better.")
+    return tuple(out)
+
+
+def _prior_shares(information: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information + np.eye(len(information))))))
+
+
+def _common_fit_row(row: tuple[str, float, float, float]) -> dict[str, object]:
+    name, unloaded, loaded, both = row
+    shares = {"unloaded_alone": unloaded, "loaded_alone": loaded, "together": both}
+    return {"name": name} | {k: float(f"{v:.4g}") for k, v in shares.items()}
+
+
+def _compliance_content(found: CirclePlaceChoice, known: PredictedCompliance) -> dict[str, object]:
+    return {
+        "share_of_prior": {n: float(f"{s:.4g}") for n, s in zip(found.names, known.std, strict=True)},
+        "share_of_prior_by_readings_alone": {
+            n: float(f"{s:.4g}") for n, s in zip(found.names, known.alone, strict=True)
+        },
+    }
+
+
+def _place_content(found: CirclePlaceChoice, i: int) -> dict[str, object]:
+    c = found.pool[i]
+    return {
+        "plane": c.plane,
+        "side": c.side,
+        "centre_mm": np.round(to_mm(c.centre), 2).tolist(),
+        "fixture_mm": np.round(to_mm(c.p_BX), 2).tolist(),
+        "start_deg": np.round(to_deg(c.q[0]), 3).tolist(),
+    }
+
+
+UNITS = {"m": ("mm", 1e3), "rad": ("mdeg", 180e3 / np.pi), "rad/Nm": ("urad_Nm", 1e6)}  # of a key, and its factor
+
+
+def common_fit_content(
+    known: CommonFit, robot: str, poses: int, circles: Sequence[str], session: Sequence[str]
+) -> dict[str, object]:
+    """Return the content of ``both.json``; ``session`` says in which order things are done."""
+    return {
+        "schema": "edbb-both/1",
+        "robot": robot,
+        "poses": poses,
+        "circles": list(circles),
+        "session": list(session),
+        "parameters": [_parameter_row(known, k) for k in range(len(known.names))],
+        "sentences": list(describe_common_fit(known)),
+    }
+
+
+def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
+    """Say what one fit of both knows beside each alone: the compliances, and the geometry on the whole."""
+    soft = np.array([n.startswith("compliance") for n in known.names])
+    out = []
+    for what, which in (("Compliance", soft), ("Geometry", ~soft)):
+        sizes = [np.exp(np.mean(np.log(s[which]))) for s in (known.unloaded, known.loaded, known.both)]
+        worst = int(np.argmax(np.where(which, known.both, 0.0)))
+        out.append(
+            f"{what}, {int(which.sum())} parameters: on average each would be known to {share_text(sizes[0])} of its"
+            f" prior size by the poses without load, to {share_text(sizes[1])} by the circles, to"
+            f" {share_text(sizes[2])} in one fit; the worst there is {known.names[worst]} with"
+            f" {share_text(known.both[worst])}."
+        )
+    return tuple(out)
+
+
+def _parameter_row(known: CommonFit, k: int) -> dict[str, object]:
+    unit, factor = UNITS[known.units[k]]
+    prior = float(known.prior[k]) * factor
+    parts = {"unloaded": known.unloaded[k], "loaded": known.loaded[k], "together": known.both[k]}
+    return {
+        "name": known.names[k],
+        f"prior_{unit}": float(f"{prior:.4g}"),
+        **{f"std_{name}_{unit}": float(f"{part * prior:.4g}") for name, part in parts.items()},
+        **{f"share_{name}": float(f"{part:.4g}") for name, part in parts.items()},
+    }

@@ -1,0 +1,221 @@
+"""How many fixtures it takes, and what else would show what stays unseen with any number of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array, read_only
+from planner.design.observability.identifiability import DroppedParameter, Identifiability, find_identifiable
+from planner.design.observability.information import find_rule, r_factor
+from planner.model.model import Model
+from planner.study.fixture_places import CANDIDATES, FixtureMap, FixturePlace
+from planner.study.fixture_reach import move_fixture, reach_poses
+
+MOST = 3  # fixtures that are tried
+ASIDE = 0.1  # [m] from the tool point to the second one that is imagined beside it
+GAUGE = ("fixture_", "map_", "zero")
+
+
+@dataclass(frozen=True)
+class FixtureStep:
+    """What a number of fixtures sees.
+
+    Attributes:
+        fixtures: how many; ``place`` (3,) [m] of the last one.
+        parameters, seen: of all, each fixture's own place included; ``robot_seen`` of the robot's own.
+        becomes: names that one fixture fewer could not tell apart; ``dropped`` what is still unseen, and why.
+        value: index of the robot's own parameters that one fixture sees, all others unknown, for as many poses as
+            the plan takes, spread evenly over the fixtures and over their candidates.
+    """
+
+    fixtures: int
+    place: Array
+    parameters: int
+    seen: int
+    robot_seen: int
+    becomes: tuple[str, ...]
+    dropped: tuple[DroppedParameter, ...]
+    value: float
+
+
+@dataclass(frozen=True)
+class UnseenRemedy:
+    """Something other than a further fixture: what it makes visible of the unseen, and what stays unseen, and why."""
+
+    name: str
+    shows: tuple[str, ...]
+    dropped: tuple[DroppedParameter, ...]
+
+
+@dataclass(frozen=True)
+class FixtureCount:
+    """Fixtures one by one, and the remedies in the order of their effort; ``never`` is what none of them shows."""
+
+    steps: tuple[FixtureStep, ...]
+    remedies: tuple[UnseenRemedy, ...]
+
+    @property
+    def needed(self) -> int:
+        """The fewest fixtures that see as many of the robot's parameters as any number that was tried."""
+        return next(s.fixtures for s in self.steps if s.robot_seen == self.steps[-1].robot_seen)
+
+    @property
+    def never(self) -> tuple[DroppedParameter, ...]:
+        """What no number of fixtures and no remedy shows."""
+        left = [{d.name for d in r.dropped} for r in self.remedies] + [{d.name for d in self.steps[-1].dropped}]
+        last = self.remedies[-1].dropped if self.remedies else self.steps[-1].dropped
+        return tuple(d for d in last if all(d.name in names for names in left))
+
+    def remedy(self, name: str) -> UnseenRemedy | None:
+        """Return the least effort that shows a parameter."""
+        return next((r for r in self.remedies if name in r.shows), None)
+
+
+def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> FixtureCount:
+    """Add fixtures one by one, each where it shows most, then where it betters the index most.
+
+    Args:
+        cell: the cell; its first fixture stays where it is.
+        map_: the places that further fixtures may take.
+        noise: of a reading [m].
+        seed: of the candidates of the imagined second tool point.
+    """
+    sets: list[list[FixturePlace]] = [[map_.present]]
+    for _ in range(MOST - 1):
+        tried = [[*sets[-1], p] for p in map_.usable if all(p is not q for q in sets[-1])]
+        if not tried:
+            break
+        sets.append(max(tried, key=lambda places: _merit(map_, places, noise)))
+    steps: list[FixtureStep] = []
+    for places in sets:
+        steps.append(_make_step(map_, places, noise, steps[-1] if steps else None))
+    return FixtureCount(tuple(steps), _find_remedies(cell, map_, sets[-1], steps[0], noise, seed))
+
+
+def combine_places(map_: FixtureMap, places: Sequence[FixturePlace]) -> tuple[Array, tuple[str, ...], Array]:
+    """Return rows (k P, 1, P'), names and priors (P',) of a measurement with one fixture at each of ``places``.
+
+    Robot, tool and zero are common to all; each fixture has its own place as parameters where that is free.
+    """
+    own = [k for k, name in enumerate(map_.names) if name.startswith("fixture_")]
+    common = [k for k in range(len(map_.names)) if k not in own]
+    count, size = len(places), len(map_.names)
+    rows = np.zeros((count, size, count * len(own) + len(common)))
+    for k, place in enumerate(places):
+        assert place.information is not None
+        factor = place.information * np.sqrt(size)  # so that the rows' mean square stays that of a reading
+        rows[k][:, k * len(own) : (k + 1) * len(own)] = factor[:, own]
+        rows[k][:, count * len(own) :] = factor[:, common]
+    further = [f"fixture_{k + 1}_{map_.names[j][-1]}" for k in range(1, count) for j in own]
+    names = [map_.names[j] for j in own] + further
+    prior = np.concatenate([*[map_.prior[own]] * count, map_.prior[common]])
+    return rows.reshape(count * size, 1, -1), (*names, *[map_.names[k] for k in common]), prior
+
+
+def _find_seen(rows: Array, names: Sequence[str], prior: Array, noise: float, sources: int) -> Identifiability:
+    return find_identifiable(rows, names, prior, range(len(names)), noise, sources * CANDIDATES)
+
+
+def _robot_names(names: Sequence[str]) -> list[str]:
+    return [n for n in names if not n.startswith(GAUGE)]
+
+
+def _merit(map_: FixtureMap, places: Sequence[FixturePlace], noise: float) -> tuple[int, float]:
+    step = _make_step(map_, places, noise, None)
+    return step.robot_seen, step.value if find_rule(map_.index).maximise else -step.value
+
+
+def _make_step(
+    map_: FixtureMap, places: Sequence[FixturePlace], noise: float, before: FixtureStep | None
+) -> FixtureStep:
+    rows, names, prior = combine_places(map_, places)
+    seen = _find_seen(rows, names, prior, noise, len(places))
+    lost = {d.name for d in seen.dropped}
+    return FixtureStep(
+        fixtures=len(places),
+        place=places[-1].p_BX,
+        parameters=len(names),
+        seen=seen.rank,
+        robot_seen=len(_robot_names(seen.names)),
+        becomes=tuple(d.name for d in before.dropped if d.name not in lost) if before else (),
+        dropped=seen.dropped,
+        value=_robot_index(map_, rows, names, seen),
+    )
+
+
+def _robot_index(map_: FixtureMap, rows: Array, names: tuple[str, ...], seen: Identifiability) -> float:
+    """Index of the robot's parameters that the present fixture alone sees, the gauge's eliminated by QR."""
+    wanted = set(_robot_names([map_.names[k] for k in map_.kept]))
+    robot = [k for k in seen.kept if names[k] in wanted]
+    if len(robot) < len(wanted):
+        return float("inf") if not find_rule(map_.index).maximise else 0.0
+    gauge = [k for k in seen.kept if names[k] not in wanted]
+    factor = r_factor(rows[:, :, [*gauge, *robot]] / np.sqrt(len(rows)))
+    own: Array = factor[len(gauge) :, len(gauge) :]
+    mu = np.linalg.svd(own, compute_uv=False) * np.sqrt(map_.poses)
+    return float(find_rule(map_.index).of(mu, map_.poses))
+
+
+def _find_remedies(
+    cell: Cell, map_: FixtureMap, places: list[FixturePlace], alone: FixtureStep, noise: float, seed: int
+) -> tuple[UnseenRemedy, ...]:
+    """Measure one fixture's place, those of all, the tool point, all of these; then add a second tool point.
+
+    One known point leaves the base free to turn about it; several known points hold it.
+    """
+    unseen, out = [d.name for d in alone.dropped], []
+    free = {prefix for prefix in ("fixture_", "map_") if any(n.startswith(prefix) for n in map_.names)}
+    several = len(places) > 1
+    for says, prefixes, used in (
+        ("the fixture's place measured", ("fixture_",), places[:1]),
+        (f"the places of {len(places)} fixtures measured", ("fixture_",), places if several else []),
+        ("the tool point measured", ("map_",), places[:1]),
+        ("fixtures and tool point measured", ("fixture_", "map_"), places),
+    ):
+        if used and free.issuperset(prefixes):
+            out.append(_make_remedy(says, unseen, *_without_measured(map_, used, prefixes), noise, len(used)))
+    rows, names, prior = _without_measured(map_, places, ("fixture_", "map_"))
+    both = np.concatenate([rows, _second_tool_rows(cell, map_, seed)])
+    says = "all measured, and a second tool point" if free else "a second tool point, measured"
+    return (*out, _make_remedy(says, unseen, both, names, prior, noise, len(places) + 1))
+
+
+def _without_measured(
+    map_: FixtureMap, places: list[FixturePlace], prefixes: tuple[str, ...]
+) -> tuple[Array, list[str], Array]:
+    """Rows, names and priors without the parameters that begin with one of ``prefixes``."""
+    rows, names, prior = combine_places(map_, places)
+    left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
+    return rows[:, :, left], [names[k] for k in left], prior[left]
+
+
+def _make_remedy(
+    says: str, unseen: list[str], rows: Array, names: list[str], prior: Array, noise: float, sources: int
+) -> UnseenRemedy:
+    seen = _find_seen(rows, names, prior, noise, sources)
+    lost = {d.name for d in seen.dropped}
+    return UnseenRemedy(says, tuple(n for n in unseen if n in names and n not in lost), seen.dropped)
+
+
+def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:
+    """Rows (P, 1, p) of robot and zero for a tool point beside the present one."""
+    tool = cell.tool
+    across = np.cross(tool.axis_F, tool.p_FM)
+    if np.linalg.norm(across) < 1e-6:
+        across = np.cross(tool.axis_F, np.eye(3)[int(np.argmin(np.abs(tool.axis_F)))])
+    point = read_only(tool.p_FM + ASIDE * across / np.linalg.norm(across))
+    aside = replace(cell, tool=replace(tool, p_FM=point))
+    q = reach_poses(aside, map_.present.p_BX, CANDIDATES, seed).q
+    if len(q) == 0:  # the rank is that of the geometry: any states will do
+        q = np.random.default_rng(seed).uniform(
+            cell.robot.q_lower, cell.robot.q_upper, (CANDIDATES, cell.robot.n_joints)
+        )
+    there = move_fixture(aside, map_.present.p_BX)
+    model = Model.from_cell(there, cell.plan.free - {"fixture", "tool"})
+    rows = model.jacobian(q)
+    size = len(map_.names)
+    factor = np.zeros((size, 1, len(model.names)))
+    factor[: len(model.names), 0] = r_factor(rows) * np.sqrt(size / rows[..., 0].size)
+    return factor

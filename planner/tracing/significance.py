@@ -1,0 +1,166 @@
+"""Whether an effect that was added to the model is significant, with correlated noise accounted for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from planner.common.units import Array
+from planner.effects.nonparametric import GEAR_CURVE
+from planner.identification.calibration import Metrics
+from planner.identification.covariance import correlation_time
+from planner.identification.cross_validation import predict_held_out, predict_held_out_without
+from planner.identification.stages import FitContext, error_reduction, fitted_samples, held_out_improvement
+from planner.tracing.auxiliary_parameters import LINK_MASSES
+from planner.tracing.state import FittedEffect, SearchState
+
+# of a run, whose means are taken out before its memory is measured: an effect that is missing is slow
+DETREND_SEGMENTS = 40
+
+
+def screening_correlation_time(state: SearchState, continuous: bool) -> float:
+    """How many samples are worth one where effects are screened: along a drive errors remember each other.
+
+    By the residual's quick part: what is slow may be an effect yet to be found. Poses at rest are worth one each.
+    """
+    if not continuous:
+        return 1.0
+    white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
+    stretch = np.arange(len(white)) * DETREND_SEGMENTS // len(white)
+    mean = np.bincount(stretch, white) / np.bincount(stretch)
+    return correlation_time(white - mean[stretch])
+
+
+def variance_inflation(state: SearchState, held: FittedEffect) -> float:
+    """Factor, 1 or more, on the variance of an effect's size for the memory of the noise.
+
+    With correlations ρ of the residual and γ of the effect's own column at a lag of l samples it is 1 + 2 Σ ρ(l) γ(l)
+    (Bartlett 1935); an effect that comes and goes at random from sample to sample does not mind.
+    """
+    residual, column = _residual_and_column(state, held)
+    noise, shape = autocorrelation_function(residual), autocorrelation_function(column)
+    faint = np.flatnonzero(noise < 2 / np.sqrt(residual.size))
+    last = int(faint[0]) if len(faint) else len(noise)
+    measured = 1 + 2 * float((noise[1:last] * shape[1:last]).sum())
+    # a fit takes slow noise out of a short run's residual: its neighbours then tell how long the rest would last
+    spare = 1 - min(0.5, state.fit.effective / residual.size)
+    next_one = min(0.98, max(0.0, float(noise[1]) + 1 / np.sqrt(residual.size)) / spare)
+    fading = next_one ** np.arange(len(shape))
+    return max(1.0, measured, 1 + 2 * float((fading[1:] * shape[1:]).sum()))
+
+
+def autocorrelation_function(x: Array) -> Array:
+    """Correlation of the samples of x (n, r) at lags 0 to n/4, (n/4,)."""
+    n = len(x)
+    size = 1 << (2 * n - 1).bit_length()
+    power = (np.abs(np.fft.rfft(x, size, axis=0)) ** 2).sum(axis=1)
+    rho = np.fft.irfft(power)[: max(2, n // 4)]
+    return np.asarray(rho / max(rho[0], 1e-300))
+
+
+def _residual_and_column(state: SearchState, held: FittedEffect) -> tuple[Array, Array]:
+    """Whitened residual of the fit, and what the effect adds to the readings that the other parameters cannot."""
+    problem, errors = state.fit.problem, state.fit.errors
+    piece = problem.piece(slice(None), errors)
+    P = piece.rows.shape[2]
+    own = state.positions(held)
+    rest = [j for j in range(P) if j not in own and state.fit.model.parameters[j].group != LINK_MASSES]
+    column = piece.rows[:, :, own] @ (errors[own] / problem.prior[own])
+    others = piece.rows[:, :, rest].reshape(-1, len(rest))
+    gram = others.T @ others + np.eye(len(rest))
+    taken = others @ np.linalg.solve(gram, others.T @ column.reshape(-1))
+    return piece.residual, column - taken.reshape(column.shape)
+
+
+# chance, corrected for everything that was tried, below which an effect may be added
+LOG_SIGNIFICANCE = float(np.log(2e-3))
+LEAST_GAIN = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
+MOST_WALD_PARAMETERS = 8  # parameters above which an effect is a curve: some of its waves are always faint
+DETERMINED_VARIANCE = 0.5  # share of a direction's prior variance that the readings leave, below which they decide it
+LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
+
+
+def rejection_reason(before: SearchState, after: SearchState, bench: FitContext, tried: int) -> str | None:
+    """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
+    held = after.effects[-1]
+    fall, error = held_out_gain(before, after, bench)
+    if fall <= error:
+        return "held-out samples gain no more than chance"
+    if fall < LEAST_GAIN:
+        return f"held-out errors fall by {fall / 2:.1%} only"
+    size = float(np.linalg.norm(after.sizes(held)))
+    if size > held.entry.largest:
+        return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
+    memory = variance_inflation(after, held)
+    if len(after.positions(held)) <= MOST_WALD_PARAMETERS and wald_statistic(after, held)[0] / memory < LEAST_SIGMAS**2:
+        return "its size is not determined once everything is refitted"
+    if wald_log_p(after, held, tried, memory) > LOG_SIGNIFICANCE:
+        return "it is no larger than chance would have it among so many"
+    return None
+
+
+def held_out_gain(before: SearchState, after: SearchState, bench: FitContext) -> tuple[float, float]:
+    """Share of the held-out squared error that goes from one state to another, and its standard error."""
+    return held_out_improvement(before.stage, after.stage, bench.split)
+
+
+@dataclass(frozen=True)
+class OwnGain:
+    """What one effect gains for itself: against the model without it, everything else fitted anew.
+
+    Attributes:
+        fall: of the held-out root mean square error [m].
+        share: of the held-out squared error that goes with it; ``error`` its standard error.
+    """
+
+    fall: float
+    share: float
+    error: float
+
+
+def own_gains(state: SearchState, bench: FitContext) -> list[OwnGain]:
+    """What each effect of a state gains; noise, prior sizes and weights stay as they are."""
+    fit = state.fit
+    few = fitted_samples(bench.run, fit.model) if len(fit.problem) < len(bench.run) else None
+    split = bench.split if few is None else bench.split.take(few)
+    names = fit.model.names
+    slopes = [[names.index(h.slope_name)] if h.slope_name in names else [] for h in state.effects]
+    parts = [[*state.positions(h), *slope] for h, slope in zip(state.effects, slopes, strict=True)]
+    weights = [j for j, p in enumerate(fit.model.parameters) if p.group == LINK_MASSES]
+    after = predict_held_out(fit, split).residual
+    bare = [h.residual for h in predict_held_out_without(fit, split, parts, weights)]
+    least = Metrics.of(after).rms
+    return [OwnGain(Metrics.of(b).rms - least, *error_reduction(b, after, split)) for b in bare]
+
+
+def wald_statistic(state: SearchState, held: FittedEffect) -> tuple[float, int]:
+    """Wald statistic of an effect over the number of its parameters, and that number: how far its size is from zero.
+
+    Of a gear's curve only what the readings decide is counted: waves that are too quick for the poses to show are
+    expected near zero and found there. Wrong weights count as known: they show through the compliances only, and go
+    with them.
+    """
+    model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
+    kept = np.array([j for j, p in enumerate(model.parameters) if p.group != LINK_MASSES])
+    which = np.searchsorted(kept, state.positions(held))
+    root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
+    variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
+    along = axes.T @ (state.fit.errors / prior)[kept][which]
+    told = variance < DETERMINED_VARIANCE
+    if held.entry.kind != GEAR_CURVE or not told.any():
+        told = np.ones(len(which), dtype=bool)
+    return float((along[told] ** 2 / variance[told]).mean()), int(told.sum())
+
+
+def wald_log_p(state: SearchState, held: FittedEffect, tried: int, memory: float | None = None) -> float:
+    """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried.
+
+    Beside other gears that run unevenly a gear's curve is one of as many as there are joints.
+    """
+    memory = variance_inflation(state, held) if memory is None else memory
+    if held.entry.kind == GEAR_CURVE and sum(h.entry.kind == GEAR_CURVE for h in state.effects) > 1:
+        tried = min(tried, state.base.rig.robot.n_joints)
+    spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
+    size, directions = wald_statistic(state, held)
+    one = f_distribution.logsf(size / memory, directions, spare)
+    return min(0.0, float(one) + float(np.log(tried)))

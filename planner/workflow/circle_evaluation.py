@@ -1,0 +1,123 @@
+"""Runs of circles, with and without load: from their logs to figures, and their folders."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.cell.reading import load_cell
+from planner.common.determinism import on_one_thread
+from planner.common.errors import InputError
+from planner.common.files import write_text
+from planner.common.schema import read_json, validate
+from planner.instruments.circular.evaluation import CircularTest, circular_test_text, evaluate_circles
+from planner.instruments.circular.plan import read_circular_plan
+from planner.instruments.loaded.evaluation import LoadedOptions
+from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
+from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
+from planner.instruments.loaded.results import curves_csv, loaded_text
+from planner.instruments.loaded.types import LoadedEvaluation
+from planner.runs.loader import load_runs
+from planner.runs.run import Run
+from planner.runs.writer import run_text
+from planner.session.bar_planning import Stages
+from planner.session.plan_file import PartialModel
+from planner.workflow.plan_reading import load_circular_cell
+from planner.workflow.writing import draft_folder, move_all
+
+
+@on_one_thread
+def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> CircularTest:
+    """Evaluate one or more runs of the circular test at ``plan``; the cell beside it says where the bar stood.
+
+    Raises:
+        InputError: a file is wrong, or run, cell and plan do not belong together.
+    """
+    file = read_circular_plan(plan)
+    cell = load_circular_cell(plan, file)
+    with stages.stage("reading"):
+        run = load_runs(runs, cell.robot.n_joints)
+    with stages.stage("evaluation"):
+        return evaluate_circles(cell, file, run)
+
+
+def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``circular.json``, ``report.html`` and its pictures: all of it, or nothing."""
+    from planner.report.circular_report import write_test_report  # matplotlib: other commands start quicker without
+
+    with draft_folder(folder) as draft, stages.stage("report"):
+        write_text(draft / "circular.json", circular_test_text(test))
+        write_test_report(test, draft)
+        return move_all(draft, folder)
+
+
+@dataclass(frozen=True)
+class LoadedTestEvaluation:
+    """What the loaded circles say, and with unloaded runs in one fit."""
+
+    found: LoadedEvaluation
+    joint: JointFit | None = None
+
+
+class PlanHeader(PartialModel):
+    """What a plan says of itself."""
+
+    plan_id: str
+    robot: str
+
+
+def evaluate_loaded(
+    runs: Sequence[Path],
+    cell: str,
+    stages: Stages,
+    plan: Path | None = None,
+    tracker: Path | None = None,
+    options: LoadedOptions | None = None,
+    unloaded: Sequence[Path] = (),
+) -> LoadedTestEvaluation:
+    """Evaluate one or more runs of loaded circles.
+
+    A tracker's run of the same circle, where one is given, is compared; runs of a bar without load are fitted together
+    with the loaded one.
+
+    Raises:
+        InputError: a file is wrong, or runs, cell, plan and tracker do not belong together.
+        NoSolutionError: the tracker cannot be placed.
+    """
+    where = load_cell(cell, planning=False)
+    with stages.stage("reading"):
+        run = load_runs(runs, where.robot.n_joints)
+        other = None if tracker is None else load_runs([tracker], where.robot.n_joints)
+        free = load_runs(unloaded, where.robot.n_joints) if unloaded else None
+        if plan is not None:
+            _check_plan(run, plan, where.robot.name)
+    with stages.stage("evaluation"):
+        found = evaluate(run, where, other, options)
+        if free is None:
+            return LoadedTestEvaluation(found)
+        return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)))
+
+
+def _check_plan(run: Run, path: Path, robot: str) -> None:
+    plan = validate(read_json(path), PlanHeader, str(path))
+    if run.plan_id is not None and run.plan_id != plan.plan_id:
+        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+    if plan.robot != robot:
+        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell has the robot {robot}")
+
+
+def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> list[Path]:
+    """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
+
+    ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both in
+    one, as the joint fit saw them, where there was one.
+    """
+    from planner.report.loaded_report import write_loaded_report  # plotting: other commands start quicker without
+
+    with draft_folder(folder) as draft, stages.stage("report"):
+        write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
+        write_text(draft / "curves.csv", curves_csv(done.found))
+        write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
+        if done.joint is not None:
+            write_text(draft / "joint.csv", run_text(done.joint.run))
+        write_loaded_report(done.found, draft, done.joint)
+        return move_all(draft, folder)

@@ -1,0 +1,113 @@
+"""``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.reading import load_cell
+from planner.common.determinism import on_one_thread
+from planner.common.errors import InputError
+from planner.common.units import Array, from_deg, from_mm, read_only
+from planner.compensation.compensated_file import CompensatedFile, compensate_file
+from planner.compensation.rotations import frame, from_abc
+from planner.compensation.targets import ToolAndBase
+from planner.identification.calibrated_robot import CalibratedRobot
+from planner.kinematics.robot_reader import load_robot
+
+
+@dataclass(frozen=True)
+class CompensationOptions:
+    """What the person may say of a file.
+
+    Attributes:
+        dialect: its language, where suffix and content do not tell.
+        tool, base: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
+        frames: the controller's own table of frames (``$config.dat``, a RAPID module).
+        keep_unsolved: leave targets without a correction as they are.
+        cell: the cell, whose controller must not correct the robot itself.
+    """
+
+    dialect: str | None = None
+    tool: str | None = None
+    base: str | None = None
+    frames: Path | None = None
+    keep_unsolved: bool = False
+    cell: str | None = None
+
+
+@dataclass(frozen=True)
+class Compensated(CompensatedFile):
+    """A corrected file; ``left_out`` says which effects of the robot targets cannot be corrected for."""
+
+    left_out: str | None = None
+
+    @property
+    def summary(self) -> str:
+        """What was done, for the person at the screen."""
+        done = super().summary
+        return done if self.left_out is None else f"{done}\n{self.left_out}"
+
+
+@on_one_thread
+def compensate(targets: Path, model: Path, choices: CompensationOptions | None = None) -> Compensated:
+    """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
+
+    Raises:
+        InputError: the model is not calibrated, the controller already corrects it, or the file is not understood.
+        NoSolutionError: targets have no fake target near the nominal one.
+    """
+    choices = choices or CompensationOptions()
+    robot = load_robot(str(model.absolute()))
+    if robot.nominal is robot:
+        raise InputError(
+            f"{model}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
+            "give the robot.toml that 'edbb identify' wrote"
+        )
+    if choices.cell is not None:
+        _check_controller(choices.cell, robot.name)
+    calibrated = CalibratedRobot(robot)
+    done = compensate_file(
+        targets,
+        robot.nominal,
+        calibrated,
+        dialect=choices.dialect,
+        frames=ToolAndBase(
+            _frame("--tool", choices.tool),
+            _frame("--base", choices.base),
+            "" if choices.frames is None else _text(choices.frames),
+        ),
+        keep_unsolved=choices.keep_unsolved,
+    )
+    return Compensated(done.name, done.text, done.encoding, done.report, calibrated.sentence)
+
+
+def _check_controller(reference: str, robot: str) -> None:
+    cell = load_cell(reference, planning=False)
+    if cell.robot.name != robot:
+        raise InputError(f"{cell.path}: has the robot '{cell.robot.name}', but the model is of '{robot}'")
+    if cell.file.controller.accuracy_model == "on":
+        raise InputError(
+            f"{cell.path}: controller.accuracy_model = 'on': the controller already corrects the robot, and "
+            "compensation would do it twice; switch it off, measure again with it off, and compensate then"
+        )
+
+
+def _frame(option: str, text: str | None) -> Array | None:
+    """Return the transform (4, 4) [m] of ``x,y,z,a,b,c`` in mm and degrees."""
+    if text is None:
+        return None
+    try:
+        numbers = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        numbers = np.empty(0)
+    if len(numbers) != 6 or not np.isfinite(numbers).all():
+        raise InputError(f"{option} = '{text}': six numbers x,y,z,A,B,C are needed, in mm and degrees (Z-Y'-X\")")
+    return read_only(frame(from_mm(numbers[None, :3]), from_abc(from_deg(numbers[None, 3:])))[0])
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as err:
+        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
