@@ -1,4 +1,4 @@
-"""The rig: the robot, where the gauge stands, and where the targets sit on the tool — all that a reading needs.
+"""The setup: the robot, where the gauge stands, and where the targets sit on the tool — all that a reading needs.
 
 Places are fixtures of a bar, socket plates or tracker stations; points are targets on the tool. Where the cell does
 not say where they are, they are found from the run first (``planner.gauges.placement``) and stand here as found.
@@ -139,7 +139,7 @@ READING_KINDS: tuple[tuple[str, ReadingKind], ...] = (
 
 
 def setup_of(cell: Cell) -> MeasurementSetup:
-    """Return the rig as the cell describes it; frames that it does not give are the base's and the flange's own."""
+    """Return the setup as the cell describes it; frames that it does not give are the base's and the flange's own."""
     names = tuple(dict.fromkeys(f.name for f in cell.fixtures))
     cups = [next(f for f in cell.fixtures if f.name == name) for name in names]
     tool = cell.tool

@@ -32,11 +32,11 @@ def planned_model(cell: Cell, q: Array, place: np.ndarray) -> Model:
     """
     model = Model.from_cell(cell)
     rows = np.unique(np.linspace(0, len(q) - 1, min(PROBE_POSES, len(q))).astype(int))
-    return model.plus(declared_parameters(cell, model.rig, model.rig.visits(q[rows], place[rows])))
+    return model.plus(declared_parameters(cell, model.setup, model.setup.visits(q[rows], place[rows])))
 
 
 def declared_parameters(
-    cell: Cell, rig: MeasurementSetup, samples: Samples, more: tuple[str, ...] = ()
+    cell: Cell, setup: MeasurementSetup, samples: Samples, more: tuple[str, ...] = ()
 ) -> list[Parameter]:
     """Return the parameters of the effects in the cell's ``[plan]``, each kind a group, as far as the samples show any.
 
@@ -48,7 +48,7 @@ def declared_parameters(
     kinds = tuple(dict.fromkeys((*cell.plan.effects, *more)))
     if not kinds:
         return []
-    entries = [e for e in catalogue(rig, samples) if e.inner is None]
+    entries = [e for e in catalogue(setup, samples) if e.inner is None]
     known = {e.kind for e in entries}
     for wanted in cell.plan.effects:
         if wanted not in known:
@@ -65,8 +65,8 @@ def check_effects(cell: Cell) -> None:
     Raises:
         InputError: as :func:`declared_parameters`.
     """
-    rig = setup_of(cell)
-    _ = declared_parameters(cell, rig, rig.visits(uniform_states(cell, PROBE_STATES, 0)))
+    setup = setup_of(cell)
+    _ = declared_parameters(cell, setup, setup.visits(uniform_states(cell, PROBE_STATES, 0)))
 
 
 def preference_order(model: Model) -> list[int]:
@@ -76,10 +76,10 @@ def preference_order(model: Model) -> list[int]:
     kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
     """
     order = range(len(model.parameters))
-    if model.rig.kind == "length":
+    if model.setup.kind == "length":
         return list(order)
     kinds = [p.group for p in model.parameters]
-    last = [k for k in order if model.parameters[k].name == f"theta{model.rig.robot.n_joints}"]
+    last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]
     inwards = [k for k in reversed(order) if kinds[k] == "geometry" and k not in last]
     return [
         *(k for k in order if kinds[k] == "gauge"),
@@ -130,7 +130,7 @@ def unloaded_compliances(kinds: tuple[str, ...], model: Model) -> tuple[DroppedP
     """Return the joint compliances that are asked for and no pose can show, as no weight turns the joint."""
     if COMPLIANCE not in kinds:
         return ()
-    missing = [p for p in compliance_parameters(model.rig) if p.name not in model.names]
+    missing = [p for p in compliance_parameters(model.setup) if p.name not in model.names]
     return tuple(DroppedParameter(p.name, explain_direction(d := ((p.name, 1.0),)), d) for p in missing)
 
 

@@ -55,9 +55,9 @@ def undeclared_errors(cell: Cell, q: Array, fixture: np.ndarray) -> UndeclaredEr
     """
     base = planned_model(cell, q, fixture)
     ends = np.array(cell.joint_range)
-    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base.rig, ends, j, HIGHEST_WAVE).make(None)]
+    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base.setup, ends, j, HIGHEST_WAVE).make(None)]
     declared = set(base.names)
-    soft = compliance_parameters(base.rig) if base.rig.weighs else []
+    soft = compliance_parameters(base.setup) if base.setup.weighs else []
     model = base.plus([*gears, *(p for p in soft if p.name not in declared)])
     prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
     effects = [p for p in model.parameters if p.group not in ("gauge", "geometry")]

@@ -88,7 +88,7 @@ class SpeedLag:
     def __call__(self, c: Context) -> Array:
         """Return minus the speed."""
         assert c.samples.speed is not None
-        return np.asarray(-c.samples.speed @ c.rig.robot.sense_matrix[self.joint])
+        return np.asarray(-c.samples.speed @ c.setup.robot.sense_matrix[self.joint])
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class SettlingError:
         """Return the difference."""
         assert c.samples.q_cmd is not None
         assert c.samples.q_read is not None
-        return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.rig.robot.sense_matrix[self.joint])
+        return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.setup.robot.sense_matrix[self.joint])
 
 
 @dataclass(frozen=True)

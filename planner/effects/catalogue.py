@@ -1,4 +1,4 @@
-"""``catalogue()``: every effect that a rig and the logged columns of a run can show."""
+"""``catalogue()``: every effect that a setup and the logged columns of a run can show."""
 
 from collections.abc import Callable, Iterator
 
@@ -45,10 +45,10 @@ EFFECT_SOURCES: tuple[Callable[[Excitation], Iterator[Effect]], ...] = (
 )  # fmt: skip
 
 
-def catalogue(rig: MeasurementSetup, samples: Samples) -> tuple[Effect, ...]:
-    """Return every entry that the rig can have and the samples can tell of.
+def catalogue(setup: MeasurementSetup, samples: Samples) -> tuple[Effect, ...]:
+    """Return every entry that the setup can have and the samples can tell of.
 
     What needs a column that was not logged, or that never changes, is left out. Entries stand in a fixed order.
     """
-    site = Excitation.of(rig, samples)
+    site = Excitation.of(setup, samples)
     return tuple(entry for kind in EFFECT_SOURCES for entry in kind(site))

@@ -20,7 +20,7 @@ SOURCE_BENDING = (
 
 def joint_compliance(site: Excitation) -> Iterator[Effect]:
     """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
-    unknown = [k for k, m in enumerate(site.rig.robot.masses) if m is None]
+    unknown = [k for k, m in enumerate(site.setup.robot.masses) if m is None]
     for i in range(site.n_joints):
         on = f"joint {i + 1}"
         loads: list[tuple[str, Phi]] = [(f"compliance{i + 1}", LoadTorque(i))]
@@ -101,7 +101,7 @@ def largest_compliance(parameters: Sequence[Parameter]) -> float:
 
 def _transverse_tilts(site: Excitation, station: int, label: str, what: str) -> list[Parameter]:
     """Turns of a station about its two transverse axes, each by its load moment."""
-    turn = 2 if station > site.n_joints else site.rig.chain.transforms[site.theta(station - 1)].axis
+    turn = 2 if station > site.n_joints else site.setup.chain.transforms[site.theta(station - 1)].axis
     tilts = (_tilt(site, station, k, LoadMoment(station, k), label, what) for k in range(3) if k != turn)
     return [p for p in tilts if p is not None]
 

@@ -16,13 +16,13 @@ from planner.runs.run import Samples
 
 @dataclass(frozen=True)
 class Context:
-    """Some samples of a rig; derived quantities are computed once, when first asked for.
+    """Some samples of a setup; derived quantities are computed once, when first asked for.
 
     Frames of the robot are counted by stations: 0 is the base, i the frame in which joint i (from 1) turns, N + 1 the
     flange.
     """
 
-    rig: MeasurementSetup
+    setup: MeasurementSetup
     samples: Samples
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -35,49 +35,49 @@ class Context:
     @cached_property
     def theta(self) -> Array:
         """Angles of the kinematic rows, (n, N) [rad]."""
-        return self.rig.robot.theta(self.samples.q)
+        return self.setup.robot.theta(self.samples.q)
 
     @cached_property
     def motion(self) -> ForwardPass:
-        """Forward pass of the nominal rig."""
-        return self.rig.chain.forward(self.theta, self.rig.offsets(self.samples))
+        """Forward pass of the nominal setup."""
+        return self.setup.chain.forward(self.theta, self.setup.offsets(self.samples))
 
     @cached_property
     def bar(self) -> BarState:
-        """Length and direction of the bar on the nominal rig."""
-        return bar_state(self.motion.x.T, self.rig.p_BX[self.samples.place])
+        """Length and direction of the bar on the nominal setup."""
+        return bar_state(self.motion.x.T, self.setup.p_BX[self.samples.place])
 
     @property
     def length(self) -> Array:
-        """Length (n,) [m] as the gauge showed it where the samples carry it, else that of the nominal rig."""
+        """Length (n,) [m] as the gauge showed it where the samples carry it, else that of the nominal setup."""
         return self.bar.length if self.samples.length is None else self.samples.length
 
     @cached_property
     def ray(self) -> Array:
         """From the origin of the gauge's frame to the measured point, in the base frame, (n, 3) [m]."""
-        return np.asarray(self.motion.x.T - self.rig.p_BG[self.samples.place])
+        return np.asarray(self.motion.x.T - self.setup.p_BG[self.samples.place])
 
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the measured point in the base frame, (n, 3) [m/s], from the joints' speeds."""
         assert self.samples.speed is not None
-        rate = self.samples.speed @ self.rig.robot.sense_matrix.T
+        rate = self.samples.speed @ self.setup.robot.sense_matrix.T
         return np.asarray(np.einsum("jkn,nj->nk", self.motion.point_screws(self.joints), rate))
 
     @cached_property
     def joints(self) -> np.ndarray:
-        """Position of each joint's rotation in the rig's chain, (N,)."""
-        where = {t.joint: k for k, t in enumerate(self.rig.chain.transforms) if t.joint is not None}
-        return np.array([where[i] for i in range(self.rig.robot.n_joints)])
+        """Position of each joint's rotation in the setup's chain, (N,)."""
+        where = {t.joint: k for k, t in enumerate(self.setup.chain.transforms) if t.joint is not None}
+        return np.array([where[i] for i in range(self.setup.robot.n_joints)])
 
     @cached_property
     def load_torque(self) -> Array:
         """Torque of gravity, payload and the bar's pull about each joint, (n, N) [Nm], sense of the kinematic rows."""
-        robot = self.rig.robot
+        robot = self.setup.robot
         links = [(end, m) for end, m in zip(robot.link_end[1:], robot.masses, strict=True) if m is not None]
         loads: list[tuple[int, Array | float, Array]] = [(end, m.mass, m.com) for end, m in links]
-        loads.append((len(robot.transforms), self._carried, self.rig.com_F))
-        torque = gravity_torque(robot.chain, self.theta, self.rig.gravity_B, tuple(loads))
+        loads.append((len(robot.transforms), self._carried, self.setup.com_F))
+        torque = gravity_torque(robot.chain, self.theta, self.setup.gravity_B, tuple(loads))
         if self.pull is None:
             return torque
         return np.asarray(torque + np.einsum("jkn,kn->nj", self.motion.point_screws(self.joints), self.pull))
@@ -85,34 +85,34 @@ class Context:
     @property
     def _carried(self) -> Array | float:
         """Mass on the flange, one number or (n,) [kg]."""
-        return self.rig.tool_mass if self.samples.payload is None else self.rig.tool_mass + self.samples.payload
+        return self.setup.tool_mass if self.samples.payload is None else self.setup.tool_mass + self.samples.payload
 
     @cached_property
     def pull(self) -> Array | None:
         """Force of the bar on the tool point, towards the fixture, (3, n) [N] in the base frame, where logged."""
-        if self.samples.force is None or self.rig.kind != "length":
+        if self.samples.force is None or self.setup.kind != "length":
             return None
         return -self.samples.force * self.bar.direction.T
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:
         """Number of the robot's transforms before each station."""
-        robot = self.rig.robot
+        robot = self.setup.robot
         turns = sorted((t.joint, k) for k, t in enumerate(robot.transforms) if t.joint is not None)
         return (0, *(k for _, k in turns), len(robot.transforms))
 
     @cached_property
     def stations(self) -> StationFrames:
         """Frames of the stations."""
-        return station_frames(self.rig.robot.chain, self.theta, self._ends)
+        return station_frames(self.setup.robot.chain, self.theta, self._ends)
 
     @cached_property
     def centres(self) -> Array:
         """Centres of mass of the links (unknown: the origin) and of what the flange carries, (N + 1, 3, n) [m]."""
-        robot, n = self.rig.robot, len(self.samples)
+        robot, n = self.setup.robot, len(self.samples)
         own = [np.zeros(3) if m is None else m.com for m in robot.masses]
         at = station_frames(robot.chain, self.theta, (*robot.link_end[1:], len(robot.transforms)))
-        com = np.array([*own, self.rig.com_F])
+        com = np.array([*own, self.setup.com_F])
         return np.asarray(at.p + np.einsum("sijn,sj->sin", at.R, com)).reshape(-1, 3, n)
 
     @cached_property
@@ -121,7 +121,7 @@ class Context:
 
         The flange bends under what it carries alone.
         """
-        robot = self.rig.robot
+        robot = self.setup.robot
         tool = HangingLoad(len(robot.transforms) + 1, self._carried, self.centres[-1])
         links = [
             HangingLoad(min(end, len(robot.transforms) - 1), m.mass, centre)
@@ -129,4 +129,4 @@ class Context:
             if m is not None
         ]
         pull = None if self.pull is None else (self.motion.x, self.pull)
-        return load_moments(self.stations, self._ends, [*links, tool], self.rig.gravity_B, pull)
+        return load_moments(self.stations, self._ends, [*links, tool], self.setup.gravity_B, pull)

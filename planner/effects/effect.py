@@ -66,26 +66,26 @@ SAMPLES_LOOKED_AT = 4_000  # samples of a long run that are looked at
 
 @dataclass(frozen=True)
 class Excitation:
-    """A rig and some samples of the run, evenly spread, with what the entries ask of them."""
+    """A setup and some samples of the run, evenly spread, with what the entries ask of them."""
 
-    rig: MeasurementSetup
+    setup: MeasurementSetup
     samples: Samples
 
     @classmethod
-    def of(cls, rig: MeasurementSetup, samples: Samples) -> "Excitation":
+    def of(cls, setup: MeasurementSetup, samples: Samples) -> "Excitation":
         """Look at the samples of a run."""
         n = len(samples)
-        return cls(rig, samples.take(even_positions(n, SAMPLES_LOOKED_AT)))
+        return cls(setup, samples.take(even_positions(n, SAMPLES_LOOKED_AT)))
 
     @cached_property
     def context(self) -> Context:
         """The samples as basis functions see them."""
-        return Context(self.rig, self.samples)
+        return Context(self.setup, self.samples)
 
     @property
     def n_joints(self) -> int:
         """Number of joints N."""
-        return self.rig.robot.n_joints
+        return self.setup.robot.n_joints
 
     @cached_property
     def moving(self) -> tuple[int, ...]:
@@ -93,13 +93,13 @@ class Excitation:
         return tuple(int(i) for i in np.flatnonzero(np.ptp(self.samples.q, axis=0) > 1e-3))
 
     def theta(self, joint: int) -> int:
-        """Position of a joint's rotation in the rig's chain."""
+        """Position of a joint's rotation in the setup's chain."""
         return int(self.context.joints[joint])
 
     @cached_property
     def lengths(self) -> tuple[tuple[int, float], ...]:
-        """The robot's nominal lengths: position in the rig's chain, and value [m]."""
-        robot = enumerate(self.rig.robot.transforms)
+        """The robot's nominal lengths: position in the setup's chain, and value [m]."""
+        robot = enumerate(self.setup.robot.transforms)
         return tuple(
             (N_BASE_TRANSFORMS + k, t.nominal) for k, t in robot if t.kind == "translation" and t.nominal != 0.0
         )

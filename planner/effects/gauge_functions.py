@@ -102,7 +102,7 @@ class BarSag:
 
     def __call__(self, c: Context) -> Array:
         """Return the shape of the correction."""
-        down = c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
+        down = c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
         return np.asarray((c.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
 
 
@@ -186,5 +186,5 @@ class BeamRefraction:
 
     def __call__(self, c: Context) -> Array:
         """Return the component."""
-        up = -c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
+        up = -c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
         return np.asarray(up[self.axis] * np.einsum("ni,ni->n", c.ray, c.ray))

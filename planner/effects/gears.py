@@ -109,7 +109,7 @@ def gear_ripple(site: Excitation) -> Iterator[Effect]:
 def stated_gear_ripple(site: Excitation) -> Iterator[Effect]:
     """Gear errors whose number a turn follows from the gear ratio that the robot's file states."""
     for i in site.moving:
-        ratio = site.rig.robot.gear_ratio[i]
+        ratio = site.setup.robot.gear_ratio[i]
         if ratio is None:
             continue
         for often, kind, why in (
@@ -144,7 +144,7 @@ def coupling(site: Excitation) -> Iterator[Effect]:
 def axis_wobble(site: Excitation) -> Iterator[Effect]:
     """A joint's axis wobbles as it turns: its bearing runs out, or is squeezed out of round."""
     for i in site.moving:
-        turn = site.rig.chain.transforms[site.theta(i)].axis
+        turn = site.setup.chain.transforms[site.theta(i)].axis
         for often, word in ((1.0, "once"), (2.0, "twice"), (3.0, "three times")):
             kind, on = f"axis wobble {word} a turn", f"joint {i + 1}"
             tilts = [
@@ -160,7 +160,7 @@ def axis_wobble(site: Excitation) -> Iterator[Effect]:
 
 
 def _highest_frequency(site: Excitation, joint: int) -> float:
-    ratio = site.rig.robot.gear_ratio[joint]
+    ratio = site.setup.robot.gear_ratio[joint]
     return HIGHEST_FREQUENCY if ratio is None else max(HIGHEST_FREQUENCY, 2.2 * ratio)
 
 

@@ -39,7 +39,7 @@ class TipMoment:
 
     def __call__(self, c: Context) -> Array:
         """Return the moment."""
-        moment = np.cross(c.motion.x - c.stations.p[-1], c.rig.gravity_B[:, None], axis=0)
+        moment = np.cross(c.motion.x - c.stations.p[-1], c.setup.gravity_B[:, None], axis=0)
         return np.asarray(np.einsum("in,in->n", c.stations.R[-1][:, self.axis], moment))
 
 
@@ -86,7 +86,7 @@ class WeightTorque:
         """Return the torque."""
         k = c.joints[self.joint]
         lever = c.centres[self.link] - c.motion.p[k]
-        return np.asarray(np.einsum("in,in->n", c.motion.u[k], np.cross(lever, c.rig.gravity_B[:, None], axis=0)))
+        return np.asarray(np.einsum("in,in->n", c.motion.u[k], np.cross(lever, c.setup.gravity_B[:, None], axis=0)))
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class PayloadTorque:
     def __call__(self, c: Context) -> Array:
         """Return the torque."""
         assert c.samples.payload is not None
-        return c.samples.payload * WeightTorque(self.joint, c.rig.robot.n_joints)(c)
+        return c.samples.payload * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class DriveTorque:
     def __call__(self, c: Context) -> Array:
         """Return minus the logged torque."""
         assert c.samples.torque is not None
-        return np.asarray(-c.samples.torque[:, self.joint] * np.sign(c.rig.robot.sense_matrix[self.joint, self.joint]))
+        return np.asarray(-c.samples.torque[:, self.joint] * np.sign(c.setup.robot.sense_matrix[self.joint, self.joint]))
 
 
 @dataclass(frozen=True)

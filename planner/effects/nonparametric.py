@@ -19,11 +19,11 @@ PERIOD_OVER_RANGE = 1.3  # length over which the function repeats itself, over t
 FULL_TURN = 2 * np.pi
 
 
-def gear_curve(rig: MeasurementSetup, q: Array, joint: int, quickest: float) -> Effect:
+def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -> Effect:
     """Return the curve of a joint as an entry.
 
     Args:
-        rig: the measurement set-up.
+        setup: the measurement set-up.
         q: controller angles whose range it covers, (n, N) [rad].
         joint: from 0.
         quickest: waves a turn within which most of the error lies.
@@ -33,7 +33,7 @@ def gear_curve(rig: MeasurementSetup, q: Array, joint: int, quickest: float) -> 
     waves = step * np.arange(1, max(2, int(QUICKEST_MODELLED * quickest / step) + 1))
     size = np.exp(-0.5 * (waves / quickest) ** 2)
     size *= CURVE_SIZE / np.sqrt((size**2).sum())
-    where = next(k for k, t in enumerate(rig.chain.transforms) if t.joint == joint)
+    where = next(k for k, t in enumerate(setup.chain.transforms) if t.joint == joint)
     on = f"joint {joint + 1}"
     parameters = tuple(
         Parameter(
@@ -55,9 +55,9 @@ CORRECTION_SIZE = 3e-4  # [rad], one sigma of the longest wave
 LARGEST_CORRECTION = 1e-2  # [rad]
 
 
-def nonparametric_effects(rig: MeasurementSetup, q: Array) -> Iterator[Effect]:
+def nonparametric_effects(setup: MeasurementSetup, q: Array) -> Iterator[Effect]:
     """Yield corrections of each joint over its own angle, then over another joint's; q (n, N) [rad]."""
-    turns = {t.joint: k for k, t in enumerate(rig.chain.transforms) if t.joint is not None}
+    turns = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
     spread = np.ptp(q, axis=0)
     moving = [int(i) for i in np.flatnonzero(spread > 1e-2)]
     for i, by in sorted(((i, k) for i in turns for k in moving), key=lambda pair: (pair[0] != pair[1], pair)):

@@ -18,7 +18,7 @@ ParameterUnit = str  # m, rad, s, or a product such as rad/Nm
 
 @dataclass(frozen=True)
 class ParameterMove:
-    """What a parameter moves, an elementary transform of the rig's chain or a number of the reading, times ``phi``."""
+    """What a parameter moves, an elementary transform of the setup's chain or a number of the reading, times ``phi``."""
 
     on: Literal["transform", "reading"]
     index: int
@@ -61,32 +61,32 @@ def reading_move(phi: Phi = ONE, index: int = 0) -> tuple[ParameterMove, ...]:
     return (ParameterMove("reading", index, phi),)
 
 
-def gauge_parameters(rig: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+def gauge_parameters(setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
     """Parameters that place the gauge: fixture or frame, targets on the tool, zero."""
-    if rig.kind == "length":
+    if setup.kind == "length":
         if "fixture" in free:
-            yield from _fixture_parameters(rig)
+            yield from _fixture_parameters(setup)
     else:
-        yield from _frame_parameters(rig)
+        yield from _frame_parameters(setup)
     if "tool" in free:
-        yield from _tool_parameters(rig)
-    if rig.kind == "length" and "zero" in free:
-        yield from _zero_parameters(rig)
+        yield from _tool_parameters(setup)
+    if setup.kind == "length" and "zero" in free:
+        yield from _zero_parameters(setup)
 
 
-def _fixture_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
     """A fixture that lies further out looks like a base that stands further back, hence the sign."""
-    for s, name in enumerate(rig.place_names):
+    for s, name in enumerate(setup.place_names):
         label = f"fixture_{name}" if name else "fixture"
-        prior = float(rig.place_prior[s])
+        prior = float(setup.place_prior[s])
         for a, axis in enumerate("xyz"):
             what = f"place of fixture {name} along {axis}"
             yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, AtPlace(s, -1.0)), "gauge")
 
 
-def _zero_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
+def _zero_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
     """One zero, or where a loaded bar stands beside another one for each of the two."""
-    under = [name in rig.loaded for name in rig.place_names]
+    under = [name in setup.loaded for name in setup.place_names]
     if all(under) or not any(under):
         yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading_move(), "gauge")
         return
@@ -95,47 +95,47 @@ def _zero_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
         yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")
 
 
-def _frame_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
-    for s, name in enumerate(rig.place_names):
+def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    for s, name in enumerate(setup.place_names):
         label = f"base_{name}" if name else "base"
         whose = f" for {name}" if name else ""
-        phi = AtPlace(s) if len(rig.place_names) > 1 else ONE
-        prior = float(rig.place_prior[s])
+        phi = AtPlace(s) if len(setup.place_names) > 1 else ONE
+        prior = float(setup.place_prior[s])
         for a, axis in enumerate("xyz"):
             what = f"place of the base along {axis}{whose}"
             yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, phi), "gauge")
         for a, axis in enumerate("xyz"):
             what = f"tilt of the base about {axis}{whose}"
-            yield Parameter(f"{label}_r{axis}", "rad", rig.turn_prior, what, transform_move(3 + a, phi), "gauge")
+            yield Parameter(f"{label}_r{axis}", "rad", setup.turn_prior, what, transform_move(3 + a, phi), "gauge")
 
 
-def _tool_parameters(rig: MeasurementSetup) -> Iterator[Parameter]:
-    for t, name in enumerate(rig.point_names):
+def _tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    for t, name in enumerate(setup.point_names):
         label = f"map_{name}" if name else "map"
-        phi = AtPoint(t) if len(rig.point_names) > 1 else ONE
+        phi = AtPoint(t) if len(setup.point_names) > 1 else ONE
         for axis in "xyz":
             what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
             yield Parameter(
                 f"{label}_{axis}",
                 "m",
-                rig.tool_prior,
+                setup.tool_prior,
                 what,
-                transform_move(rig.chain.index(f"map_{axis}"), phi),
+                transform_move(setup.chain.index(f"map_{axis}"), phi),
                 "gauge",
             )
-    if rig.kind == "pose":
+    if setup.kind == "pose":
         for axis in "xyz":
-            k = rig.chain.index(f"probe_r{axis}")
+            k = setup.chain.index(f"probe_r{axis}")
             what = f"turn of the probe about {axis}"
-            yield Parameter(f"probe_r{axis}", "rad", rig.turn_prior, what, transform_move(k), "gauge")
+            yield Parameter(f"probe_r{axis}", "rad", setup.turn_prior, what, transform_move(k), "gauge")
 
 
-def robot_parameters(rig: MeasurementSetup) -> list[Parameter]:
+def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
     """Errors of the robot's own transforms; fixed turns that only align an axis are no errors of their own.
 
     The last joint's angle comes last: a point on the last axis cannot see it.
     """
-    robot = rig.robot
+    robot = setup.robot
     out: list[Parameter] = []
     last: list[Parameter] = []
     for k, t in enumerate(robot.transforms):
@@ -154,21 +154,21 @@ def robot_parameters(rig: MeasurementSetup) -> list[Parameter]:
     return out + last
 
 
-def clock_offset_parameter(rig: MeasurementSetup) -> Parameter:
+def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
     """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
     length, point = reading_move(LengthLag()), tuple(ParameterMove("reading", a, PointLag(a)) for a in range(3))
-    moves = length if rig.kind == "length" else point
+    moves = length if setup.kind == "length" else point
     return Parameter("lag", "s", PRIOR_LAG, "lag of the gauge's clock behind the controller's", moves, "gauge")
 
 
-def compliance_parameters(rig: MeasurementSetup) -> list[Parameter]:
+def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
     """Compliance of each joint under gravity, payload and the bar's pull [rad/Nm]."""
-    joints = [(k, t.joint) for k, t in enumerate(rig.chain.transforms) if t.joint is not None]
+    joints = [(k, t.joint) for k, t in enumerate(setup.chain.transforms) if t.joint is not None]
     return [
         Parameter(
             f"compliance{i + 1}",
             "rad/Nm",
-            rig.robot.priors.compliance,
+            setup.robot.priors.compliance,
             f"compliance of joint {i + 1}",
             transform_move(k, LoadTorque(i)),
             "joint compliance",

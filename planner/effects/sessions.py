@@ -15,7 +15,7 @@ ESTIMATED = "estimated"
 
 def zero_step(site: Excitation) -> Iterator[Effect]:
     """The bar's zero is not the same in every session."""
-    if site.rig.kind != "length" or not site.sessions:
+    if site.setup.kind != "length" or not site.sessions:
         return
     steps = [
         Parameter(f"zero_session{s}", "m", STEP, f"step of the zero in session {s}", reading_move(InSession(s)))
@@ -53,7 +53,7 @@ def remounting(site: Excitation) -> Iterator[Effect]:
     for place in places:
         mine = np.asarray(site.samples.session)[site.samples.place == place]
         later = [int(s) for s in np.unique(mine)[1:]]
-        name = site.rig.place_names[int(place)]
+        name = site.setup.place_names[int(place)]
         steps = [
             Parameter(
                 f"fixture_{name}_{a}_session{s}", "m", STEP, f"{name} along {a}, session {s}",

@@ -15,21 +15,21 @@ from planner.identification.calibration import Calibration
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
 
 
-def use_declared_pose(cell: Cell, rig: MeasurementSetup) -> MeasurementSetup:
-    """Return the rig with the one frame of an artifact or tracker where the cell has it, if it was found near there."""
-    declared = _declared(cell, rig)
-    if declared is None or not _near(*_apart(*declared, rig)):
-        return rig
+def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
+    """Return the setup with the one frame of an artifact or tracker where the cell has it, if it was found near there."""
+    declared = _declared(cell, setup)
+    if declared is None or not _near(*_apart(*declared, setup)):
+        return setup
     R, p = declared
-    return replace(rig, R_BG=R[None], p_BG=p[None])
+    return replace(setup, R_BG=R[None], p_BG=p[None])
 
 
-def declared_pose_warnings(cell: Cell, rig: MeasurementSetup) -> list[str]:
+def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     """Return what is to be told where the balls stand elsewhere than the cell says."""
-    declared = _declared(cell, rig)
+    declared = _declared(cell, setup)
     if declared is None or cell.gauge.kind == "tracker":  # where a tracker stands is never known well
         return []
-    off, turn = _apart(*declared, rig)
+    off, turn = _apart(*declared, setup)
     if _near(off, turn):
         return []
     return [
@@ -38,19 +38,19 @@ def declared_pose_warnings(cell: Cell, rig: MeasurementSetup) -> list[str]:
     ]
 
 
-def _declared(cell: Cell, rig: MeasurementSetup) -> tuple[Array, Array] | None:
+def _declared(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] | None:
     """R (3, 3) and p (3,) [m] of the frame that the cell gives; ``None`` where there is not the one."""
     placed = cell.file.artifact if cell.gauge.kind in ("trical", "ball-socket") else cell.file.tracker
-    return None if placed is None or rig.kind == "length" or len(rig.p_BG) > 1 else placed_frame(placed)
+    return None if placed is None or setup.kind == "length" or len(setup.p_BG) > 1 else placed_frame(placed)
 
 
 def _near(off: float, turn: float) -> bool:
     return off <= NEAR_DECLARED and turn <= NEAR_DECLARED_TURN
 
 
-def _apart(R: Array, p: Array, rig: MeasurementSetup) -> tuple[float, float]:
-    turn = Rotation.from_matrix(R.T @ rig.R_BG[0]).magnitude()
-    return float(np.linalg.norm(rig.p_BG[0] - p)), float(turn)
+def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
+    turn = Rotation.from_matrix(R.T @ setup.R_BG[0]).magnitude()
+    return float(np.linalg.norm(setup.p_BG[0] - p)), float(turn)
 
 
 @dataclass(frozen=True)
@@ -72,35 +72,35 @@ class GaugeFrames:
 
 def gauge_frames(calibration: Calibration) -> GaugeFrames:
     """Compose what was known or placed before the fit with the corrections that the fit found."""
-    rig = calibration.fit.model.rig
+    setup = calibration.fit.model.setup
     error = dict(zip(calibration.fit.model.names, map(float, calibration.fit.errors), strict=True))
-    bar = rig.kind == "length"
+    bar = setup.kind == "length"
     points = tuple(
-        (name, rig.p_FM[t] + _shift(error, _label("map", name), "xyz")) for t, name in enumerate(rig.point_names)
+        (name, setup.p_FM[t] + _shift(error, _label("map", name), "xyz")) for t, name in enumerate(setup.point_names)
     )
     return GaugeFrames(
         fixtures=tuple(
-            (name, rig.p_BX[s] + _shift(error, _label("fixture", name), "xyz"))
-            for s, name in enumerate(rig.place_names)
+            (name, setup.p_BX[s] + _shift(error, _label("fixture", name), "xyz"))
+            for s, name in enumerate(setup.place_names)
             if bar
         ),
-        places=() if bar else tuple(_place(rig, s, error) for s in range(len(rig.place_names))),
+        places=() if bar else tuple(_place(setup, s, error) for s in range(len(setup.place_names))),
         points=points,
-        zero=rig.zero + error.get("zero", 0.0) if bar else None,
+        zero=setup.zero + error.get("zero", 0.0) if bar else None,
     )
 
 
-def _place(rig: MeasurementSetup, s: int, error: dict[str, float]) -> tuple[str, Array, Array]:
+def _place(setup: MeasurementSetup, s: int, error: dict[str, float]) -> tuple[str, Array, Array]:
     """The base's corrections stand before the robot, so the gauge's frame is what they leave of it: C⁻¹ · T_BG."""
-    name = rig.place_names[s]
+    name = setup.place_names[s]
     label = _label("base", name)
-    chain = rig.chain
+    chain = setup.chain
     R_C, p_C = np.eye(3), _shift(error, label, "xyz")
     for t in chain.transforms[3:N_BASE_TRANSFORMS]:
         angle = error.get(f"{label}_r{'xyz'[t.axis]}", 0.0)
         R_C = R_C @ Rotation.from_rotvec(angle * np.eye(3)[t.axis]).as_matrix()
-    R_BG = R_C.T @ rig.R_BG[s]
-    return name, R_C.T @ (rig.p_BG[s] - p_C), np.asarray(Rotation.from_matrix(R_BG).as_euler("xyz"))
+    R_BG = R_C.T @ setup.R_BG[s]
+    return name, R_C.T @ (setup.p_BG[s] - p_C), np.asarray(Rotation.from_matrix(R_BG).as_euler("xyz"))
 
 
 def _label(what: str, name: str) -> str:

@@ -64,19 +64,19 @@ def too_few_text(spare: int) -> str:
 
 def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
     """Return what a person should know."""
-    out, rig = [], found.model.rig
+    out, setup = [], found.model.setup
     if cell.file.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
-    out += [*_of_bar(run, cell), *_other_point(run, cell), *declared_pose_warnings(cell, rig)]
+    out += [*_of_bar(run, cell), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
     if len(found.outliers):
         named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED_OUTLIERS])
         more = f"; and {len(found.outliers) - NAMED_OUTLIERS} more" if len(found.outliers) > NAMED_OUTLIERS else ""
         out.append(f"{len(found.outliers)} samples are outliers ({named}{more}); they were kept in the fit")
-    if all(m is None for m in rig.robot.masses):
+    if all(m is None for m in setup.robot.masses):
         out.append(
-            f"{rig.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
+            f"{setup.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
         )
-    if validation is not None and new_frames(rig, validation):
+    if validation is not None and new_frames(setup, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     return out
 

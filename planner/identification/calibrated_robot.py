@@ -112,9 +112,9 @@ class CalibratedRobot:
         return p, R
 
     def _delta(self, q: Array) -> list[float | Array]:
-        """What the effects add to every transform of the rig's chain [m, rad]."""
-        rig = self._nominal_rig
-        context = Context(rig, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
+        """What the effects add to every transform of the setup's chain [m, rad]."""
+        setup = self._nominal_rig
+        context = Context(setup, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
         known: dict[Phi, Array] = {}
         out: list[float | Array] = [0.0] * len(self._rig.chain)
         for k, phi, value in self._acting:
@@ -195,15 +195,15 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     Raises:
         InputError: the robot's own file can no longer be read.
     """
-    robot = calibration.fit.model.rig.robot
+    robot = calibration.fit.model.setup.robot
     effects = tuple(_effects(calibration))
-    loads = _loads(calibration.fit.model.rig) if effects else None
+    loads = _loads(calibration.fit.model.setup) if effects else None
     return write_robot(robot, RobotCorrections(tuple(_geometry(calibration)), effects, loads, _source(calibration)))
 
 
 def calibrated_meshes(calibration: Calibration) -> tuple[tuple[str, bytes], ...]:
     """Return name (``meshes/…``) and content of the collision meshes that :func:`calibrated_files` refers to."""
-    return mesh_files(calibration.fit.model.rig.robot)
+    return mesh_files(calibration.fit.model.setup.robot)
 
 
 def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
@@ -214,8 +214,8 @@ def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
 
 def _effects(c: Calibration) -> Iterator[RobotEffect]:
     """Effects on the base and the robot; a parameter that moves several transforms gives one entry for each."""
-    chain, model = c.fit.model.rig.chain, c.fit.model
-    end = N_BASE_TRANSFORMS + len(model.rig.robot.transforms)
+    chain, model = c.fit.model.setup.chain, c.fit.model
+    end = N_BASE_TRANSFORMS + len(model.setup.robot.transforms)
     for p, value in zip(model.parameters, c.fit.errors, strict=True):
         for move in p.moves if p.group not in ("gauge", "geometry") else ():
             key = move.phi.key
@@ -224,9 +224,9 @@ def _effects(c: Calibration) -> Iterator[RobotEffect]:
                 yield RobotEffect(p.name, on, key, float(value), p.unit, is_static(key))
 
 
-def _loads(rig: MeasurementSetup) -> Loads:
-    """Tool and base of a rig; gravity does not tell the base's turn about the vertical, which is left at zero."""
-    return Loads(rig.tool_mass, read_only(rig.com_F), read_only(_tilt(rig.gravity_B)))
+def _loads(setup: MeasurementSetup) -> Loads:
+    """Tool and base of a setup; gravity does not tell the base's turn about the vertical, which is left at zero."""
+    return Loads(setup.tool_mass, read_only(setup.com_F), read_only(_tilt(setup.gravity_B)))
 
 
 def _tilt(gravity_B: Array) -> Array:

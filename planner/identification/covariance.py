@@ -112,8 +112,8 @@ def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> floa
         covariance: of the parameters, (P, P).
     """
     model = found.model
-    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry") and moves_robot(p, model.rig)]
-    return ToolError.at(_states(cell, run), model.rig, effects).rms(model.names, covariance)
+    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry") and moves_robot(p, model.setup)]
+    return ToolError.at(_states(cell, run), model.setup, effects).rms(model.names, covariance)
 
 
 def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:

@@ -214,7 +214,7 @@ def document_content(calibration: Calibration, left: ResidualDiagnosis) -> dict[
     traced = c.traced
     content = {
         "schema": SCHEMA,
-        "robot": c.fit.model.rig.robot.name,
+        "robot": c.fit.model.setup.robot.name,
         "n_samples": len(c.run),
         "n_groups": c.n_groups,
         "split": {"by": c.split_by, "hold_out": c.hold_out}

@@ -25,7 +25,7 @@ def estimate_parameters(
     size = dict(zip(whole.names, whole.prior, strict=True))
     out = []
     for p in whole.parameters:
-        start = _nominal(whole.rig, p)
+        start = _nominal(whole.setup, p)
         out.append(
             Estimate(
                 name=p.name,
@@ -49,17 +49,17 @@ def _takes_part(dropped: DroppedParameter, name: str, size: dict[str, float]) ->
     return name != dropped.name and share.get(name, 0.0) > ABSORBED_SHARE * max(share.values())
 
 
-def _nominal(rig: MeasurementSetup, p: Parameter) -> float:
+def _nominal(setup: MeasurementSetup, p: Parameter) -> float:
     """Value before the fit: of the elementary transform, the fixture, the tool point, the zero."""
     if p.main.on == "reading":
-        return rig.zero if p.name == "zero" else 0.0
+        return setup.zero if p.name == "zero" else 0.0
     if p.name.startswith("fixture"):
-        place = [n for n in range(len(rig.place_names)) if p.name.startswith(f"fixture_{rig.place_names[n]}_")]
-        return float(rig.p_BX[place[0] if place else 0, p.main.index])
+        place = [n for n in range(len(setup.place_names)) if p.name.startswith(f"fixture_{setup.place_names[n]}_")]
+        return float(setup.p_BX[place[0] if place else 0, p.main.index])
     if p.name.startswith("map_"):
-        point = [n for n in range(len(rig.point_names)) if p.name.startswith(f"map_{rig.point_names[n]}_")]
-        return float(rig.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
-    return rig.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0
+        point = [n for n in range(len(setup.point_names)) if p.name.startswith(f"map_{setup.point_names[n]}_")]
+        return float(setup.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
+    return setup.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0
 
 
 FILE_UNITS = {"m": ("mm", 1 / MM), "rad": ("deg", 1 / DEG), "rad/rad": ("urad/rad", 1e6)}

@@ -64,7 +64,7 @@ class FittedParameters:
         return parameters_of_groups(self.model, ("gauge", "geometry", *effects))
 
 
-def choose_parameters(cell: Cell, rig: MeasurementSetup, run: Run, more: tuple[str, ...] = ()) -> FittedParameters:
+def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple[str, ...] = ()) -> FittedParameters:
     """Decide what is fitted, as the plan decides what it measures: the same sets, preferences and reasons.
 
     Kinds of effect in ``more`` are looked at beside those that the cell's ``[plan]`` declares.
@@ -72,17 +72,17 @@ def choose_parameters(cell: Cell, rig: MeasurementSetup, run: Run, more: tuple[s
     Raises:
         InputError: the cell declares an effect that this run cannot show.
     """
-    whole = Model.of(rig, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
+    whole = Model.of(setup, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
     if run.clocks == 2 and run.samples.speed is not None:
-        whole = whole.before([clock_offset_parameter(rig)])
-    whole = whole.plus(declared_parameters(cell, rig, run.samples, more))
+        whole = whole.before([clock_offset_parameter(setup)])
+    whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
     out = _held(cell, whole, run)
     names = {d.name for d in out}
     open_ = whole.subset([k for k, name in enumerate(whole.names) if name not in names])
     stated = cell.file.artifact is not None or cell.file.tracker is not None  # else nobody can have planned with it
     model, seen = identifiable_subset(open_, run.samples, preference_order(open_) if stated else None)
     still = unloaded_compliances((*cell.plan.effects, *more), whole)
-    idle = [p for p in compliance_parameters(rig) if p.name in {d.name for d in still}]
+    idle = [p for p in compliance_parameters(setup) if p.name in {d.name for d in still}]
     known = tuple(p for p in whole.parameters if p.name in names)
     return FittedParameters(whole.plus(idle), model, (*seen.dropped, *out, *still), known)
 

@@ -48,10 +48,10 @@ class Whitener:
     @classmethod
     def of(cls, model: Model, samples: Samples, noise: Noise | None = None) -> "Whitener":
         """Build it for the samples of a run."""
-        rig = model.rig
-        declared = np.array([rig.noise**2] * min(3, model.width) + [rig.noise_angle**2] * (model.width - 3))
+        setup = model.setup
+        declared = np.array([setup.noise**2] * min(3, model.width) + [setup.noise_angle**2] * (model.width - 3))
         rows = model.joint_rows(samples)
-        return cls(declared, rig.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
+        return cls(declared, setup.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
 
     def with_noise(self, noise: Noise) -> "Whitener":
         """Return it for another size of the noise."""

@@ -56,8 +56,8 @@ def identify(
     run = add_motion(run)
     validation = None if validation is None else add_motion(validation)
     say("placing the gauge")
-    rig = use_declared_pose(cell, locate_gauge(run_rig(cell, run), run))
-    check_pull(cell, rig, run)
+    setup = use_declared_pose(cell, locate_gauge(run_rig(cell, run), run))
+    check_pull(cell, setup, run)
     bare = None if validation is None else run_rig(cell, validation)
     parts = split_run(run, settings.hold_out, settings.seed)
 
@@ -65,7 +65,7 @@ def identify(
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     bench = FitContext(run, parts, judge, settings.robust)
-    free = choose_parameters(cell, rig, run)
+    free = choose_parameters(cell, setup, run)
     _check_size(bench, free.model)
     model = free.upto(())
     say("nominal robot")
@@ -80,10 +80,10 @@ def identify(
         return assess_fit([*stages, *more], free, bench, cell, validation, traced, notes)
     if tracer is not None:
         notes.append(too_few_text(bench.spare(free.model)))
-    if COMPLIANCE not in cell.plan.effects and (rig.weighs or run.samples.force is not None):
+    if COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
         say(COMPLIANCE)
         stages, free = add_stage_if_gain(
-            stages, free, choose_parameters(cell, rig, run, (COMPLIANCE,)), COMPLIANCE, bench
+            stages, free, choose_parameters(cell, setup, run, (COMPLIANCE,)), COMPLIANCE, bench
         )
     return assess_fit(stages, free, bench, cell, validation, None, notes)
 

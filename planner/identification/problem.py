@@ -83,7 +83,7 @@ class FitProblem:
         white = Whitener.of(model, run.samples, noise)
         if even:
             white = replace(white, shaken=np.zeros_like(white.shaken))
-        return cls(model, run.samples, model.rig.targets(run.samples, run.readings), white, np.ones(len(run)))
+        return cls(model, run.samples, model.setup.targets(run.samples, run.readings), white, np.ones(len(run)))
 
     def __len__(self) -> int:
         """Return the number of samples n."""
@@ -100,7 +100,7 @@ class FitProblem:
         return FitProblem(self.model, self.samples.take(which), self.targets.take(which), white, self.weight[which])
 
     def with_model(self, model: Model) -> "FitProblem":
-        """Return the problem with other parameters of the same rig."""
+        """Return the problem with other parameters of the same setup."""
         return replace(self, model=model)
 
     def with_noise(self, noise: Noise) -> "FitProblem":
@@ -130,7 +130,7 @@ class FitProblem:
     def context(self) -> Context:
         """The samples as basis functions see them, kept for as long as the problem's memory."""
         if self.memory.context is None:
-            self.memory.context = Context(self.model.rig, self.samples)
+            self.memory.context = Context(self.model.setup, self.samples)
         return self.memory.context
 
     def piece(self, part: slice, errors: Array) -> LinearPiece:

@@ -66,10 +66,10 @@ def _direction_alternatives(problem: FitProblem) -> Iterator[tuple[str, Array]]:
 def _gauge_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:
     """Where the gauge reads: length and direction of a bar, else the position.
 
-    On the nominal rig: what was read carries the very noise that is looked at.
+    On the nominal setup: what was read carries the very noise that is looked at.
     """
     each, c = _reading_rows(problem), problem.context
-    if c.rig.kind != "length":
+    if c.setup.kind != "length":
         yield "position", _outer_columns(_surface(c.motion.x.T, detail), each)
         return
     yield "length", _outer_columns(_powers(c.bar.length, detail), each)

@@ -22,52 +22,52 @@ LOCATED_TURN_SIGMA = 0.02  # the same of a frame's orientation [rad]
 
 
 def run_rig(cell: Cell, run: Run) -> MeasurementSetup:
-    """Return the rig of a cell with places and targets numbered as in the run.
+    """Return the setup of a cell with places and targets numbered as in the run.
 
     Raises:
         InputError: the run names a place, a ball or a robot that the cell does not have, or another kind of reading.
     """
     _check_kind(cell, run)
-    rig = setup_of(cell)
-    if rig.kind == "length" and cell.fixtures:
-        which = [_index(run, name, rig.place_names, "fixture", cell) for name in run.places]
-        rig = replace(
-            rig,
-            p_BX=rig.p_BX[which],
-            place_prior=rig.place_prior[which],
-            place_names=tuple(rig.place_names[k] for k in which),
+    setup = setup_of(cell)
+    if setup.kind == "length" and cell.fixtures:
+        which = [_index(run, name, setup.place_names, "fixture", cell) for name in run.places]
+        setup = replace(
+            setup,
+            p_BX=setup.p_BX[which],
+            place_prior=setup.place_prior[which],
+            place_names=tuple(setup.place_names[k] for k in which),
         )
     else:
         n = len(run.places)
         names = run.places if n > 1 or run.readings.ball is None else ("",)  # one plate needs no file's name
         R, p = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
-        rig = replace(
-            rig, place_names=names, R_BG=R, p_BG=p, place_prior=np.full(n, LOCATED_SIGMA), turn_prior=LOCATED_TURN_SIGMA
+        setup = replace(
+            setup, place_names=names, R_BG=R, p_BG=p, place_prior=np.full(n, LOCATED_SIGMA), turn_prior=LOCATED_TURN_SIGMA
         )
     if run.balls:
         balls = tuple(b.name for b in cell.balls)
-        rig = replace(rig, p_GS=rig.p_GS[[_index(run, name, balls, "ball", cell) for name in run.balls]])
+        setup = replace(setup, p_GS=setup.p_GS[[_index(run, name, balls, "ball", cell) for name in run.balls]])
     if run.readings.rotation is not None:
-        rig = replace(rig, kind="pose")
-    many, named = len(run.points), rig.point_names
+        setup = replace(setup, kind="pose")
+    many, named = len(run.points), setup.point_names
     which = [_index(run, name, named, "point", cell) for name in run.points] if len(named) > 1 else [0] * many
     known = cell.tool.known and (many == 1 or len(named) > 1)
     return replace(
-        rig,
+        setup,
         point_names=run.points,
-        p_FM=rig.p_FM[which],
+        p_FM=setup.p_FM[which],
         R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)),
-        tool_prior=rig.tool_prior if known else LOCATED_SIGMA,
+        tool_prior=setup.tool_prior if known else LOCATED_SIGMA,
     )
 
 
-def check_pull(cell: Cell, rig: MeasurementSetup, run: Run) -> None:
+def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:
     """Refuse a loaded bar's run that does not say how much it pulled.
 
     Raises:
         InputError: where force_N is missing.
     """
-    under = sorted(set(rig.loaded) & set(run.places))
+    under = sorted(set(setup.loaded) & set(run.places))
     if under and run.samples.force is None and run.readings.length is not None:
         raise InputError(
             f"{run.name}: the column force_N is missing, and at fixture '{under[0]}' of {cell.path} the bar pulls "
@@ -75,32 +75,32 @@ def check_pull(cell: Cell, rig: MeasurementSetup, run: Run) -> None:
         )
 
 
-def locate_gauge(rig: MeasurementSetup, run: Run) -> MeasurementSetup:
-    """Return the rig with every frame and target that is not known found from the run, on the robot as it stands.
+def locate_gauge(setup: MeasurementSetup, run: Run) -> MeasurementSetup:
+    """Return the setup with every frame and target that is not known found from the run, on the robot as it stands.
 
     Raises:
         InputError, NoSolutionError: the run cannot tell where the gauge stands.
     """
-    known = None if rig.tool_prior >= LOCATED_SIGMA else np.asarray(rig.p_FM)
-    if rig.kind == "length" and len(rig.p_BX) and known is not None:
-        return rig
-    p_BF, R_BF = flange_poses(rig, run.samples.q)
+    known = None if setup.tool_prior >= LOCATED_SIGMA else np.asarray(setup.p_FM)
+    if setup.kind == "length" and len(setup.p_BX) and known is not None:
+        return setup
+    p_BF, R_BF = flange_poses(setup, run.samples.q)
     place, point = run.samples.place, run.samples.point
     point = np.zeros(len(run), dtype=int) if point is None else point
     readings = run.readings
     if readings.length is not None:
-        bar = place_lengths(p_BF, R_BF, readings.length, place, point, known, rig.p_BX if len(rig.p_BX) else None)
-        prior = rig.place_prior if len(rig.p_BX) else np.full(len(bar.p_BX), LOCATED_SIGMA)
-        return replace(rig, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
+        bar = place_lengths(p_BF, R_BF, readings.length, place, point, known, setup.p_BX if len(setup.p_BX) else None)
+        prior = setup.place_prior if len(setup.p_BX) else np.full(len(bar.p_BX), LOCATED_SIGMA)
+        return replace(setup, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
     if readings.position is not None and readings.rotation is not None:
         probe = place_poses(p_BF, R_BF, readings.position, readings.rotation, place, point, known)
-        return replace(rig, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
+        return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
     if readings.position is not None:
         seen = place_points(p_BF, R_BF, readings.position, place, point, known)
-        return replace(rig, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
+        return replace(setup, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
     assert readings.ball is not None
-    plate = place_sockets(p_BF, R_BF, readings.ball, place, point, rig.p_GS, offset=readings.offset, p_FM=known)
-    return replace(rig, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
+    plate = place_sockets(p_BF, R_BF, readings.ball, place, point, setup.p_GS, offset=readings.offset, p_FM=known)
+    return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
 
 def add_motion(run: Run) -> Run:
@@ -122,9 +122,9 @@ def _direct(samples: Samples) -> bool:
     return bool(told.any() and (np.sign(way) == samples.direction[1:])[told].mean() > DIRECT_SHARE)
 
 
-def flange_poses(rig: MeasurementSetup, q: Array) -> tuple[Array, Array]:
+def flange_poses(setup: MeasurementSetup, q: Array) -> tuple[Array, Array]:
     """Positions (n, 3) [m] and orientations (n, 3, 3) of the flange of the nominal robot."""
-    motion = rig.robot.chain.forward(rig.robot.theta(q))
+    motion = setup.robot.chain.forward(setup.robot.theta(q))
     return motion.x.T.copy(), motion.R.transpose(2, 0, 1).copy()
 
 

@@ -80,7 +80,7 @@ def fitted_samples(run: Run, model: Model) -> np.ndarray | None:
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
     """Residuals of every sample of a run by the fit to a part of it, and by the fit without the sample's fold."""
     model, samples = found.model, run.samples
-    targets = model.rig.targets(samples, run.readings)
+    targets = model.setup.targets(samples, run.readings)
     residual = model.residual(samples, targets, found.errors)
     held = np.empty_like(residual)
     for fold in range(split.folds):

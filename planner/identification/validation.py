@@ -19,24 +19,24 @@ from planner.runs.run import Run
 def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
     """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so).
 
-    ``bare`` is the rig of that run with nothing placed yet.
+    ``bare`` is the setup of that run with nothing placed yet.
     """
-    rig = found.model.rig
+    setup = found.model.setup
     model = _timeless(found)
-    if not new_frames(rig, run):
-        problem = FitProblem.of(model, _renamed(run, rig))
+    if not new_frames(setup, run):
+        problem = FitProblem.of(model, _renamed(run, setup))
         return Metrics.of(problem.residual(np.zeros(0)))
-    model = _with_frames(replace(model, rig=locate_gauge(_calibrated_tool(bare, found), run)))
+    model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
     here = fit(FitProblem.of(model, run, found.problem.whitener.noise), robust=True)
     return Metrics.of(here.problem.residual(here.errors))
 
 
-def new_frames(rig: MeasurementSetup, run: Run) -> bool:
-    """Tell whether the run stands in frames that the rig does not know: a plate set down anew, another station."""
+def new_frames(setup: MeasurementSetup, run: Run) -> bool:
+    """Tell whether the run stands in frames that the setup does not know: a plate set down anew, another station."""
     if run.readings.ball is not None:
         return True
-    return rig.kind != "length" and not set(run.places) <= set(rig.place_names)
+    return setup.kind != "length" and not set(run.places) <= set(setup.place_names)
 
 
 def _timeless(found: Fit) -> Model:
@@ -52,25 +52,25 @@ def _timeless(found: Fit) -> Model:
     return replace(model, fixed=fixed)
 
 
-def _renamed(run: Run, rig: MeasurementSetup) -> Run:
-    """Number the places of the run as the rig does."""
-    order = np.array([rig.place_names.index(name) if name in rig.place_names else 0 for name in run.places])
+def _renamed(run: Run, setup: MeasurementSetup) -> Run:
+    """Number the places of the run as the setup does."""
+    order = np.array([setup.place_names.index(name) if name in setup.place_names else 0 for name in run.places])
     return replace(run, samples=replace(run.samples, place=order[run.samples.place]))
 
 
 def _calibrated_tool(bare: MeasurementSetup, found: Fit) -> MeasurementSetup:
-    """Return the rig with the tool points as fitted, so that placing the new frames does not touch them."""
-    rig = found.model.rig
+    """Return the setup with the tool points as fitted, so that placing the new frames does not touch them."""
+    setup = found.model.setup
     shift = dict(zip(found.model.names, found.errors, strict=True))
-    p_FM = np.array(rig.p_FM)
-    for t, name in enumerate(rig.point_names):
+    p_FM = np.array(setup.p_FM)
+    for t, name in enumerate(setup.point_names):
         label = f"map_{name}" if name else "map"
         p_FM[t] += [shift.get(f"{label}_{axis}", 0.0) for axis in "xyz"]
-    return replace(bare, p_FM=p_FM, R_FM=rig.R_FM, point_names=rig.point_names, tool_prior=0.0)
+    return replace(bare, p_FM=p_FM, R_FM=setup.R_FM, point_names=setup.point_names, tool_prior=0.0)
 
 
 def _with_frames(model: Model) -> Model:
-    """Free the frames of the new run, everything else fixed as fitted; the tool's shift now stands in the rig."""
+    """Free the frames of the new run, everything else fixed as fitted; the tool's shift now stands in the setup."""
     fixed = tuple((p, v) for p, v in model.fixed if p.group != "gauge")
-    frames = [p for p in Model.of(model.rig, frozenset()).parameters if p.group == "gauge"]
+    frames = [p for p in Model.of(model.setup, frozenset()).parameters if p.group == "gauge"]
     return replace(model, parameters=tuple(frames), fixed=fixed)

@@ -1,4 +1,4 @@
-"""Predicted reading and identification Jacobian of a rig: one list of parameters for planning, fitting and tracing.
+"""Predicted reading and identification Jacobian of a setup: one list of parameters for planning, fitting and tracing.
 
 A parameter is a pair of what it moves (an elementary transform, or the reading itself) and a basis function φ of the
 sample; for a geometric error φ is 1, for a fixture it tells which fixture holds the bar, for a compliance it is the
@@ -35,9 +35,9 @@ class Linearization:
 
 @dataclass(frozen=True)
 class Model:
-    """The measurement model of one rig with a list of parameters; ``fixed`` ones stand at the value beside them."""
+    """The measurement model of one setup with a list of parameters; ``fixed`` ones stand at the value beside them."""
 
-    rig: MeasurementSetup
+    setup: MeasurementSetup
     parameters: tuple[Parameter, ...]
     fixed: tuple[tuple[Parameter, float], ...] = ()
 
@@ -47,12 +47,12 @@ class Model:
         return cls.of(setup_of(cell), cell.plan.free if free is None else free)
 
     @classmethod
-    def of(cls, rig: MeasurementSetup, free: frozenset[str]) -> "Model":
+    def of(cls, setup: MeasurementSetup, free: frozenset[str]) -> "Model":
         """Build the model; parameters stand in the order in which they are preferred when some depend on others.
 
         What places the gauge comes first: it is known worst.
         """
-        return cls(rig, (*gauge_parameters(rig, free), *robot_parameters(rig)))
+        return cls(setup, (*gauge_parameters(setup, free), *robot_parameters(setup)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class Model:
     @property
     def width(self) -> int:
         """Numbers r in one reading: 1, 3 or 6."""
-        return {"length": 1, "position": 3, "pose": 6}[self.rig.kind]
+        return {"length": 1, "position": 3, "pose": 6}[self.setup.kind]
 
     def subset(self, kept: list[int]) -> "Model":
         """Return the model with only the parameters at the positions ``kept``."""
@@ -98,25 +98,25 @@ class Model:
             fixture: which fixture holds the bar, (n,) or one number.
             errors: values of the parameters, (P,); zero when not given.
         """
-        samples = self.rig.visits(q, fixture)
+        samples = self.setup.visits(q, fixture)
         return -self.residual(samples, Targets(length=np.zeros(len(q))), errors)
 
     def jacobian(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Identification Jacobian at nominal parameters, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4)."""
-        return self.rows(self.rig.visits(q, fixture))
+        return self.rows(self.setup.visits(q, fixture))
 
     def rows(self, samples: Samples, errors: Array | None = None) -> Array:
         """Identification Jacobian for any samples, (n, r, P); it does not depend on the readings."""
         out = np.empty((len(samples), self.width, len(self.parameters)))
         for part in chunks(len(samples)):
-            out[part] = self.linear_in(Context(self.rig, samples.take(part)), None, errors).rows
+            out[part] = self.linear_in(Context(self.setup, samples.take(part)), None, errors).rows
         return out
 
     def residual(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Array:
         """Reading − prediction, (n, r) [m, rad]."""
         out = np.empty((len(samples), self.width))
         for part in chunks(len(samples)):
-            out[part] = self.residual_in(Context(self.rig, samples.take(part)), targets.take(part), errors)
+            out[part] = self.residual_in(Context(self.setup, samples.take(part)), targets.take(part), errors)
         return out
 
     def residual_in(self, context: Context, targets: Targets, errors: Array | None = None) -> Array:
@@ -127,40 +127,40 @@ class Model:
     def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian of some samples in one forward pass."""
         parts = [
-            self.linear_in(Context(self.rig, samples.take(part)), targets.take(part), errors)
+            self.linear_in(Context(self.setup, samples.take(part)), targets.take(part), errors)
             for part in chunks(len(samples))
         ]
         return Linearization(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Standard deviation of one reading, (n,) [m]: gauge and joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
-        return self.noise_of(self.rig.visits(q, fixture))
+        return self.noise_of(self.setup.visits(q, fixture))
 
     def noise_of(self, samples: Samples) -> Array:
         """Return the same for any samples, (n,) [m]."""
         shaken = self.joint_rows(samples)
-        return np.asarray(np.sqrt(self.rig.noise**2 + self.rig.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
+        return np.asarray(np.sqrt(self.setup.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
 
     @property
     def joint_sigma(self) -> float:
         """Standard deviation of one joint's angle [rad] that explains the published repeatability."""
-        return self.rig.joint_sigma
+        return self.setup.joint_sigma
 
     def joint_rows(self, samples: Samples) -> Array:
         """Derivative of the reading by the controller's joint angles, (n, r, N) [m/rad, rad/rad]."""
-        robot = self.rig.robot
-        turns = {t.joint: k for k, t in enumerate(self.rig.chain.transforms) if t.joint is not None}
+        robot = self.setup.robot
+        turns = {t.joint: k for k, t in enumerate(self.setup.chain.transforms) if t.joint is not None}
         which = np.array([turns[i] for i in range(robot.n_joints)])
         out = np.empty((len(samples), self.width, robot.n_joints))
         for part in chunks(len(samples)):
-            context = Context(self.rig, samples.take(part))
-            motion = self.rig.chain.forward(context.theta, self.rig.offsets(context.samples))
+            context = Context(self.setup, samples.take(part))
+            motion = self.setup.chain.forward(context.theta, self.setup.offsets(context.samples))
             out[part] = np.einsum("krn,kj->nrj", self._projected(context, motion, which), robot.sense_matrix)
         return out
 
     def _pass(self, context: Context, errors: Array | None) -> tuple[ForwardPass, Array]:
         """Forward pass with the errors in place, and what they add to the reading itself, (n, r)."""
-        delta = self.rig.offsets(context.samples)
+        delta = self.setup.offsets(context.samples)
         shown = np.zeros((len(context.samples), self.width))
         free = () if errors is None else zip(self.parameters, errors, strict=True)
         moved = [(p, float(value)) for p, value in (*free, *self.fixed) if value != 0.0]
@@ -171,7 +171,7 @@ class Model:
                     delta[m.index] = delta[m.index] + value * known[m.phi]
                 else:
                     shown[:, m.index] += value * known[m.phi]
-        return self.rig.chain.forward(context.theta, delta), shown
+        return self.setup.chain.forward(context.theta, delta), shown
 
     def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
@@ -203,21 +203,21 @@ class Model:
     def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""
         screws = motion.point_screws(which)
-        if self.rig.kind == "length":
-            e = bar_state(motion.x.T, self.rig.p_BX[context.samples.place]).direction
+        if self.setup.kind == "length":
+            e = bar_state(motion.x.T, self.setup.p_BX[context.samples.place]).direction
             return np.asarray(np.einsum("kin,ni->kn", screws, e)[:, None])
-        if self.rig.kind == "position":
+        if self.setup.kind == "position":
             return screws
         turns = motion.u[which] * motion.rotation[which, None, None]
         return np.concatenate([screws, turns], axis=1)
 
     def _residual(self, context: Context, motion: ForwardPass, targets: Targets) -> Array:
         if targets.length is not None:
-            p_BX = self.rig.p_BX[context.samples.place]
+            p_BX = self.setup.p_BX[context.samples.place]
             return (targets.length - bar_state(motion.x.T, p_BX).length)[:, None]
         assert targets.position is not None
         apart = targets.position - motion.x.T
-        if self.rig.kind == "position" or targets.rotation is None:
+        if self.setup.kind == "position" or targets.rotation is None:
             return apart
         R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
         return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)

@@ -40,9 +40,9 @@ class ToolError:
         return cls.at(Samples(q, np.zeros(len(q), dtype=int)), setup_of(cell), unknown)
 
     @classmethod
-    def at(cls, samples: Samples, rig: MeasurementSetup, unknown: Sequence[Parameter]) -> "ToolError":
+    def at(cls, samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]) -> "ToolError":
         """Look at the first tool point in the states ``samples``, with ``unknown`` effects beside the geometry."""
-        alone = replace(rig, kind="position", place_names=rig.place_names[:1], point_names=rig.point_names[:1])
+        alone = replace(setup, kind="position", place_names=setup.place_names[:1], point_names=setup.point_names[:1])
         model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
         rows = model.rows(samples).reshape(-1, len(model.names))
         frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]
@@ -70,7 +70,7 @@ def uniform_states(cell: Cell, count: int, seed: int) -> Array:
     return np.asarray(q[cell.map_position(q) @ cell.base.R_WB[2] > cell.base.floor])
 
 
-def moves_robot(parameter: Parameter, rig: MeasurementSetup) -> bool:
+def moves_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
     """Tell whether a parameter belongs to the robot, and neither to where the gauge stands nor to its readings."""
-    inside = range(N_BASE_TRANSFORMS, N_BASE_TRANSFORMS + len(rig.robot.transforms))
+    inside = range(N_BASE_TRANSFORMS, N_BASE_TRANSFORMS + len(setup.robot.transforms))
     return all(m.on == "transform" and m.index in inside for m in parameter.moves)

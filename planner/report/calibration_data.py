@@ -88,9 +88,9 @@ class CalibrationFacts:
     def _angles(self) -> list[PlotVariable]:
         samples = self.calibration.run.samples.take(self.looked_samples)
         out = [PlotVariable("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
-        rig = self.calibration.fit.model.rig
-        if rig.weighs or samples.force is not None or samples.payload is not None:
-            load = Context(rig, samples).load_torque
+        setup = self.calibration.fit.model.setup
+        if setup.weighs or samples.force is not None or samples.payload is not None:
+            load = Context(setup, samples).load_torque
             out += [PlotVariable("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
         if samples.torque is not None:
             out += [PlotVariable("loads", f"measured torque {j + 1} (Nm)", t) for j, t in enumerate(samples.torque.T)]
@@ -98,15 +98,15 @@ class CalibrationFacts:
 
     def _gauge(self) -> list[PlotVariable]:
         c, which = self.calibration, self.looked_samples
-        rig, samples = c.fit.model.rig, c.run.samples.take(which)
+        setup, samples = c.fit.model.setup, c.run.samples.take(which)
         if c.run.readings.length is None:
-            p = rig.targets(samples, c.run.readings.take(which)).position
+            p = setup.targets(samples, c.run.readings.take(which)).position
             assert p is not None
             return [
                 PlotVariable("gauge", f"position {axis} (mm)", to_mm(v)) for axis, v in zip("xyz", p.T, strict=True)
             ]
-        motion = rig.chain.forward(rig.robot.theta(samples.q), rig.offsets(samples))
-        bar = bar_state(motion.x.T, rig.p_BX[samples.place])
+        motion = setup.chain.forward(setup.robot.theta(samples.q), setup.offsets(samples))
+        bar = bar_state(motion.x.T, setup.p_BX[samples.place])
         x, y, z = bar.direction.T
         return [
             PlotVariable("gauge", "length read (mm)", to_mm(c.run.readings.length[which])),

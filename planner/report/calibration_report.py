@@ -80,7 +80,7 @@ def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
     stages = tuple(_stage(told, k) for k in range(len(c.stages)))
     estimates = displayed_estimates(c)
     return CalibrationPage(
-        title=f"Calibration of {c.fit.model.rig.robot.title}",
+        title=f"Calibration of {c.fit.model.setup.robot.title}",
         about=_about(c),
         problems=refusal_text(c),
         headline=headline_text(told),
@@ -112,7 +112,7 @@ def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
 
 def _about(c: Calibration) -> str:
     kind = "continuous" if c.run.continuous else "static"
-    read = {"length": "lengths", "position": "positions", "pose": "positions and orientations"}[c.fit.model.rig.kind]
+    read = {"length": "lengths", "position": "positions", "pose": "positions and orientations"}[c.fit.model.setup.kind]
     if c.run.readings.ball is not None:
         read = "a point in balls or sockets"
     plan = f" · plan {c.run.plan_id}" if c.run.plan_id else ""

@@ -88,7 +88,7 @@ def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
     1982, section 2.3.2).
     """
     fit, (which, rows) = told.calibration.fit, told.few_rows
-    context = Context(fit.model.rig, told.calibration.run.samples.take(which))
+    context = Context(fit.model.setup, told.calibration.run.samples.take(which))
     residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
     added = _added(told, step)
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
@@ -98,12 +98,12 @@ def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
     if looked is None:
         return _pulled(added, residuals)
     first = own[0]
-    bare = Model(fit.model.rig, (replace(first, moves=(replace(first.main, phi=ONE),)),))
+    bare = Model(fit.model.setup, (replace(first, moves=(replace(first.main, phi=ONE),)),))
     screw = bare.linear_in(context, None).rows[:, : rows.shape[1], 0]
     power = (screw**2).sum(axis=1)
     safe = np.maximum(power, (FAINT_LEVERAGE**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
-    turns = first.main.on == "transform" and fit.model.rig.chain.transforms[first.main.index].kind == "rotation"
+    turns = first.main.on == "transform" and fit.model.setup.chain.transforms[first.main.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
     return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means)
 

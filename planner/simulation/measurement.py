@@ -34,7 +34,7 @@ def simulate_points(
         off: what the joints are off by, (n, N) [rad].
         rng: of the gauge's noise.
     """
-    noise = model.rig.noise * rng.standard_normal((len(samples), 3))
+    noise = model.setup.noise * rng.standard_normal((len(samples), 3))
     if cell.gauge.head is None:
         place = cell.fixtures[0]
         x = _measured_point(model, samples, off, errors)
@@ -144,13 +144,13 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
     if samples.force is not None:  # a loaded bar turns as the arm yields, and its moments with it
         model, stood = solve_equilibrium(model, stood, errors)
     exact = -model.residual(stood, nothing, errors)[:, 0]
-    length = exact + model.rig.noise * rng.standard_normal(len(samples))
+    length = exact + model.setup.noise * rng.standard_normal(len(samples))
     return SimulatedRun(
         name=f"simulated run of {plan_id}",
         samples=samples,
         readings=Readings(length=read_only(length)),
-        places=model.rig.place_names,
-        points=model.rig.point_names,
+        places=model.setup.place_names,
+        points=model.setup.point_names,
         continuous=moving,
         plan_id=plan_id,
         robot=cell.robot.name,

@@ -44,7 +44,7 @@ class TrueEffect:
 
 
 def effects_from_file(
-    path: Path, files: tuple[TruthEffectFile, ...], rig: MeasurementSetup, samples: Samples
+    path: Path, files: tuple[TruthEffectFile, ...], setup: MeasurementSetup, samples: Samples
 ) -> tuple[TrueEffect, ...]:
     """Return the effects that the file asks for.
 
@@ -53,7 +53,7 @@ def effects_from_file(
     """
     if not files:
         return ()
-    entries = catalogue(rig, samples)
+    entries = catalogue(setup, samples)
     return tuple(_read_effect(f"{path}: [[effects]] number {k}", f, entries) for k, f in enumerate(files, start=1))
 
 
@@ -133,7 +133,7 @@ class Truth:
     """The robot and gauge as they are.
 
     Attributes:
-        model: every error that may be named; its rig has the noise.
+        model: every error that may be named; its setup has the noise.
         errors: their values, (P,) in the parameters' units.
         effects: of the catalogue.
     """
@@ -151,12 +151,12 @@ class Truth:
         """Say every error that is not zero, every effect and the noise, as keys of ``TRUTH.toml``."""
         pairs = zip(self.model.parameters, self.errors, strict=True)
         said = [_format_error(p, float(v)) for p, v in pairs if v != 0.0]
-        rig = self.model.rig
+        setup = self.model.setup
         return (
             *said,
             *(f"effects = {e.said}" for e in self.effects),
-            f"gauge_um = {rig.noise / UM:.6g}",
-            f"repeatability_mm = {rig.robot.repeatability / MM:.6g}",
+            f"gauge_um = {setup.noise / UM:.6g}",
+            f"repeatability_mm = {setup.robot.repeatability / MM:.6g}",
         )
 
 
@@ -177,7 +177,7 @@ def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
         if errors[k]:
             raise InputError(f"{path}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    return Truth(model, read_only(errors), effects_from_file(path, file.effects, model.rig, samples))
+    return Truth(model, read_only(errors), effects_from_file(path, file.effects, model.setup, samples))
 
 
 def draw_truth(cell: Cell, seed: int) -> Truth:
@@ -195,8 +195,8 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
 
 
 def _truth_model(cell: Cell) -> Model:
-    rig = setup_of(cell)
-    return Model.of(rig, ALL_GAUGE_PARAMETERS).plus(compliance_parameters(rig))
+    setup = setup_of(cell)
+    return Model.of(setup, ALL_GAUGE_PARAMETERS).plus(compliance_parameters(setup))
 
 
 def _with_noise(cell: Cell, noise: NoiseFile) -> Cell:

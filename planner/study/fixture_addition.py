@@ -88,7 +88,7 @@ def _place_informations(cell: Cell, seed: int, say: ReportProgress) -> list[_Pla
         say("fixtures", k, len(places))
         q = _connected_poses(cell, place.p_BX, seed)
         if len(q) >= ENOUGH or k == 0:
-            here = replace(unknown, model=replace(unknown.model, rig=setup_of(move_fixture(cell, place.p_BX))))
+            here = replace(unknown, model=replace(unknown.model, setup=setup_of(move_fixture(cell, place.p_BX))))
             white = here.white(q)
             out.append(_PlaceInformation(place.p_BX, white.T @ white / len(q), own, unknown.scaled))
     return out

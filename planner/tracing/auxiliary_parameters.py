@@ -61,15 +61,15 @@ LINK_MASSES = "link weights"
 
 def link_mass_parameters(base: Model, compliance: Sequence[tuple[int, float]]) -> list[Parameter]:
     """Return the parts by which links and tool weigh more than stated; ``compliance``: joints (from 0) and [rad/Nm]."""
-    rig = base.rig
+    setup = base.setup
     if not compliance:
         return []
-    joints = [t for t in range(len(rig.chain.transforms)) if rig.chain.transforms[t].joint is not None]
-    where = {rig.chain.transforms[k].joint: k for k in joints}
-    masses = [None if m is None else m.mass for m in rig.robot.masses]
+    joints = [t for t in range(len(setup.chain.transforms)) if setup.chain.transforms[t].joint is not None]
+    where = {setup.chain.transforms[k].joint: k for k in joints}
+    masses = [None if m is None else m.mass for m in setup.robot.masses]
     n = len(masses)
     out = []
-    for link, mass in enumerate([*masses, rig.tool_mass]):
+    for link, mass in enumerate([*masses, setup.tool_mass]):
         bearing = [(i, c) for i, c in compliance if i <= link]
         if not mass or not bearing:
             continue

@@ -27,7 +27,7 @@ SIZE_FACTORS = (0.3, 1.0, 3.0)  # times the expected one that are tried
 def likeliest_curve(shade: ScoreTest, base: Model, joint: int) -> Effect:
     """The curve of a joint whose quickness the screened samples are likeliest under, any size being possible."""
     q = shade.problem.samples.q
-    known = [gear_curve(base.rig, q, joint, f) for f in QUICKNESSES]
+    known = [gear_curve(base.setup, q, joint, f) for f in QUICKNESSES]
     return max(known, key=lambda e: curve_log_likelihood(shade, e))
 
 

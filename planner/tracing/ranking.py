@@ -40,7 +40,7 @@ def _score_with_link_masses(shade: ScoreTest, plain: EffectScore) -> EffectScore
     """Score a compliance again, beside the parts by which each weight on it may be off (ridge regression)."""
     parameters = plain.entry.make(None)
     first, model = parameters[0], shade.problem.model
-    joint = model.rig.chain.transforms[first.main.index].joint
+    joint = model.setup.chain.transforms[first.main.index].joint
     if len(parameters) > 1 or joint is None:
         return plain
     size = float(plain.along[0] / plain.information[0, 0]) * first.prior

@@ -80,7 +80,7 @@ def search(start: SearchState, entries: Sequence[Effect], bench: FitContext, say
     pruned = _prune(hunt, path[-1])
     if pruned.names != path[-1].names:
         path = _forward_selection(hunt, [*path, pruned])
-    nameless = shade.lay_out([(e, None) for e in nonparametric_effects(start.base.rig, shade.problem.samples.q)])
+    nameless = shade.lay_out([(e, None) for e in nonparametric_effects(start.base.setup, shade.problem.samples.q)])
     unnaming = replace(hunt, dictionary=nameless)
     path = _forward_selection(unnaming, path)
     # a name that explains much less than no name would was forced

@@ -159,7 +159,7 @@ def wald_log_p(state: SearchState, held: FittedEffect, tried: int, memory: float
     """
     memory = variance_inflation(state, held) if memory is None else memory
     if held.entry.kind == GEAR_CURVE and sum(h.entry.kind == GEAR_CURVE for h in state.effects) > 1:
-        tried = min(tried, state.base.rig.robot.n_joints)
+        tried = min(tried, state.base.setup.robot.n_joints)
     spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
     size, directions = wald_statistic(state, held)
     one = f_distribution.logsf(size / memory, directions, spare)

@@ -135,7 +135,7 @@ def _known_sizes(held: FittedEffect, errors: dict[str, float]) -> Array:
 
 def _link_masses(base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]) -> list[Parameter]:
     """Wrong weights, as the compliances that are known so far show them."""
-    transforms = base.rig.chain.transforms
+    transforms = base.setup.chain.transforms
     soft = []
     for h in effects:
         if h.entry.kind == COMPLIANCE:

@@ -71,7 +71,7 @@ def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list
 
     A kind of effect that is in the model already is not looked for again.
     """
-    offered = catalogue(geometry.fit.model.rig, bench.run.samples)
+    offered = catalogue(geometry.fit.model.setup, bench.run.samples)
     there = {*HIDDEN, *geometry.stage.effects}
     entries = tuple(e for e in offered if e.kind not in there)
     start = SearchState(geometry.fit.model, (), geometry)

@@ -72,7 +72,7 @@ def _refit_with_curves(hunt: SearchContext, state: SearchState, joints: Sequence
     kept = [h for h in state.effects if base_kind(h.entry.kind) not in WAVE_KINDS or h.entry.on not in on]
     q, worth, best = state.fit.problem.samples.q, hunt.memory(state), None
     for quickest in QUICKNESSES:
-        effects = (*kept, *(FittedEffect(gear_curve(state.base.rig, q, j, quickest), None) for j in bare))
+        effects = (*kept, *(FittedEffect(gear_curve(state.base.setup, q, j, quickest), None) for j in bare))
         trial = try_refit(partial(refit, hunt.bench, effects[-1].entry.name, state.base, effects, state))
         if trial is not None and best is not None and trial.evidence(worth) > best.evidence(worth):
             break  # the quicker, the less likely

@@ -77,7 +77,7 @@ def sample_plan(plan: Plan) -> Samples:
 def place_fixtures_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
     """Return errors (P,) with every fixture where the robot's measured point truly comes when told to go there."""
     own = [k for k, p in enumerate(model.parameters) if not p.name.startswith(APART)]
-    position = replace(model.subset(own), rig=replace(model.rig, kind="position"))
+    position = replace(model.subset(own), setup=replace(model.setup, kind="position"))
     out = errors.copy()
     out[[k for k, p in enumerate(model.parameters) if p.name.startswith(APART)]] = 0.0
     for fixture in cell.fixtures:

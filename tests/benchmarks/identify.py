@@ -64,16 +64,16 @@ def cell_with(places: int):
 
 def whole(cell) -> Model:
     model = Model.of(setup_of(cell), cell.plan.free)
-    return model.plus(compliance_parameters(model.rig))
+    return model.plus(compliance_parameters(model.setup))
 
 
 def measured(model: Model, samples: Samples, rng) -> Run:
     """A run of a robot whose parameters are off by a third of their prior sizes."""
     errors = 0.3 * model.prior * rng.standard_normal(len(model.names))
     there = Readings(length=np.zeros(len(samples)))
-    clean = -model.residual(samples, model.rig.targets(samples, there), errors)[:, 0]
+    clean = -model.residual(samples, model.setup.targets(samples, there), errors)[:, 0]
     length = clean + model.noise(samples.q[:1])[0] * rng.standard_normal(len(samples))
-    return Run("made", samples, Readings(length=length), model.rig.place_names, continuous=samples.t is not None)
+    return Run("made", samples, Readings(length=length), model.setup.place_names, continuous=samples.t is not None)
 
 
 def poses(places: int, n: int, rng) -> Samples:

@@ -37,10 +37,10 @@ def rig_of(robot):
 
 def calibration(robot, seed, effects=()):
     """A calibration with random errors of all geometry (1 mm, 1 mrad) and of every effect (its prior size)."""
-    rig = rig_of(robot)
-    every = [*robot_parameters(rig), *effects]
+    setup = rig_of(robot)
+    every = [*robot_parameters(setup), *effects]
     errors = np.random.default_rng(seed).normal(size=len(every)) * [p.prior for p in every]
-    model = Model(rig, tuple(every))
+    model = Model(setup, tuple(every))
     fit = SimpleNamespace(model=model, errors=errors)
     groups = tuple(dict.fromkeys(p.group for p in effects))
     run = type("Made", (), {"name": "monday.csv", "__len__": lambda self: 40})()

@@ -50,11 +50,11 @@ def planted(kind, name="comau-nj130"):
 
 
 def measured(made):
-    """Run, rig and the model of the geometry that the run shows."""
+    """Run, setup and the model of the geometry that the run shows."""
     run, cell = loaded(made)
-    rig = locate_gauge(run_rig(cell, run), run)
+    setup = locate_gauge(run_rig(cell, run), run)
     run = replace(run, samples=seen(run.samples, run.readings, run.continuous))
-    return run, rig, identifiable_subset(Model.of(rig, cell.plan.free), run.samples)[0]
+    return run, setup, identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]
 
 
 def left(model, run):
@@ -75,8 +75,8 @@ def test_planted_effect_is_explained_by_its_entry(kind):
         assert kind == "tool-compliance"  # no plausible tool bends that much
         return
     effect = made.truth.effects[0]
-    run, rig, model = measured(made)
-    entries = {(e.kind, e.on): e for e in catalogue(rig, run.samples)}
+    run, setup, model = measured(made)
+    entries = {(e.kind, e.on): e for e in catalogue(setup, run.samples)}
     entry = entries[named(effect)]
     more = identifiable_subset(model.plus(list(entry.make(inner(effect)))), run.samples)[0]
     oracle = made.oracle()[0]
@@ -91,24 +91,24 @@ def test_planted_effect_is_explained_by_its_entry(kind):
 @pytest.mark.parametrize("kind", COMPOUND)
 def test_compound_effect_has_a_name_in_the_catalogue(kind):
     made = planted(kind)
-    run, rig, _ = measured(made)
-    entries = {(e.kind, e.on): e for e in catalogue(rig, run.samples)}
+    run, setup, _ = measured(made)
+    entries = {(e.kind, e.on): e for e in catalogue(setup, run.samples)}
     entry = entries[named(made.truth.effects[0])]
     assert KINDS[kind].counts_as_right(made.truth.effects[0], entry.kind, joint_of(entry.on))
 
 
 def test_no_entry_of_the_catalogue_explains_what_has_no_entry():
     for kind in NO_ENTRY:
-        run, rig, model = measured(planted(kind))
-        alike = next(e for e in catalogue(rig, run.samples) if e.kind == "encoder once a turn")
+        run, setup, model = measured(planted(kind))
+        alike = next(e for e in catalogue(setup, run.samples) if e.kind == "encoder once a turn")
         more = identifiable_subset(model.plus(list(alike.make(None))), run.samples)[0]
         assert left(more, run)[0] > 0.5 * left(model, run)[0]
 
 
 def test_absorbed_effects_are_in_the_catalogue_too():
     made = edbb_static(arm_of("comau-nj130"), 40, seed=5, logs=())
-    run, rig, _ = measured(made)
-    there = {(e.kind, e.on) for e in catalogue(rig, run.samples)}
+    run, setup, _ = measured(made)
+    there = {(e.kind, e.on) for e in catalogue(setup, run.samples)}
     assert {
         ("gauge scale", "gauge"),
         ("ball centre", "ball at the fixture"),

@@ -1,4 +1,4 @@
-"""What is offered: only what the rig has and the logged columns can tell; every entry whole and in order."""
+"""What is offered: only what the setup has and the logged columns can tell; every entry whole and in order."""
 
 from dataclasses import replace
 from string import Formatter
@@ -26,41 +26,41 @@ CONSTANT = ("temperature", "t", "torque", "session", "speed", "payload")
 
 def site(kind="length", n=60, name="comau-nj130"):
     rng = np.random.default_rng(2)
-    rig = rigs.rig(name, kind, rng)
-    return rig, everything(rig, n, rng)
+    setup = rigs.setup(name, kind, rng)
+    return setup, everything(setup, n, rng)
 
 
-def kinds(rig, samples):
-    return {e.kind for e in catalogue(rig, samples)}
+def kinds(setup, samples):
+    return {e.kind for e in catalogue(setup, samples)}
 
 
 @pytest.mark.parametrize("column", list(NEEDS))
 def test_what_needs_a_column_is_offered_only_with_it(column):
-    rig, samples = site()
-    assert NEEDS[column] <= kinds(rig, samples)
-    assert not NEEDS[column] & kinds(rig, replace(samples, **{column: None}))
+    setup, samples = site()
+    assert NEEDS[column] <= kinds(setup, samples)
+    assert not NEEDS[column] & kinds(setup, replace(samples, **{column: None}))
 
 
 @pytest.mark.parametrize("column", CONSTANT)
 def test_what_needs_a_column_is_not_offered_where_it_stands_still(column):
-    rig, samples = site()
+    setup, samples = site()
     still = np.zeros_like(getattr(samples, column)) + getattr(samples, column)[:1]
-    assert not NEEDS[column] & kinds(rig, replace(samples, **{column: still}))
+    assert not NEEDS[column] & kinds(setup, replace(samples, **{column: still}))
 
 
 def test_backlash_needs_both_directions():
-    rig, samples = site()
+    setup, samples = site()
     one = replace(samples, speed=None, direction=np.where(np.arange(6) == 2, 1.0, samples.direction))
-    on = {e.on for e in catalogue(rig, one) if e.kind == "backlash"}
+    on = {e.on for e in catalogue(setup, one) if e.kind == "backlash"}
     assert on == {f"joint {i}" for i in (1, 2, 4, 5, 6)}
-    assert "backlash" not in kinds(rig, replace(samples, speed=None, direction=None))
+    assert "backlash" not in kinds(setup, replace(samples, speed=None, direction=None))
 
 
 def test_a_joint_that_never_moved_has_no_waves():
-    rig, samples = site()
+    setup, samples = site()
     q = samples.q.copy()
     q[:, 3] = 0.2
-    waves = {(e.kind, e.on) for e in catalogue(rig, replace(samples, q=q)) if "turn" in e.kind or "ripple" in e.kind}
+    waves = {(e.kind, e.on) for e in catalogue(setup, replace(samples, q=q)) if "turn" in e.kind or "ripple" in e.kind}
     assert waves
     assert not any(on == "joint 4" for _, on in waves)
 
@@ -73,18 +73,18 @@ def test_gauges_have_their_own_errors():
 
 
 def test_gear_ratio_names_the_motors_own_errors():
-    rig, samples = site()
-    assert not {"strain-wave error", "motor-side error"} & kinds(rig, samples)
+    setup, samples = site()
+    assert not {"strain-wave error", "motor-side error"} & kinds(setup, samples)
     ratios = (100.0, None, None, None, None, 50.0)
-    rig = replace(rig, robot=replace(rig.robot, gear_ratio=ratios))
-    named = {(e.kind, e.on): e for e in catalogue(rig, samples) if "error" in e.kind}
+    setup = replace(setup, robot=replace(setup.robot, gear_ratio=ratios))
+    named = {(e.kind, e.on): e for e in catalogue(setup, samples) if "error" in e.kind}
     assert set(named) == {(k, f"joint {i}") for k in ("strain-wave error", "motor-side error") for i in (1, 6)}
     assert [m.phi.frequency for p in named["strain-wave error", "joint 6"].make(None) for m in p.moves] == [100.0] * 2
 
 
 def test_scan_of_frequencies_is_a_quarter_wave_fine():
-    rig, samples = site()
-    for e in catalogue(rig, samples):
+    setup, samples = site()
+    for e in catalogue(setup, samples):
         if e.kind == "gear ripple":
             travel = np.ptp(samples.q[:, int(e.on[-1]) - 1])
             steps = np.diff(e.inner.values) * travel / (2 * np.pi)
@@ -96,8 +96,8 @@ def test_scan_of_frequencies_is_a_quarter_wave_fine():
 @pytest.mark.parametrize("kind", ["length", "position", "pose", "sockets"])
 @pytest.mark.parametrize("name", rigs.ROBOTS)
 def test_entries_are_whole(name, kind):
-    rig, samples = site(kind, name=name)
-    entries = catalogue(rig, samples)
+    setup, samples = site(kind, name=name)
+    entries = catalogue(setup, samples)
     assert len({e.name for e in entries}) == len(entries)
     labels = []
     for e in entries:
@@ -115,17 +115,17 @@ def test_entries_are_whole(name, kind):
 
 
 def test_same_samples_give_the_same_entries():
-    rig, samples = site()
+    setup, samples = site()
     once, again = (
-        [(e.name, e.make(None if e.inner is None else float(e.inner.values[1]))) for e in catalogue(rig, samples)]
+        [(e.name, e.make(None if e.inner is None else float(e.inner.values[1]))) for e in catalogue(setup, samples)]
         for _ in range(2)
     )
     assert once == again
 
 
 def test_links_of_unknown_mass_have_a_share_of_their_own():
-    rig, samples = site("position")
-    unknown = replace(rig, robot=replace(rig.robot, masses=(None,) * 6), tool_mass=0.0)
+    setup, samples = site("position")
+    unknown = replace(setup, robot=replace(setup.robot, masses=(None,) * 6), tool_mass=0.0)
     bare = replace(samples, payload=None, force=None)
     entries = {(e.kind, e.on): e for e in catalogue(unknown, bare)}
     assert [p.name for p in entries["joint compliance", "joint 3"].make(None)] == [

@@ -36,10 +36,10 @@ from tests.generator.scene import Scene
 from tests.identification.test_jacobian import agreeing
 
 
-def everything(rig, n, rng):
+def everything(setup, n, rng):
     """Samples with every column, all of them at random."""
-    s = rigs.samples(rig.robot, n, rng, force=rig.kind == "length")
-    N = rig.robot.n_joints
+    s = rigs.samples(setup.robot, n, rng, force=setup.kind == "length")
+    N = setup.robot.n_joints
     return Samples(
         **{
             **vars(s),
@@ -51,17 +51,17 @@ def everything(rig, n, rng):
             "torque": rng.normal(0, 100, (n, N)),
             "direction": rng.choice([-1.0, 1.0], (n, N)),
             "speed": rng.normal(0, 0.5, (n, N)),
-            "length": rng.uniform(0.3, 0.5, n) if rig.kind == "length" else None,
+            "length": rng.uniform(0.3, 0.5, n) if setup.kind == "length" else None,
             "reversals": s.q[:, :, None] + rng.normal(0, 0.1, (n, N, 3)),
         }
     )
 
 
-def column_and_differences(rig, s, target, parameter):
+def column_and_differences(setup, s, target, parameter):
     """Column (n, r) of one parameter, and fourth-order differences of minus the residual, about a value of its size."""
-    model = Model(rig, (parameter,))
+    model = Model(setup, (parameter,))
     at, h = 0.3 * parameter.prior, 0.3 * parameter.prior
-    target = agreeing(model, s, np.array([at])) if rig.kind == "pose" else target
+    target = agreeing(model, s, np.array([at])) if setup.kind == "pose" else target
     moved = [model.residual(s, target, np.array([at + k * h])) for k in (-2, -1, 1, 2)]
     found = -(moved[0] - 8 * moved[1] + 8 * moved[2] - moved[3]) / (12 * h)
     return model.rows(s, np.array([at]))[:, :, 0], found
@@ -71,15 +71,15 @@ def column_and_differences(rig, s, target, parameter):
 @pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700"])
 def test_columns_are_the_derivative_of_the_prediction(name, kind):
     rng = np.random.default_rng(3)
-    rig = rigs.rig(name, kind, rng)
-    s = everything(rig, 12, rng)
-    entries = catalogue(rig, s)
+    setup = rigs.setup(name, kind, rng)
+    s = everything(setup, 12, rng)
+    entries = catalogue(setup, s)
     values = [None if e.inner is None else float(rng.choice(e.inner.values)) for e in entries]
     parameters = [p for e, v in zip(entries, values, strict=True) for p in e.make(v)]
     assert len({p.name for p in parameters}) == len(parameters) > 150
-    target = rigs.targets(rig, kind, s, rng)
+    target = rigs.targets(setup, kind, s, rng)
     for p in parameters:
-        column, found = column_and_differences(rig, s, target, p)
+        column, found = column_and_differences(setup, s, target, p)
         size = np.abs(column).max()
         assert size > 0, p.name
         assert np.abs(column - found).max() < 2e-5 * size, p.name
@@ -89,8 +89,8 @@ def test_keys_tell_functions_apart_and_lead_back_to_them():
     rng = np.random.default_rng(4)
     phis = set()
     for kind in ("length", "position"):
-        rig = rigs.rig("comau-nj130", kind, rng)
-        for e in catalogue(rig, everything(rig, 30, rng)):
+        setup = rigs.setup("comau-nj130", kind, rng)
+        for e in catalogue(setup, everything(setup, 30, rng)):
             for v in [None] if e.inner is None else e.inner.values[:3]:
                 phis |= {m.phi for p in e.make(None if v is None else float(v)) for m in p.moves}
     phis |= {TipMoment(0), TipMoment(1)}
@@ -101,8 +101,8 @@ def test_keys_tell_functions_apart_and_lead_back_to_them():
 
 def context(name="comau-nj130", kind="length", n=40, seed=5):
     rng = np.random.default_rng(seed)
-    rig = rigs.rig(name, kind, rng)
-    return Context(rig, everything(rig, n, rng))
+    setup = rigs.setup(name, kind, rng)
+    return Context(setup, everything(setup, n, rng))
 
 
 def scene_of(name, q, payload, force):
@@ -119,14 +119,14 @@ def scene_of(name, q, payload, force):
 def test_moments_are_those_of_the_generators_own_physics(name):
     """About base, tool and link axes, with payload and the bar's pull; it shares no code with the planner."""
     rng = np.random.default_rng(6)
-    bench, rig = BENCHES[name], rigs.rig(name, "length", rng)
-    rig = replace(
-        rig, p_BX=bench.fixture[None], p_FM=bench.tool[None], com_F=np.array(bench.com_mm) / 1e3,
+    bench, setup = BENCHES[name], rigs.setup(name, "length", rng)
+    setup = replace(
+        setup, p_BX=bench.fixture[None], p_FM=bench.tool[None], com_F=np.array(bench.com_mm) / 1e3,
         gravity_B=np.array([0, 0, -9.81]), place_names=("A",), point_names=("",), tool_mass=0.0,
     )  # fmt: skip
-    q = rng.uniform(rig.robot.q_lower, rig.robot.q_upper, (30, 6))
+    q = rng.uniform(setup.robot.q_lower, setup.robot.q_upper, (30, 6))
     payload, force = rng.uniform(0, 6, 30), rng.uniform(0, 500, 30)
-    c = Context(rig, Samples(q, np.zeros(30, dtype=int), payload=payload, force=force))
+    c = Context(setup, Samples(q, np.zeros(30, dtype=int), payload=payload, force=force))
     scene = scene_of(name, q, payload, force)
     slots = {"base_rx": (0, 0), "base_ry": (0, 1), "tool_rx": (7, 0), "tool_ry": (7, 1)}
     slots |= {f"beta{i}": (i + 1, 1) for i in range(1, 6)}
@@ -139,24 +139,24 @@ def test_a_twist_is_the_transform_it_stands_for():
     """alpha1 … alpha5 turn about the x axis of the next joint's frame: the same columns."""
     c = context("comau-nj130", "pose")
     for link in range(1, 6):
-        direct = Parameter("direct", "rad", 1e-3, "", transform_move(c.rig.chain.index(f"alpha{link}")))
+        direct = Parameter("direct", "rad", 1e-3, "", transform_move(c.setup.chain.index(f"alpha{link}")))
         twist = Parameter("twist", "rad", 1e-3, "", twist_moves(link + 1, 0, ONE))
-        rows = Model(c.rig, (direct, twist)).rows(c.samples)
+        rows = Model(c.setup, (direct, twist)).rows(c.samples)
         assert np.allclose(rows[..., 0], rows[..., 1], atol=1e-12)
 
 
 def test_weights_are_those_of_newton_and_euler():
     """A kilogram more in one link changes the torques that hold the arm by the weight's φ."""
     c = context("kuka-kr6-r700", "position")
-    robot = c.rig.robot
+    robot = c.setup.robot
     model, frames = robot.pin_model()
-    model.gravity.linear = c.rig.gravity_B
+    model.gravity.linear = c.setup.gravity_B
     theta = robot.theta(c.samples.q)
     data = model.createData()
     before = np.array([pin.rnea(model, data, t, np.zeros(6), np.zeros(6)) for t in theta])
     for link in (1, 2, 4):
         heavier, _ = robot.pin_model()
-        heavier.gravity.linear = c.rig.gravity_B
+        heavier.gravity.linear = c.setup.gravity_B
         parent, T = frames[link + 1]
         heavier.appendBodyToJoint(parent, pin.Inertia(1.0, np.array(robot.masses[link].com), np.zeros((3, 3))), T)
         data = heavier.createData()
@@ -164,7 +164,7 @@ def test_weights_are_those_of_newton_and_euler():
         found = np.stack([WeightTorque(i, link)(c) for i in range(6)], axis=1)
         assert np.allclose(found[:, : link + 1], -more[:, : link + 1], atol=1e-9)
     assert np.allclose(PayloadTorque(2)(c), c.samples.payload * WeightTorque(2, 6)(c))
-    alone = replace(c.rig, robot=replace(robot, masses=(None,) * 6), tool_mass=0.0)
+    alone = replace(c.setup, robot=replace(robot, masses=(None,) * 6), tool_mass=0.0)
     assert np.allclose(Context(alone, c.samples).load_torque[:, 2], PayloadTorque(2)(c), atol=1e-9)
 
 
@@ -174,7 +174,7 @@ def test_rates_are_what_a_moving_arm_shows():
         c = context(kind=kind)
         h = 1e-6
         there, back = (replace(c.samples, q=c.samples.q + k * h * c.samples.speed, length=None) for k in (1, -1))
-        a, b = Context(c.rig, there), Context(c.rig, back)
+        a, b = Context(c.setup, there), Context(c.setup, back)
         if kind == "length":
             rate = (a.bar.length - b.bar.length) / (2 * h)
             assert np.allclose(LengthLag()(c), -rate, atol=1e-7)
@@ -185,11 +185,11 @@ def test_rates_are_what_a_moving_arm_shows():
 def test_plain_formulas():
     c = context()
     s, q = c.samples, c.samples.q
-    down = c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
-    e = c.motion.x.T - c.rig.p_BX[s.place]
+    down = c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
+    e = c.motion.x.T - c.setup.p_BX[s.place]
     e = e / np.linalg.norm(e, axis=1)[:, None]
     R_BF = np.moveaxis(c.motion.R, 2, 0)
-    theta_speed = s.speed @ c.rig.robot.sense_matrix.T
+    theta_speed = s.speed @ c.setup.robot.sense_matrix.T
     horizontal = np.linalg.norm(e - np.outer(e @ down, down), axis=1)
     both = {
         Sine(2, 12.5): np.sin(12.5 * q[:, 2]),
@@ -198,8 +198,8 @@ def test_plain_formulas():
         SpeedSign(3): np.where(s.speed[:, 3] > 0, 0.5, -0.5),
         ApproachDirection(3): s.direction[:, 3] / 2,
         SpeedLag(4): -theta_speed[:, 4],
-        SettlingError(0): (s.q_cmd - s.q_read)[:, 0] * c.rig.robot.sense_matrix[0, 0],
-        DriveTorque(1): -s.torque[:, 1] * c.rig.robot.sense_matrix[1, 1],
+        SettlingError(0): (s.q_cmd - s.q_read)[:, 0] * c.setup.robot.sense_matrix[0, 0],
+        DriveTorque(1): -s.torque[:, 1] * c.setup.robot.sense_matrix[1, 1],
         TorqueSign(1): np.sign(c.load_torque[:, 1]) / 2,
         TemperatureRise(21.0): s.temperature - 21.0,
         ElapsedTime(5.0): s.t - 5.0,
@@ -217,13 +217,13 @@ def test_plain_formulas():
 
 def test_plain_formulas_of_a_tracker():
     c = context(kind="position")
-    ray = c.motion.x.T - c.rig.p_BG[c.samples.place]
-    up = -c.rig.gravity_B / np.linalg.norm(c.rig.gravity_B)
+    ray = c.motion.x.T - c.setup.p_BG[c.samples.place]
+    up = -c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
     assert np.allclose(GaugeRay(1)(c), ray[:, 1])
     assert np.allclose(RayGrowth(2, 20.0)(c), (c.samples.temperature - 20.0) * ray[:, 2])
     assert np.allclose(BeamRefraction(0)(c), up[0] * np.linalg.norm(ray, axis=1) ** 2)
     R_BF, at = np.moveaxis(c.stations.R[-1], 2, 0), c.stations.p[-1].T
-    moment = np.einsum("nij,ni->nj", R_BF, np.cross(c.motion.x.T - at, c.rig.gravity_B))
+    moment = np.einsum("nij,ni->nj", R_BF, np.cross(c.motion.x.T - at, c.setup.gravity_B))
     assert np.allclose(TipMoment(1)(c), moment[:, 1])
 
 
@@ -240,4 +240,4 @@ def test_hysteresis_follows_a_friction_element_step_by_step():
     turned = np.array([np.concatenate([np.repeat(q[0], 400 - k - 1), q[: k + 1]]) for k in range(400)])
     angles = np.repeat(q[:, None], 6, axis=1)
     s = replace(c.samples, q=angles, reversals=np.repeat(turned[:, None], 6, axis=1))
-    assert np.allclose(Hysteresis(2, width)(Context(c.rig, s)), expected, atol=1e-12)
+    assert np.allclose(Hysteresis(2, width)(Context(c.setup, s)), expected, atol=1e-12)

@@ -18,8 +18,8 @@ PLACES, POINTS, SOCKETS = 3, 2, 4
 ROBOTS = ("comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120", "abb-irb6700")
 
 
-def rig(robot_name: str, kind: str, rng: np.random.Generator) -> MeasurementSetup:
-    """A rig with several places and points, its base and everything on it anyhow in space."""
+def setup(robot_name: str, kind: str, rng: np.random.Generator) -> MeasurementSetup:
+    """A setup with several places and points, its base and everything on it anyhow in space."""
     robot = load_robot(robot_name)
     turned = Rotation.random(PLACES, random_state=rng).as_matrix()
     down = Rotation.random(random_state=rng).as_matrix()[2]

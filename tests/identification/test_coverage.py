@@ -63,7 +63,7 @@ def test_all_parameters_together_are_as_uncertain_as_stated(static):
 def test_left_out_directions_are_what_regrouping_needs():
     """The planner's own null directions regroup small errors as the generator's projection does, to first order."""
     w = world("comau-nj130", 80)
-    whole = Model.of(w.model.rig, w.cell.plan.free)
+    whole = Model.of(w.model.setup, w.cell.plan.free)
     seen = identifiable_subset(whole, w.run.samples)[1]
     assert seen.names == w.names
     errors = draw_errors(w.arm, np.random.default_rng(3), 1e-6, 1e-6, 1e-6, 1e-6)

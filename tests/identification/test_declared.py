@@ -195,7 +195,7 @@ def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs
     """Against a fit that has the tool point as a parameter, with the CMM's uncertainty for its prior size."""
     found = identified()
     problem, names = found.fit.problem, found.fit.model.names
-    tool = [p for p in Model.of(problem.model.rig, frozenset({"tool"})).parameters if p.name.startswith("map_")]
+    tool = [p for p in Model.of(problem.model.setup, frozenset({"tool"})).parameters if p.name.startswith("map_")]
     open_ = solve(problem.with_model(problem.model.plus(tool)), np.append(found.fit.errors, np.zeros(3)))
     wanted = np.linalg.norm(open_.root(np.append(problem.prior, [p.prior for p in tool])), axis=1)[: len(names)]
     std, alone = np.sqrt(np.diag(found.covariance)), np.linalg.norm(found.fit.solution.root(problem.prior), axis=1)

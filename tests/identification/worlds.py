@@ -114,15 +114,15 @@ def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
     arm = arm_of(name)
     made = BUILD[motion](arm, n, seed=seed, logs=(), **({"repeats": 0.0} if motion == "static" else {"waypoints": 30}))
     run, cell = loaded(made)
-    rig = locate_gauge(run_rig(cell, run), run)
-    model = identifiable_subset(Model.of(rig, cell.plan.free), run.samples)[0]
-    fixture, tool = rig.p_BX[0], rig.p_FM[0]
+    setup = locate_gauge(run_rig(cell, run), run)
+    model = identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]
+    fixture, tool = setup.p_BX[0], setup.p_FM[0]
     return World(arm, made.scene.q, made.scene.t, fixture, tool, run, cell, model)
 
 
 def declared(w: World) -> Noise:
     """The noise that the cell and the robot's data sheet state."""
-    return Noise(w.model.rig.noise, w.model.rig.joint_sigma)
+    return Noise(w.model.setup.noise, w.model.setup.joint_sigma)
 
 
 @dataclass(frozen=True, eq=False)

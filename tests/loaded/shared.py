@@ -38,7 +38,7 @@ def run_of(way, length, force=None, places=("A",), place=0):
     return Run("made", samples, Readings(length=length), places, continuous=True, robot="abb-irb6700")
 
 
-def rig(run):
+def setup(run):
     return run_rig(cell(), run)
 
 

@@ -26,7 +26,7 @@ def known(theta, force, sense):
 @pytest.mark.parametrize("overshoot", [0.0, 0.4, np.pi])
 def test_the_grid_holds_the_curve_and_every_repeat_counts(overshoot):
     _, run = made(overshoot=overshoot)
-    (curves,) = average_curves(shared.rig(run), run, overshoot)
+    (curves,) = average_curves(shared.setup(run), run, overshoot)
     assert curves.directions == (1, -1)
     assert np.all(curves.repeats == 2)
     np.testing.assert_allclose(curves.loads, [100, 300])
@@ -37,21 +37,21 @@ def test_the_grid_holds_the_curve_and_every_repeat_counts(overshoot):
 
 def test_overshoot_is_dropped():
     _, run = made(wrong=1e-3)
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     np.testing.assert_allclose(curves.length[0, 0], known(curves.theta, 100.0, 1), atol=4e-7)
-    (spoilt,) = average_curves(shared.rig(run), run, 0.0)
+    (spoilt,) = average_curves(shared.setup(run), run, 0.0)
     assert np.abs(spoilt.length[0, 0] - known(curves.theta, 100.0, 1)).max() > 2e-4
 
 
 def test_two_turns_without_overshoot_count_twice():
     _, run = made(overshoot=np.pi, repeats=1)
-    (curves,) = average_curves(shared.rig(run), run, 0.0)
+    (curves,) = average_curves(shared.setup(run), run, 0.0)
     assert np.all(curves.repeats == 2)
 
 
 def test_the_circle_is_the_programs():
     _, run = made()
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     np.testing.assert_allclose(curves.circle.centre, world.CENTRE, atol=2e-6)
     assert curves.circle.radius == pytest.approx(world.RADIUS, abs=2e-6)
     np.testing.assert_allclose(curves.circle.axes, np.eye(3), atol=1e-4)
@@ -59,7 +59,7 @@ def test_the_circle_is_the_programs():
 
 def test_the_angles_of_the_joints_are_averaged_too():
     _, run = made()
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     q = world.angles(shared.arm(), world.circle_points(curves.theta))
     np.testing.assert_allclose(curves.q[0, 0], q, atol=2e-4)
 
@@ -73,7 +73,7 @@ def test_ways_there_and_back_are_left_out():
     t = np.concatenate([np.arange(300) * 0.04 - 20.0, way.t])
     longer = world.Course(q, t, force, np.zeros(len(q)), np.zeros(len(q)), np.zeros(len(q)), np.zeros(len(q)))
     run = shared.run_of(longer, length)
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     np.testing.assert_allclose(curves.length[0, 0], known(curves.theta, 100.0, 1), atol=4e-7)
     assert np.all(curves.repeats == 2)
 
@@ -86,7 +86,7 @@ def test_ramps_between_loads_are_no_loads():
         force[e : e + 20] = np.linspace(force[e - 1], force[e], 20)
     force = force + np.random.default_rng(1).normal(0, 1.5, len(force))
     run = shared.run_of(way, run.readings.length, force)
-    (curves,) = average_curves(shared.rig(run), run, 0.5)
+    (curves,) = average_curves(shared.setup(run), run, 0.5)
     np.testing.assert_allclose(curves.loads, [100, 200, 300], atol=1.0)
     assert np.all(curves.repeats >= 2)
 

@@ -20,8 +20,8 @@ ANGLES = 24
 
 @pytest.fixture(scope="module")
 def model():
-    rig = setup_of(shared.cell())
-    return Model.of(rig, frozenset({"fixture", "zero"})).plus(compliance_parameters(rig))
+    setup = setup_of(shared.cell())
+    return Model.of(setup, frozenset({"fixture", "zero"})).plus(compliance_parameters(setup))
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_so_are_the_deflections_between_loads(model, errors, samples, true):
 
 
 def test_a_loaded_run_is_simulated_in_balance(model, errors, samples, true):
-    quiet = replace(model, rig=replace(model.rig, noise=0.0, joint_sigma=0.0))
+    quiet = replace(model, setup=replace(model.setup, noise=0.0, joint_sigma=0.0))
     run = simulate(shared.cell(), "x", samples, Truth(quiet, errors), 0)
     assert np.abs(run.readings.length - true).max() < 1e-6
     assert run.samples.torque is None  # nobody logged them

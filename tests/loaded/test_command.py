@@ -79,8 +79,8 @@ def test_a_tracker_in_one_sense_is_compared_in_that_sense():
         x = world.true_point(shared.arm(), truth, way.q, 0 * way.force, world.FIXTURE, sense=way.sense)
         samples = Samples(q=way.q, place=np.zeros(len(x), int), t=way.t)
         run = Run("t", samples, Readings(position=x), continuous=True, robot="abb-irb6700")
-        rig = shared.rig(shared.run_of(way, np.ones(len(x))))
-        assert compare_with_tracker(shared.cell(), rig, circle, run).mean < 0.3 * apart
+        setup = shared.setup(shared.run_of(way, np.ones(len(x))))
+        assert compare_with_tracker(shared.cell(), setup, circle, run).mean < 0.3 * apart
 
 
 def test_a_tracker_of_another_robot_would_not(done):
@@ -92,8 +92,8 @@ def test_a_tracker_of_another_robot_would_not(done):
         "t", Samples(q=circle.curves.q[0, 0], place=np.zeros(len(circle.curves.theta), int)),
         Readings(position=world.circle_points(circle.curves.theta)), robot="abb-irb6700",
     )  # fmt: skip
-    rig = shared.rig(Run("x", run.samples, Readings(length=np.ones(len(run))), ("A",)))
-    assert compare_with_tracker(shared.cell(), rig, other, run).mean > 2e-5
+    setup = shared.setup(Run("x", run.samples, Readings(length=np.ones(len(run))), ("A",)))
+    assert compare_with_tracker(shared.cell(), setup, other, run).mean > 2e-5
 
 
 def test_one_fit_of_both_knows_what_neither_knows_alone(done):

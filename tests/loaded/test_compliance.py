@@ -24,17 +24,17 @@ SEEDS, BINS, REPEATS = 24, 36, 5
 
 @cache
 def clean(errors=False):
-    """A world without noise, with geometric errors or without, the rig with its ball in place, and the curves."""
+    """A world without noise, with geometric errors or without, the setup with its ball in place, and the curves."""
     truth = world.World(errors=shared.ERRORS if errors else {}, white=0.0)
     way = world.course(shared.arm(), loads=(125.0, 375.0, 625.0), repeats=1, rate=150.0)
     _, length = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
     run = shared.run_of(way, length)
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     thin = slice(None, None, len(curves.theta) // BINS)
     fields = {"theta": curves.theta[thin]}
     fields |= {name: getattr(curves, name)[:, :, thin] for name in ("q", "length", "force")}
-    rig = replace(shared.rig(run), p_BX=(world.FIXTURE + truth.offset)[None])
-    return truth, rig, replace(curves, **fields)
+    setup = replace(shared.setup(run), p_BX=(world.FIXTURE + truth.offset)[None])
+    return truth, setup, replace(curves, **fields)
 
 
 def noisy(curves, rng):
@@ -52,18 +52,18 @@ def noisy(curves, rng):
 @pytest.mark.parametrize(("errors", "apart"), [(False, 5e-8), (True, 1.5e-6)])
 def test_the_deflection_is_that_of_the_world(errors, apart):
     """Geometric errors of a milliradian change a deflection of a millimetre by a micrometre, no more."""
-    truth, rig, curves = clean(errors)
-    predicted = bar_deflection(rig, curves, truth.soft)
+    truth, setup, curves = clean(errors)
+    predicted = bar_deflection(setup, curves, truth.soft)
     predicted = predicted[:, 1:] - predicted[:, :1]
     assert np.abs(curves.deflection).max() > 5e-4
     assert np.abs(curves.deflection - predicted).max() < apart
 
 
 def test_compliances_come_back_as_their_joint_chi_square_allows():
-    truth, rig, curves = clean()
+    truth, setup, curves = clean()
     total, misfit = [], []
     for seed in range(SEEDS):
-        found = fit_compliances(rig, [noisy(curves, np.random.default_rng(seed))]).compliances
+        found = fit_compliances(setup, [noisy(curves, np.random.default_rng(seed))]).compliances
         off = found.pulled - found.information @ truth.soft
         total.append(float(off @ np.linalg.solve(found.information, off)))
         misfit.append(found.misfit)
@@ -80,7 +80,7 @@ def test_negative_forces_push_and_tell_the_same():
     values = []
     for course, length in ((way, pulled), (pushing, pushed)):
         run = shared.run_of(course, length)
-        values.append(fit_compliances(shared.rig(run), average_curves(shared.rig(run), run, np.pi)).compliances)
+        values.append(fit_compliances(shared.setup(run), average_curves(shared.setup(run), run, np.pi)).compliances)
     assert np.all(np.abs(values[0].value - values[1].value) < 3 * np.hypot(values[0].std, values[1].std) + 1e-9)
 
 
@@ -91,7 +91,7 @@ def test_two_circles_know_more_than_one():
         way = world.course(shared.arm(), repeats=2, centre=world.CENTRE + away)
         length, _ = world.readings(shared.arm(), truth, way, rng, world.FIXTURE + away)
         runs.append(shared.run_of(way, length))
-        rigs.append(replace(shared.rig(runs[-1]), p_BX=(world.FIXTURE + away)[None]))
+        rigs.append(replace(shared.setup(runs[-1]), p_BX=(world.FIXTURE + away)[None]))
     curves = [average_curves(g, r, np.pi)[0] for g, r in zip(rigs, runs, strict=True)]
     second = replace(curves[1], circle=replace(curves[1].circle, place=1))
     both = replace(

@@ -66,13 +66,13 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
 
     Rows are those of the arm as it stands unloaded: what the sag changes of the levers, a percent, is left out.
     """
-    rig = setup_of(cell)
+    setup = setup_of(cell)
     soft = 0.5 * np.full(6, 2e-6)
     step = 1e-8
     columns = [(deflections(own, soft + step * e) - deflections(own, soft - step * e)) / (2 * step) for e in np.eye(6)]
     up, down = (deflections(own, soft, h) for h in (2e-4, -2e-4))
     columns.append((up - down) / 4e-4)
-    spectrum = promised_turn_noise(replace(rig, p_BX=own.p_BX[None]), own.q)
+    spectrum = promised_turn_noise(replace(setup, p_BX=own.p_BX[None]), own.q)
     harmonics = np.concatenate([spectrum, spectrum[1:-1][::-1]])
     C = np.real(np.fft.ifft(harmonics[:, None] * np.fft.fft(np.eye(BINS), axis=0), axis=0)) / 5  # five repeats
     K = len(world.LOADS)
@@ -83,9 +83,9 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
         one_sense[BINS:, BINS:]
         - one_sense[BINS:, :BINS] @ np.linalg.solve(one_sense[:BINS, :BINS], one_sense[:BINS, BINS:])
     )
-    both[-1, -1] += 1 / rig.place_prior[0] ** 2
+    both[-1, -1] += 1 / setup.place_prior[0] ** 2
     dense = both[:6, :6] - np.outer(both[:6, 6], both[6, :6]) / both[6, 6]
-    ours = predict_information(cell, rig, own)
+    ours = predict_information(cell, setup, own)
     size = np.sqrt(np.diag(dense))
     np.testing.assert_allclose(ours / np.outer(size, size), dense / np.outer(size, size), atol=0.012)
 
@@ -96,16 +96,16 @@ def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     truth = world.World(soft=np.full(6, 1e-6), offset=np.zeros(3), white=0.0)
     length, _ = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
     run = shared.run_of(way, length)
-    (curves,) = average_curves(shared.rig(run), run, np.pi)
+    (curves,) = average_curves(shared.setup(run), run, np.pi)
     thin = slice(None, None, len(curves.theta) // BINS)
     fields = {name: getattr(curves, name)[:, :, thin][:, :, :BINS] for name in ("q", "length", "force")}
     noise = promised_turn_noise(replace(setup_of(cell), p_BX=own.p_BX[None]), own.q)
     curves = replace(
         curves, **fields, theta=curves.theta[thin][:BINS], noise=noise, repeats=np.full(curves.repeats.shape, 5)
     )
-    found = fit_compliances(shared.rig(run), [curves]).compliances
-    rig = setup_of(cell)
-    promised = predict_compliance(predict_information(cell, rig, own) * np.outer(found.prior, found.prior))
+    found = fit_compliances(shared.setup(run), [curves]).compliances
+    setup = setup_of(cell)
+    promised = predict_compliance(predict_information(cell, setup, own) * np.outer(found.prior, found.prior))
     np.testing.assert_allclose(found.std / found.prior, promised.std, rtol=0.03)
 
 

@@ -77,8 +77,8 @@ def test_condition_without_end_is_null() -> None:
 
 def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
     """With the gauge put where the frames say, and its parameters at zero, the residuals stay what they are."""
-    frames, model, rig = gauge_frames(c), c.fit.model, c.fit.model.rig
-    moved = replace(rig, p_FM=np.array([p for _, p in frames.points]))
+    frames, model, setup = gauge_frames(c), c.fit.model, c.fit.model.setup
+    moved = replace(setup, p_FM=np.array([p for _, p in frames.points]))
     if frames.fixtures:
         moved = replace(moved, p_BX=np.array([p for _, p in frames.fixtures]), zero=frames.zero)
     else:
@@ -89,7 +89,7 @@ def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
         )
     gauge = np.array([p.group == "gauge" for p in model.parameters])
     errors = np.where(gauge, 0.0, c.fit.errors)
-    found = replace(model, rig=moved).residual(c.run.samples, moved.targets(c.run.samples, c.run.readings), errors)
+    found = replace(model, setup=moved).residual(c.run.samples, moved.targets(c.run.samples, c.run.readings), errors)
     assert np.allclose(error_size(found), error_size(c.stages[-1].residual), atol=1e-12)
 
 

@@ -82,10 +82,10 @@ def test_every_kind_that_an_identification_can_name_is_known():
     rng = np.random.default_rng(4)
     found = {curve.GEAR_CURVE_KIND, unnamed.NONPARAMETRIC}
     for kind in rigs.KINDS:
-        rig = rigs.rig(NJ, kind, rng)
-        robot = replace(rig.robot, gear_ratio=(101.0,) * 6)
-        rig = rig if kind == "sockets" else replace(rig, p_GS=np.zeros((0, 3)))
-        entries = catalogue(replace(rig, robot=robot), everything(rig, 60, rng))
+        setup = rigs.setup(NJ, kind, rng)
+        robot = replace(setup.robot, gear_ratio=(101.0,) * 6)
+        setup = setup if kind == "sockets" else replace(setup, p_GS=np.zeros((0, 3)))
+        entries = catalogue(replace(setup, robot=robot), everything(setup, 60, rng))
         found |= {e.kind for e in entries}
         for e in entries:
             check_effect_name(e.name, 6, "here")

@@ -26,7 +26,7 @@ def test_the_score_is_what_a_refit_gains(kind):
     found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
     fit = found.fit
     shade = ScoreTest.of(fit)
-    entries = [e for e in catalogue(fit.model.rig, found.run.samples) if e.kind == kind][:3]
+    entries = [e for e in catalogue(fit.model.setup, found.run.samples) if e.kind == kind][:3]
     assert entries
     for entry in entries:
         inner = None if entry.inner is None else float(entry.inner.values[5])
@@ -63,7 +63,7 @@ def test_a_worse_fit_scores_lower():
     """Another residual has another gain: the score looks at the readings."""
     found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
     shade = ScoreTest.of(found.fit)
-    entry = next(e for e in catalogue(found.fit.model.rig, found.run.samples) if e.name == "backlash, joint 3")
+    entry = next(e for e in catalogue(found.fit.model.setup, found.run.samples) if e.name == "backlash, joint 3")
     real = score_effects(shade, shade.lay_out([(entry, None)]))[0].gain
     rng = np.random.default_rng(1)
     noise = replace(shade, residual=rng.permutation(shade.residual))

@@ -17,7 +17,7 @@ def begun(found):
     bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
     model = parameters_of_groups(found.fit.model, ("gauge", "geometry"))
     start = fit_stage("geometry", model, bench.run, bench.split, bench.judge)
-    entries = {e.name: e for e in catalogue(model.rig, found.run.samples)}
+    entries = {e.name: e for e in catalogue(model.setup, found.run.samples)}
     return SearchState(model, (), start), bench, entries
 
 

@@ -89,7 +89,7 @@ def propose_measurements(
             yield OtherMeasurement(
                 "driving the path both ways (motion.both_ways = true)", replace(few, samples=few.samples + back)
             )
-    if few.model.rig.kind == "length":
+    if few.model.setup.kind == "length":
         yield from _second_fixture(cell, few, scale, poses, seed)
         longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)
@@ -109,11 +109,11 @@ def _second_fixture(
         samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed)
         if not samples:
             continue
-        rig = few.model.rig
-        model = replace(few.model, rig=_add_place(rig, fixture.p_BX))
-        there = tuple(replace(s, place=np.full(len(s), len(rig.p_BX))) for s in samples)
+        setup = few.model.setup
+        model = replace(few.model, setup=_add_place(setup, fixture.p_BX))
+        there = tuple(replace(s, place=np.full(len(s), len(setup.p_BX))) for s in samples)
         both = tuple(_join_samples(a, b) for a, b in zip(few.samples, there, strict=True))
-        placed = gauge_parameters(model.rig, frozenset({"fixture"}))
+        placed = gauge_parameters(model.setup, frozenset({"fixture"}))
         more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
         place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))
         yield OtherMeasurement(
@@ -124,15 +124,15 @@ def _second_fixture(
         return
 
 
-def _add_place(rig: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
-    n = len(rig.p_BX) + 1
+def _add_place(setup: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
+    n = len(setup.p_BX) + 1
     return replace(
-        rig,
-        p_BX=np.vstack([rig.p_BX, p_BX]),
+        setup,
+        p_BX=np.vstack([setup.p_BX, p_BX]),
         R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
         p_BG=np.zeros((n, 3)),
-        place_names=(*rig.place_names, NEW),
-        place_prior=np.append(rig.place_prior, rig.place_prior[0]),
+        place_names=(*setup.place_names, NEW),
+        place_prior=np.append(setup.place_prior, setup.place_prior[0]),
     )
 
 

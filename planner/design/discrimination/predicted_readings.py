@@ -46,7 +46,7 @@ class PredictedReadings:
             for k in ("direction", "speed", "reversals")
             if getattr(self.samples[0], k) is not None
         }
-        return {e.name: e for e in catalogue(self.model.rig, Samples(**both, **one))}
+        return {e.name: e for e in catalogue(self.model.setup, Samples(**both, **one))}
 
     def rows(self, parameters: Sequence[Parameter]) -> Array:
         """Whitened rows of every candidate, (n, r, P), per unit of the parameters; r numbers over all visits."""

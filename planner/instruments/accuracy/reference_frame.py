@@ -130,7 +130,7 @@ def error_floor(cell: Cell, run: Run, frame: TrackerRegistration, by_nests: bool
     return ErrorFloor(
         float(np.sqrt((nests**2).mean())) * by_nests,
         float(np.sqrt(3.0) * noise),
-        float(model.rig.joint_sigma * np.sqrt(shaken)),
+        float(model.setup.joint_sigma * np.sqrt(shaken)),
     )
 
 

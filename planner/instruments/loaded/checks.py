@@ -57,13 +57,13 @@ def check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str
         )
 
 
-def check_reach(cell: Cell, rig: MeasurementSetup, curves: AveragedCurves, name: str) -> None:
+def check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, name: str) -> None:
     """Refuse a circle that the bar cannot reach from its fixture.
 
     Raises:
         InputError: with the distance and the bar's range.
     """
-    x = measured_points(rig, curves.q.reshape(-1, curves.q.shape[-1]))
+    x = measured_points(setup, curves.q.reshape(-1, curves.q.shape[-1]))
     length = bar_state(x, curves.circle.p_BX).length
     low, high = cell.gauge.length_min, cell.gauge.length_max
     if float(length.min()) < low - ROOM or float(length.max()) > high + ROOM:

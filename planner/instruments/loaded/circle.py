@@ -14,13 +14,13 @@ CIRCLE_ROUNDS = 8
 SHARE_ON_CIRCLE = 0.5  # part of a place's samples that lie on the circle, else there is none
 
 
-def measured_points(rig: MeasurementSetup, q: Array) -> Array:
-    """Measured point of the nominal rig, (n, 3) [m]."""
-    tool = rig.p_FM[0]
-    return rig.robot.chain.carry(rig.robot.theta(q), np.asarray(tool))
+def measured_points(setup: MeasurementSetup, q: Array) -> Array:
+    """Measured point of the nominal setup, (n, 3) [m]."""
+    tool = setup.p_FM[0]
+    return setup.robot.chain.carry(setup.robot.theta(q), np.asarray(tool))
 
 
-def find_circle(rig: MeasurementSetup, run: Run, place: int, x: Array) -> DrivenCircle:
+def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> DrivenCircle:
     """Fit plane, centre and radius to the points x (n, 3) [m] of one place; strays such as ways there are left out.
 
     Angle 0 lies along the base's x axis (y where the circle stands across x), and the normal points up, or along +x.
@@ -37,17 +37,17 @@ def find_circle(rig: MeasurementSetup, run: Run, place: int, x: Array) -> Driven
     off = _off(x, centre, normal, radius)
     if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SHARE_ON_CIRCLE:
         raise InputError(
-            f"{run.name}: the arm does not run on a circle at fixture '{rig.place_names[place]}': half of the samples "
+            f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the samples "
             f"lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); only "
             "circles can be evaluated here"
         )
     return DrivenCircle(
-        rig.place_names[place],
+        setup.place_names[place],
         place,
         read_only(centre),
         read_only(_axes(normal)),
         float(radius),
-        read_only(rig.p_BX[place]),
+        read_only(setup.p_BX[place]),
     )
 
 

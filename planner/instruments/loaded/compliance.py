@@ -153,18 +153,18 @@ class ComplianceFit:
     heights: Array
 
 
-def fit_compliances(rig: MeasurementSetup, curves: Sequence[AveragedCurves]) -> ComplianceFit:
+def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -> ComplianceFit:
     """Fit the compliance of every joint to all circles together.
 
     How far below the circle the fixture's ball lies decides where the load points; it is known as well as the cell
     says, and what that leaves open counts in the uncertainties.
     """
-    model = Model(rig, tuple(compliance_parameters(rig)))
+    model = Model(setup, tuple(compliance_parameters(setup)))
     value, prior = np.zeros(len(model.parameters)), model.prior
     heights, noise, misfit = np.zeros(len(curves)), [np.full(1, np.nan)] * len(curves), 1.0
-    sizes = [float(rig.place_prior[c.circle.place]) for c in curves]
+    sizes = [float(setup.place_prior[c.circle.place]) for c in curves]
     for k in range(ROUNDS):
-        moved = [replace(model, rig=raise_fixture(rig, c, h)) for c, h in zip(curves, heights, strict=True)]
+        moved = [replace(model, setup=raise_fixture(setup, c, h)) for c, h in zip(curves, heights, strict=True)]
         waves = [harmonics_of(m, c, value) for m, c in zip(moved, curves, strict=True)]
         noise = noise if k else [_first_noise(w, c) for w, c in zip(waves, curves, strict=True)]
         told = [w.told(s, p, h) for w, s, p, h in zip(waves, noise, sizes, heights, strict=True)]
@@ -212,25 +212,25 @@ def _noise(left: Harmonics, curves: AveragedCurves, misfit: float) -> Array:
 
 def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonics:
     """Rows and residuals of a circle about some compliances, the fixture's height last."""
-    rig = lower_fixture(model.rig, curves, value)
-    samples = deflect_joints(rig, samples_of(curves), value)
-    about = replace(model, rig=rig).linear(samples, Targets(length=curves.length.ravel()))
-    up, down = (_length(raise_fixture(model.rig, curves, h), curves, value) for h in (RAISE, -RAISE))
+    setup = lower_fixture(model.setup, curves, value)
+    samples = deflect_joints(setup, samples_of(curves), value)
+    about = replace(model, setup=setup).linear(samples, Targets(length=curves.length.ravel()))
+    up, down = (_length(raise_fixture(model.setup, curves, h), curves, value) for h in (RAISE, -RAISE))
     columns = np.column_stack([about.rows[:, 0], (up - down) / (2 * RAISE), about.residual[:, 0]])
     return Harmonics.of(columns.reshape(*curves.length.shape, -1), curves.repeats.astype(float))
 
 
-def _length(rig: MeasurementSetup, curves: AveragedCurves, value: Array) -> Array:
+def _length(setup: MeasurementSetup, curves: AveragedCurves, value: Array) -> Array:
     """Predicted readings, (D·K·B,) [m], of an arm in balance with its loads."""
-    rig = lower_fixture(rig, curves, value)
-    samples = deflect_joints(rig, samples_of(curves), value)
-    return -Model(rig, ()).residual(samples, Targets(length=np.zeros(len(samples))))[:, 0]
+    setup = lower_fixture(setup, curves, value)
+    samples = deflect_joints(setup, samples_of(curves), value)
+    return -Model(setup, ()).residual(samples, Targets(length=np.zeros(len(samples))))[:, 0]
 
 
-def bar_deflection(rig: MeasurementSetup, curves: AveragedCurves, value: Array) -> Array:
+def bar_deflection(setup: MeasurementSetup, curves: AveragedCurves, value: Array) -> Array:
     """Change of the reading by the bar's whole load, (D, K, B) [m], with joints of the compliances (N,) [rad/Nm]."""
     free = replace(curves, force=np.zeros_like(curves.force))
-    change = _length(rig, curves, value) - _length(rig, free, value)
+    change = _length(setup, curves, value) - _length(setup, free, value)
     return np.asarray(change.reshape(curves.length.shape))
 
 

@@ -114,7 +114,7 @@ SLACK, LOST = 1.5 * DEG, 3  # that a turn may lack: an angle, or so many samples
 WINDOW = 1.0 * DEG  # over which the sense of travel is seen
 
 
-def average_curves(rig: MeasurementSetup, run: Run, overshoot: float) -> tuple[AveragedCurves, ...]:
+def average_curves(setup: MeasurementSetup, run: Run, overshoot: float) -> tuple[AveragedCurves, ...]:
     """Return the curves of each fixture of a run.
 
     As many whole turns of a pass count as are left when ``overshoot`` [rad] is dropped at either end, at least one, in
@@ -123,11 +123,11 @@ def average_curves(rig: MeasurementSetup, run: Run, overshoot: float) -> tuple[A
     Raises:
         InputError: no circle, no whole turn, or a load that is missing in every direction.
     """
-    x = measured_points(rig, run.samples.q)
+    x = measured_points(setup, run.samples.q)
     out = []
     for place in np.unique(run.samples.place):
         mine = np.flatnonzero(run.samples.place == place)
-        circle = find_circle(rig, run, int(place), x[mine])
+        circle = find_circle(setup, run, int(place), x[mine])
         theta, off = polar(circle, x[mine])
         part = run.take(mine)
         loads, level = load_levels(part, off < NEAR_CIRCLE * circle.radius)

@@ -20,21 +20,21 @@ from planner.runs.run import Samples
 ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns a bar of 130 mm by 8 mrad
 
 
-def deflect_joints(rig: MeasurementSetup, samples: Samples, value: Array) -> Samples:
+def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> Samples:
     """Return the samples with the angles to which the joints yield under weight, payload and the bar's pull.
 
     The torques are those at the place where the arm comes to stand, not where it was sent: the bar's direction
     follows the deflection, by up to a percent, and the weights' levers a little.
 
     Args:
-        rig: with the fixture where it is.
+        setup: with the fixture where it is.
         samples: as driven.
         value: compliance of every joint, (N,) [rad/Nm].
     """
-    back = np.linalg.inv(rig.robot.sense_matrix)
+    back = np.linalg.inv(setup.robot.sense_matrix)
     q = samples.q
     for _ in range(ROUNDS):
-        torque = Context(rig, replace(samples, q=q)).load_torque
+        torque = Context(setup, replace(samples, q=q)).load_torque
         q = samples.q + (torque * value) @ back.T
     return replace(samples, q=read_only(q))
 
@@ -64,39 +64,39 @@ def with_held_torque(samples: Samples, model: Model, errors: Array) -> Samples:
     A bar of 130 mm turns by a percent where its ball is a millimetre off or the arm yields as much, and its moments
     with it; weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.
     """
-    rig, context = model.rig, Context(model.rig, samples)
-    delta = rig.offsets(samples)
+    setup, context = model.setup, Context(model.setup, samples)
+    delta = setup.offsets(samples)
     for p, value in zip(model.parameters, errors, strict=True):
         for m in p.moves if value else ():
             if m.on == "transform":
                 delta[m.index] = delta[m.index] + value * context.value(m.phi)
     turned = np.stack([np.broadcast_to(delta[k], len(samples)) for k in context.joints], axis=1)
-    q = samples.q + turned @ np.linalg.inv(rig.robot.sense_matrix).T
-    torque = Context(rig, replace(samples, q=q, force=None)).load_torque
+    q = samples.q + turned @ np.linalg.inv(setup.robot.sense_matrix).T
+    torque = Context(setup, replace(samples, q=q, force=None)).load_torque
     if samples.force is not None:
-        motion = rig.chain.forward(context.theta, delta)
-        pull = -samples.force * bar_state(motion.x.T, rig.p_BX[samples.place]).direction.T
+        motion = setup.chain.forward(context.theta, delta)
+        pull = -samples.force * bar_state(motion.x.T, setup.p_BX[samples.place]).direction.T
         torque = torque + np.einsum("jkn,kn->nj", motion.point_screws(context.joints), pull)
-    held = -torque * np.sign(np.diag(rig.robot.sense_matrix))
+    held = -torque * np.sign(np.diag(setup.robot.sense_matrix))
     return replace(samples, torque=read_only(held))
 
 
-def lower_fixture(rig: MeasurementSetup, curves: AveragedCurves, value: Array) -> MeasurementSetup:
-    """Return the rig with a circle's fixture as much lower as the weights alone bend the arm.
+def lower_fixture(setup: MeasurementSetup, curves: AveragedCurves, value: Array) -> MeasurementSetup:
+    """Return the setup with a circle's fixture as much lower as the weights alone bend the arm.
 
     Where the fixture stands is known from the arm itself, which sags as much when it is driven there.
     """
-    p_BX, samples = np.array(rig.p_BX), samples_of(curves, loaded=False)
-    sagged = deflect_joints(rig, samples, value)
-    p_BX[curves.circle.place] += (measured_points(rig, sagged.q) - measured_points(rig, samples.q)).mean(axis=0)
-    return replace(rig, p_BX=read_only(p_BX))
+    p_BX, samples = np.array(setup.p_BX), samples_of(curves, loaded=False)
+    sagged = deflect_joints(setup, samples, value)
+    p_BX[curves.circle.place] += (measured_points(setup, sagged.q) - measured_points(setup, samples.q)).mean(axis=0)
+    return replace(setup, p_BX=read_only(p_BX))
 
 
-def raise_fixture(rig: MeasurementSetup, curves: AveragedCurves, height: float) -> MeasurementSetup:
-    """Return the rig with the fixture of a circle higher along the circle's normal [m]."""
-    p_BX = np.array(rig.p_BX)
+def raise_fixture(setup: MeasurementSetup, curves: AveragedCurves, height: float) -> MeasurementSetup:
+    """Return the setup with the fixture of a circle higher along the circle's normal [m]."""
+    p_BX = np.array(setup.p_BX)
     p_BX[curves.circle.place] += height * curves.circle.axes[2]
-    return replace(rig, p_BX=read_only(p_BX))
+    return replace(setup, p_BX=read_only(p_BX))
 
 
 def samples_of(curves: AveragedCurves, loaded: bool = True) -> Samples:

@@ -39,7 +39,7 @@ SENSE_SHARE = 0.2  # part of a tracker's samples that make a sense of travel
 LEAST_COVERAGE = 0.9  # part of the angles that the tracker's samples must cover
 
 
-def compare_with_tracker(cell: Cell, rig: MeasurementSetup, circle: EvaluatedCircle, run: Run) -> TrackerComparison:
+def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedCircle, run: Run) -> TrackerComparison:
     """Compare the kinematic error of a circle with a tracker's run of it.
 
     The tracker's frame is found from the run itself on the nominal robot. What that takes up, shifts and turns of the
@@ -51,7 +51,7 @@ def compare_with_tracker(cell: Cell, rig: MeasurementSetup, circle: EvaluatedCir
     if run.readings.position is None:
         raise InputError(f"{run.name}: the comparison needs a tracker's x_mm, y_mm, z_mm")
     curves = circle.curves
-    x = measured_points(rig, run.samples.q)
+    x = measured_points(setup, run.samples.q)
     theta, off = polar(curves.circle, x)
     on = np.flatnonzero(off < NEAR_CIRCLE * curves.circle.radius)
     if len(on) < len(curves.theta) // 4:
@@ -59,7 +59,7 @@ def compare_with_tracker(cell: Cell, rig: MeasurementSetup, circle: EvaluatedCir
             f"{run.name}: only {len(on)} of its samples lie on the circle about "
             f"{np.round(curves.circle.centre / MM, 1).tolist()} mm: it is a run of another path"
         )
-    error = _radial(rig, curves.circle.p_BX, run.take(on), x[on])
+    error = _radial(setup, curves.circle.p_BX, run.take(on), x[on])
     seen = _on_grid(run, theta[on], error, curves.theta)
     bar = circle.kinematic[_senses(curves, theta[on])].mean(axis=0)
     bar, seen = _without_offset(curves.theta, bar), _without_offset(curves.theta, seen)
@@ -74,14 +74,14 @@ def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
     return [k for k, d in enumerate(curves.directions) if share[d] > SENSE_SHARE] or list(range(len(curves.directions)))
 
 
-def _radial(rig: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
+def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
     """Error of the measured point along the bar, (n,) [m]."""
     few = run.take(even_positions(len(run), PLACING_SAMPLES))
-    p_BF, R_BF = flange_poses(rig, few.samples.q)
+    p_BF, R_BF = flange_poses(setup, few.samples.q)
     assert few.readings.position is not None
     assert run.readings.position is not None
     place = np.zeros(len(few), dtype=int)
-    found = place_points(p_BF, R_BF, few.readings.position, place, place, rig.p_FM[:1])
+    found = place_points(p_BF, R_BF, few.readings.position, place, place, setup.p_FM[:1])
     p_BM = run.readings.position @ found.R_BG[0].T + found.p_BG[0]
     return np.asarray(np.einsum("ni,ni->n", p_BM - x, bar_state(x, p_BX).direction))
 
@@ -135,24 +135,24 @@ def evaluate_loaded(
         NoSolutionError: the fit does not come to rest.
     """
     check_cell(cell)
-    rig = run_rig(cell, run)
+    setup = run_rig(cell, run)
     options = options or LoadedOptions()
-    curves = average_curves(rig, run, _overshoot(cell, options.overshoot))
+    curves = average_curves(setup, run, _overshoot(cell, options.overshoot))
     check_measured_loads(cell, curves, run.name)
     for c in curves:
-        check_reach(cell, rig, c, run.name)
+        check_reach(cell, setup, c, run.name)
         check_sign(c, run.name)
     circles: tuple[EvaluatedCircle, ...] = ()
     for _ in range(CENTRING_ROUNDS):
-        told = fit_compliances(rig, curves)
+        told = fit_compliances(setup, curves)
         found = told.compliances
         circles = tuple(
-            _evaluate_circle(raise_fixture(rig, c, float(h)), c, found, options.paper)
+            _evaluate_circle(raise_fixture(setup, c, float(h)), c, found, options.paper)
             for c, h in zip(curves, told.heights, strict=True)
         )
-        rig = _recentre_fixtures(rig, circles)
+        setup = _recentre_fixtures(setup, circles)
     if tracker is not None:
-        circles = _add_tracker(cell, rig, circles, tracker)
+        circles = _add_tracker(cell, setup, circles, tracker)
     return LoadedEvaluation(
         run.name, cell.robot.name, circles, found, loaded_sentences(circles, found), problems_of(found),
         (*run.warnings, *warnings_of(circles, found)),
@@ -176,9 +176,9 @@ def overshoot_of(cell: Cell) -> float:
 
 
 def _evaluate_circle(
-    rig: MeasurementSetup, curves: AveragedCurves, found: JointCompliances, paper: bool
+    setup: MeasurementSetup, curves: AveragedCurves, found: JointCompliances, paper: bool
 ) -> EvaluatedCircle:
-    yielded = bar_deflection(rig, curves, found.value)
+    yielded = bar_deflection(setup, curves, found.value)
     compensated = curves.length - yielded
     apart = np.ptp(compensated, axis=1)
     averaged = compensated.mean(axis=1)
@@ -222,18 +222,18 @@ def _height(curves: AveragedCurves) -> float:
     return float((curves.circle.centre - curves.circle.p_BX) @ curves.circle.axes[2])
 
 
-def _recentre_fixtures(rig: MeasurementSetup, circles: tuple[EvaluatedCircle, ...]) -> MeasurementSetup:
-    """Return the rig with every fixture where its centring offset says it is."""
-    p_BX = np.array(rig.p_BX)
+def _recentre_fixtures(setup: MeasurementSetup, circles: tuple[EvaluatedCircle, ...]) -> MeasurementSetup:
+    """Return the setup with every fixture where its centring offset says it is."""
+    p_BX = np.array(setup.p_BX)
     for c in circles:
         circle = c.curves.circle
         below = circle.centre - _height(c.curves) * circle.axes[2]
         p_BX[circle.place] = below - c.centre_offset @ circle.axes[:2]
-    return replace(rig, p_BX=read_only(p_BX))
+    return replace(setup, p_BX=read_only(p_BX))
 
 
 def _add_tracker(
-    cell: Cell, rig: MeasurementSetup, circles: tuple[EvaluatedCircle, ...], run: Run
+    cell: Cell, setup: MeasurementSetup, circles: tuple[EvaluatedCircle, ...], run: Run
 ) -> tuple[EvaluatedCircle, ...]:
     if len(circles) > 1:
         raise InputError(
@@ -244,4 +244,4 @@ def _add_tracker(
         raise InputError(
             f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
         )
-    return (replace(circles[0], tracker=compare_with_tracker(cell, rig, circles[0], run)),)
+    return (replace(circles[0], tracker=compare_with_tracker(cell, setup, circles[0], run)),)

@@ -210,9 +210,9 @@ def fit_jointly(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) 
     """
     _check(unloaded, loaded)
     whole_run = join_runs([add_motion(run) for run in (at_rest(unloaded), loaded)])
-    rig = replace(locate_gauge(run_rig(cell, whole_run), whole_run), loaded=loaded.places)
+    setup = replace(locate_gauge(run_rig(cell, whole_run), whole_run), loaded=loaded.places)
     own = [whole_run.places.index(p) for p in loaded.places]
-    whole = Model.of(rig, cell.plan.free).plus(list(use_held_torques(compliance_parameters(rig))))
+    whole = Model.of(setup, cell.plan.free).plus(list(use_held_torques(compliance_parameters(setup))))
     whole_run = _with_balanced_torque(whole_run, whole, np.zeros(len(whole.parameters)))
     _, seen = identifiable_subset(whole, whole_run.samples)
     gauge = [k for k, p in enumerate(whole.parameters) if p.group == "gauge"]
@@ -243,7 +243,7 @@ def _disagreement(model: Model, run: Run, under: np.ndarray, rms: tuple[float, f
     for part, left, words in ((~under, rms[0], "without load"), (under, rms[1], "under load")):
         alone = fit(FitProblem.of(model, run.take(part)))
         own = _rms(alone.problem.residual(alone.errors))
-        if left > DISAGREEMENT * float(np.hypot(own, model.rig.noise)):
+        if left > DISAGREEMENT * float(np.hypot(own, model.setup.noise)):
             return (
                 f"the runs without load and under load disagree: fitted together, {left / UM:.1f} µm are left {words}, "
                 f"by itself that run leaves {own / UM:.1f} µm; were both measured on one robot, at the fixtures that "

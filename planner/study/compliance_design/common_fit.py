@@ -43,19 +43,19 @@ class FitRows:
 
 def unloaded_rows(cell: Cell, q: Array, fixture: np.ndarray) -> FitRows:
     """Return the rows of poses without load, q (n, N) [rad], and which fixture (n,) int holds the bar."""
-    rig = setup_of(cell)
-    model = Model.of(rig, cell.plan.free).plus(compliance_parameters(rig))
-    rows = model.rows(rig.visits(q, fixture))[:, 0] / model.noise(q, fixture)[:, None]
+    setup = setup_of(cell)
+    model = Model.of(setup, cell.plan.free).plus(compliance_parameters(setup))
+    rows = model.rows(setup.visits(q, fixture))[:, 0] / model.noise(q, fixture)[:, None]
     return _name_rows(model, rows, "unloaded ", True)
 
 
 def loaded_rows(cell: Cell, places: Sequence[CirclePlace], shared_tool: bool) -> FitRows:
     """Return the rows of loaded circles, every angle, load and sense; places are named P1 … in the order given."""
-    rig = setup_of(cell)
+    setup = setup_of(cell)
     names = tuple(f"P{k + 1}" for k in range(len(places)))
-    p_BX, prior = np.array([p.p_BX for p in places]), np.repeat(rig.place_prior[:1], len(places))
-    rig = replace(rig, p_BX=p_BX, place_names=names, place_prior=prior)
-    model = Model.of(rig, cell.plan.free).plus(compliance_parameters(rig))
+    p_BX, prior = np.array([p.p_BX for p in places]), np.repeat(setup.place_prior[:1], len(places))
+    setup = replace(setup, p_BX=p_BX, place_names=names, place_prior=prior)
+    model = Model.of(setup, cell.plan.free).plus(compliance_parameters(setup))
     rows = np.concatenate([_circle_rows(cell, model, k, c) for k, c in enumerate(places)])
     return _name_rows(model, rows, "loaded ", shared_tool)
 
@@ -74,7 +74,7 @@ def _circle_rows(cell: Cell, model: Model, k: int, place: CirclePlace) -> Array:
     They are those of the common fit, about joints that yield as is typical: the fixture's place turns the load, and
     what all loads have in common carries the error of a pose.
     """
-    curves = planned_curves(cell, model.rig, place)
+    curves = planned_curves(cell, model.setup, place)
     D, K, A = curves.length.shape
     apart = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A]
     samples = Samples(curves.q.reshape(D * K * A, -1), np.full(D * K * A, k), force=curves.force.ravel())

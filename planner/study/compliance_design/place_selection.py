@@ -62,10 +62,10 @@ def select_circle_places(
     cell: Cell, pool: Sequence[CirclePlace], own: CirclePlace, most: int, seed: int = 0
 ) -> CirclePlaceChoice:
     """Choose the places whose circles know the compliances best together (largest determinant, DETMAX)."""
-    rig = setup_of(cell)
-    stiff = compliance_parameters(rig)
+    setup = setup_of(cell)
+    stiff = compliance_parameters(setup)
     prior = np.array([p.prior for p in stiff])
-    information = np.array([predict_information(cell, rig, c) for c in pool]) * np.outer(prior, prior)
+    information = np.array([predict_information(cell, setup, c) for c in pool]) * np.outer(prior, prior)
     rows = np.array([_information_root(block) for block in information])
     sets = tuple(detmax(rows, k, seed=seed) for k in range(1, min(most, len(pool)) + 1))
     return CirclePlaceChoice(
@@ -73,26 +73,26 @@ def select_circle_places(
         read_only(prior),
         tuple(pool),
         read_only(information),
-        predict_compliance(predict_information(cell, rig, own) * np.outer(prior, prior)),
+        predict_compliance(predict_information(cell, setup, own) * np.outer(prior, prior)),
         sets,
         tuple(predict_compliance(information[s].sum(axis=0)) for s in sets),
     )
 
 
-def predict_information(cell: Cell, rig: MeasurementSetup, place: CirclePlace) -> Array:
+def predict_information(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> Array:
     """Information of the compliances by one circle driven as the cell's own, (N, N) [(Nm/rad)²].
 
     It is the one that the evaluation finds, with the noise that gauge and repeatability promise.
     """
     circle = own_circle(cell)
-    curves = planned_curves(cell, rig, place)
-    there = replace(rig, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=rig.place_prior[:1])
-    model = Model(there, tuple(compliance_parameters(rig)))
+    curves = planned_curves(cell, setup, place)
+    there = replace(setup, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=setup.place_prior[:1])
+    model = Model(there, tuple(compliance_parameters(setup)))
     waves = harmonics_of(model, curves, TYPICAL_SHARE * model.prior)
-    return waves.told(curves.noise, float(rig.place_prior[circle.fixture])).information
+    return waves.told(curves.noise, float(setup.place_prior[circle.fixture])).information
 
 
-def planned_curves(cell: Cell, rig: MeasurementSetup, place: CirclePlace) -> AveragedCurves:
+def planned_curves(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> AveragedCurves:
     """Return the curves that a circle would give, without their readings."""
     circle = own_circle(cell)
     D, K, B = len(circle.directions), len(circle.loads), len(place.q)
@@ -101,7 +101,7 @@ def planned_curves(cell: Cell, rig: MeasurementSetup, place: CirclePlace) -> Ave
     first, second = place.q, np.arange(B) * 2 * np.pi / B
     axes = np.stack([*(np.eye(3)["XYZ".index(a)] for a in circle.plane), place.axis_B])
     where = DrivenCircle(circle.name, 0, place.centre, read_only(axes), circle.radius, place.p_BX)
-    there = replace(rig, p_BX=place.p_BX[None])
+    there = replace(setup, p_BX=place.p_BX[None])
     return AveragedCurves(
         circle=where,
         theta=read_only(second),
@@ -115,15 +115,15 @@ def planned_curves(cell: Cell, rig: MeasurementSetup, place: CirclePlace) -> Ave
     )
 
 
-def promised_turn_noise(rig: MeasurementSetup, q: Array) -> Array:
+def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     """Variance of one turn's harmonics, (H,) [m²]: the gauge's in all, the arm's repeatability in the first few."""
     B = len(q)
-    model = Model(rig, ())
-    arm = float(np.mean(model.noise(q) ** 2)) - rig.noise**2
+    model = Model(setup, ())
+    arm = float(np.mean(model.noise(q) ** 2)) - setup.noise**2
     count = harmonic_counts(B)
     few = np.zeros(len(count))
     few[:SMOOTH] = arm * count.sum() / count[:SMOOTH].sum()
-    return np.asarray(few + rig.noise**2)
+    return np.asarray(few + setup.noise**2)
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:
