@@ -120,7 +120,9 @@ class DriveTorque:
     def __call__(self, c: Context) -> Array:
         """Return minus the logged torque."""
         assert c.samples.torque is not None
-        return np.asarray(-c.samples.torque[:, self.joint] * np.sign(c.setup.robot.sense_matrix[self.joint, self.joint]))
+        return np.asarray(
+            -c.samples.torque[:, self.joint] * np.sign(c.setup.robot.sense_matrix[self.joint, self.joint])
+        )
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,12 @@ def run_rig(cell: Cell, run: Run) -> MeasurementSetup:
         names = run.places if n > 1 or run.readings.ball is None else ("",)  # one plate needs no file's name
         R, p = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
         setup = replace(
-            setup, place_names=names, R_BG=R, p_BG=p, place_prior=np.full(n, LOCATED_SIGMA), turn_prior=LOCATED_TURN_SIGMA
+            setup,
+            place_names=names,
+            R_BG=R,
+            p_BG=p,
+            place_prior=np.full(n, LOCATED_SIGMA),
+            turn_prior=LOCATED_TURN_SIGMA,
         )
     if run.balls:
         balls = tuple(b.name for b in cell.balls)

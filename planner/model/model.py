@@ -139,7 +139,9 @@ class Model:
     def noise_of(self, samples: Samples) -> Array:
         """Return the same for any samples, (n,) [m]."""
         shaken = self.joint_rows(samples)
-        return np.asarray(np.sqrt(self.setup.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1))
+        return np.asarray(
+            np.sqrt(self.setup.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1)
+        )
 
     @property
     def joint_sigma(self) -> float:
