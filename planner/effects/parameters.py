@@ -18,7 +18,7 @@ ParameterUnit = str  # m, rad, s, or a product such as rad/Nm
 
 @dataclass(frozen=True)
 class ParameterMove:
-    """What a parameter moves, an elementary transform of the setup's chain or a number of the reading, times ``phi``."""
+    """What a parameter moves, an elementary transform of the chain or a number of the reading, times ``phi``."""
 
     on: Literal["transform", "reading"]
     index: int

@@ -16,7 +16,7 @@ NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
 
 
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
-    """Return the setup with the one frame of an artifact or tracker where the cell has it, if it was found near there."""
+    """Return the setup with the one frame of an artifact or tracker where the cell has it, if found near there."""
     declared = _declared(cell, setup)
     if declared is None or not _near(*_apart(*declared, setup)):
         return setup
