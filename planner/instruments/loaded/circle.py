@@ -38,8 +38,8 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
     if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SHARE_ON_CIRCLE:
         raise InputError(
             f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the "
-            f"samples lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); only "
-            "circles can be evaluated here"
+            f"samples lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); "
+            "only circles can be evaluated here"
         )
     return DrivenCircle(
         setup.place_names[place],
