@@ -8,7 +8,7 @@ import planner
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
-    "common", "kinematics", "gauges", "runs", "cell", "effects", "model", "motion", "design", "programs", "session",
+    "common", "kinematics", "runs", "cell", "effects", "gauges", "model", "motion", "design", "programs", "session",
     "identification", "tracing", "compensation", "instruments", "simulation", "report", "study", "workflow", "cli",
 ]  # fmt: skip
 

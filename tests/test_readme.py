@@ -76,7 +76,7 @@ def test_the_truth_is_what_a_simulated_robot_has(tmp_path):
     values = dict(zip(truth.model.names, truth.errors, strict=True))
     assert {k: v for k, v in values.items() if v} == {"a2": 0.8e-3, "theta3": pytest.approx(np.radians(0.05))}
     assert [v for e in truth.effects for v in e.values if v] == [pytest.approx(120e-6)]
-    assert (truth.model.setup.noise, truth.model.setup.robot.repeatability) == (1e-6, 2e-5)
+    assert (truth.model.setup.gauge.noise, truth.model.setup.robot.repeatability) == (1e-6, 2e-5)
 
 
 @pytest.mark.parametrize("key", re.findall(r"compliance2\S+|fixture\S+|map\S+|zero_mm", TEXTS[3]))

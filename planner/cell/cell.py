@@ -8,13 +8,12 @@ import numpy as np
 
 from planner.cell.circles import Circle
 from planner.cell.file import Aim, CellFile
+from planner.cell.gauge import Gauge
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
-
-LENGTH_GAUGES = ("edbb", "ldbb", "draw-wire")
 
 
 @dataclass(frozen=True)
@@ -113,30 +112,6 @@ class IndicatorHead:
     master: float
     uncalibrated: float
     seconds: float
-
-
-@dataclass(frozen=True)
-class Gauge:
-    """A gauge: noise [m], and of a probe's orientation [rad]; of a bar range [m], cones [rad] and body [m]."""
-
-    kind: str
-    length_min: float
-    length_max: float
-    noise: float
-    cone_fixture: float
-    cone_map: float
-    zero_free: bool
-    radius: float
-    housing: float
-    rod_radius: float
-    trim: float
-    noise_angle: float = 1e-4
-    head: IndicatorHead | None = None
-
-    @property
-    def is_bar(self) -> bool:
-        """Whether it is held between fixture and tool, and reads a length."""
-        return self.kind in LENGTH_GAUGES
 
 
 @dataclass(frozen=True)

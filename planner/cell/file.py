@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from planner.cell.circles import CircleFile
+from planner.cell.gauge_registry import gauge_kinds
 from planner.common.schema import StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
 
@@ -28,7 +29,9 @@ class OptionalKeys(StrictModel):
 
     @model_serializer(mode="wrap")
     def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
-        out: dict[str, object] = handler(self)
+        return self._set_keys(handler(self))
+
+    def _set_keys(self, out: dict[str, object]) -> dict[str, object]:
         fields = type(self).model_fields
         return {k: v for k, v in out.items() if k not in self.LATER or getattr(self, k) != fields[k].default}
 
@@ -135,7 +138,7 @@ class BarFile(StrictModel):
 class GaugeFile(OptionalKeys):
     """``[gauge]``: what is measured, its workspace and body."""
 
-    kind: Literal["edbb", "ldbb", "draw-wire", "tracker", "trical", "ball-socket"]
+    kind: str
     length_mm: tuple[PositiveFloat, PositiveFloat] | None = None
     noise_um: PositiveFloat | None = None
     noise_mdeg: PositiveFloat = 5.0
@@ -144,7 +147,29 @@ class GaugeFile(OptionalKeys):
     zero: Literal["free", "known"] = "free"
     body: BarFile = BarFile()
     head: IndicatorHeadFile | None = None
-    LATER: ClassVar[tuple[str, ...]] = ("head",)
+    own: dict[str, object] = {}  # keys that only this kind of gauge has, written beside the others
+    LATER: ClassVar[tuple[str, ...]] = ("head", "own")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_keys(cls, data: object) -> object:
+        """Set the kind's own keys apart; the gauge reads them itself."""
+        if not isinstance(data, dict) or "own" in data:
+            return data
+        kind = gauge_kinds().get(str(data.get("kind")))
+        keys = () if kind is None or kind.OwnKeys is None else tuple(kind.OwnKeys.model_fields)
+        return {k: v for k, v in data.items() if k not in keys} | {"own": {k: data[k] for k in keys if k in data}}
+
+    @field_validator("kind")
+    @classmethod
+    def _known_kind(cls, value: str) -> str:
+        if value not in gauge_kinds():
+            raise ValueError(f"must be {' or '.join(map(repr, gauge_kinds()))}")
+        return value
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {k: v for k, v in self._set_keys(handler(self)).items() if k != "own"} | self.own
 
     @field_validator("length_mm")
     @classmethod

@@ -1,78 +1,36 @@
 """Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import (
-    LENGTH_GAUGES,
     BaseMounting,
     Cable,
     Cell,
     ControllerSettings,
-    Gauge,
     MotionSettings,
     PlanSettings,
 )
 from planner.cell.circles import Circle, read_circles
 from planner.cell.file import CellFile
+from planner.cell.gauge_registry import gauge_kinds
 from planner.cell.places import (
     read_artifact_bodies,
     read_balls,
     read_fixtures,
-    read_head,
     read_joint_angles,
     read_nests,
-    read_place,
     read_tool,
 )
 from planner.cell.unit_checks import check_units
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
 from planner.common.schema import read_toml
-from planner.common.units import MM, MM_PER_MIN, UM, from_deg, from_mm, read_only
+from planner.common.units import MM, MM_PER_MIN, from_deg, from_mm, read_only
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
-
-NOISE_UM = {"edbb": 1.0, "ldbb": 1.0, "draw-wire": 100.0, "tracker": 15.0, "trical": 3.0, "ball-socket": 100.0}
-
-
-def read_gauge(path: Path, file: CellFile, planning: bool) -> Gauge:
-    """Return the gauge of a cell file; for identification alone its range may be missing.
-
-    Raises:
-        InputError: its range is missing, or too short for its body; a head that is none.
-    """
-    g = file.gauge
-    if g.length_mm is None and planning and g.kind != "trical":
-        raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
-    shortest, longest = g.length_mm or (0.0, np.inf)
-    axis = (0.0, 0.0, 1.0) if file.tool is None else file.tool.map_axis
-    if planning and g.kind in LENGTH_GAUGES and g.body.housing_mm + g.body.trim_mm > shortest:
-        raise InputError(
-            f"{path}: gauge.body.housing_mm = {g.body.housing_mm:g} and the trim of {g.body.trim_mm:g} mm at the far "
-            f"ball do not fit into the shortest length {shortest:g} mm"
-        )
-    return Gauge(
-        kind=g.kind,
-        length_min=shortest * MM,
-        length_max=longest * MM,
-        noise=(g.noise_um or NOISE_UM[g.kind]) * UM,
-        cone_fixture=float(from_deg(g.cone_deg.fixture)),
-        cone_map=float(from_deg(g.cone_deg.map)),
-        zero_free=g.zero == "free",
-        radius=g.body.radius_mm * MM,
-        housing=g.body.housing_mm * MM,
-        rod_radius=g.body.rod_radius_mm * MM,
-        trim=g.body.trim_mm * MM,
-        noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
-        head=None if g.head is None else read_head(path, g.head, axis),
-    )
-
-
-PLANNED = (*LENGTH_GAUGES, "trical", "tracker")
 
 
 def shipped_cells() -> tuple[str, ...]:
@@ -118,29 +76,16 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
-    if planning and file.gauge.kind not in PLANNED:
-        raise InputError(
-            f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {', '.join(PLANNED)}"
-        )
+    gauge = gauge_kinds()[file.gauge.kind]
+    if planning and not gauge.plannable:
+        planned = ", ".join(name for name, kind in gauge_kinds().items() if kind.plannable)
+        raise InputError(f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {planned}")
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
     if planning:
         _check_drives(robot)
-    bar = file.gauge.kind in LENGTH_GAUGES
-    if planning and bar and not file.fixtures:
-        raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-    places = read_fixtures(path, robot, file)
-    if planning and not bar:
-        if file.tool is not None and file.tool.points:
-            raise InputError(f"{path}: [[tool.points]] are for a bar ({', '.join(LENGTH_GAUGES)})")
-        if places:
-            raise InputError(
-                f"{path}: [[fixtures]] are for a bar ({', '.join(LENGTH_GAUGES)}); a {file.gauge.kind} has none"
-            )
-        given = file.gauge.mount_deg
-        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
-        places = (replace(read_place(path, file), mount=mount),)
+    places = gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file)
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
     if planning or file.home_deg is not None:
         home = read_joint_angles(path, robot, "home_deg", file.home_deg)
@@ -149,7 +94,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         robot=robot,
         home=home,
         tool=read_tool(path, file.tool, robot, planning),
-        gauge=read_gauge(path, file, planning),
+        gauge=gauge.read(path, file, planning),
         fixtures=places,
         balls=read_balls(file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),

@@ -4,44 +4,70 @@ Places are fixtures of a bar, socket plates or tracker stations; points are targ
 not say where they are, they are found from the run first (``planner.gauges.placement``) and stand here as found.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from planner.cell.cell import Cell, ToolPoint
+from planner.cell.gauge import Gauge
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
 from planner.runs.run import Readings, Samples
 
-ReadingKind = Literal["length", "position", "pose"]
 STANDARD_GRAVITY = 9.80665  # [m/s²]
 N_BASE_TRANSFORMS = 6  # transforms before the robot's: small corrections of how the base stands to the gauge
 
 
 @dataclass(frozen=True)
-class MeasurementSetup:
+class RobotSetup:
+    """A robot with its loads: all that its own effects need, whether or not a gauge looks at it.
+
+    Attributes:
+        gravity_B: in the base frame, (3,) [m/s²].
+        tool_mass: [kg]; com_F (3,) [m]: what the flange carries.
+    """
+
+    robot: Robot
+    gravity_B: Array
+    tool_mass: float
+    com_F: Array
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Corrections of the base, then the robot up to its flange."""
+        return Chain((*_base_transforms(), *self.robot.transforms))
+
+    def offsets(self, samples: Samples) -> list[float | Array]:
+        """Return what every transform gets beside its nominal value, K values [m, rad]."""
+        return [0.0] * len(self.chain)
+
+    @property
+    def weighs(self) -> bool:
+        """Whether any weight on the joints is known, a link's or the tool's."""
+        return bool(self.tool_mass) or any(m is not None for m in self.robot.masses)
+
+
+@dataclass(frozen=True)
+class MeasurementSetup(RobotSetup):
     """Robot, gauge and targets.
 
     Attributes:
-        kind: what is read: a length, a position, or a position with orientation.
+        gauge: what is read, and how well.
         p_BX: fixtures in the base frame, (S, 3) [m]; only a length gauge has them.
         R_BG, p_BG: frames of plates or trackers in the base frame, (S, 3, 3) and (S, 3) [m].
         p_FM, R_FM: targets on the flange, (T, 3) [m] and (T, 3, 3).
         p_GS: sockets in the plate's frame, (K, 3) [m].
         place_names, point_names: as they are called.
         place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
-        noise, noise_angle: of one reading [m], [rad]; ``joint_sigma`` repeatability of one joint [rad].
-        gravity_B: in the base frame, (3,) [m/s²]; tool_mass [kg]; com_F (3,) [m].
+        joint_sigma: repeatability of one joint [rad].
         zero: what a bar reads beyond its length, as far as known [m].
         stands: place and point of each of the cell's fixtures, in their order; see :meth:`visits`.
         loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
     """
 
-    robot: Robot
-    kind: ReadingKind
+    gauge: Gauge
     p_BX: Array
     R_BG: Array
     p_BG: Array
@@ -53,12 +79,7 @@ class MeasurementSetup:
     place_prior: Array
     tool_prior: float
     turn_prior: float
-    noise: float
-    noise_angle: float
     joint_sigma: float
-    gravity_B: Array
-    tool_mass: float
-    com_F: Array
     zero: float = 0.0
     stands: tuple[tuple[int, int], ...] = ()
     loaded: tuple[str, ...] = ()
@@ -70,16 +91,9 @@ class MeasurementSetup:
         The base stands first so that a shift of the gauge, a soft foundation and a tracker's frame are transforms like
         all others; the tool point is at the flange here, see :meth:`offsets`.
         """
-        moves = [Transform(f"base_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
-        turns = [Transform(f"base_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)]
         tool = [Transform(f"map_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
-        probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.kind == "pose" else []
-        return Chain((*moves, *turns, *self.robot.transforms, *tool, *probe))
-
-    @property
-    def weighs(self) -> bool:
-        """Whether any weight on the joints is known, a link's or the tool's."""
-        return bool(self.tool_mass) or any(m is not None for m in self.robot.masses)
+        probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.gauge.angles else []
+        return Chain((*_base_transforms(), *self.robot.transforms, *tool, *probe))
 
     def visits(self, q: Array, fixture: np.ndarray | int = 0) -> Samples:
         """Return samples at q (n, N) [rad], each with the bar as it hangs at an entry of the cell's fixtures."""
@@ -91,7 +105,7 @@ class MeasurementSetup:
 
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
-        out: list[float | Array] = [0.0] * len(self.chain)
+        out = super().offsets(samples)
         first = N_BASE_TRANSFORMS + len(self.robot.transforms)
         for k in range(3):
             several = len(self.p_FM) > 1 and samples.point is not None
@@ -100,19 +114,19 @@ class MeasurementSetup:
 
     def targets(self, samples: Samples, readings: Readings) -> "Targets":
         """Bring the readings to the base frame, as far as it is known where the gauge stands."""
-        if readings.length is not None:
-            return Targets(length=readings.length - self.zero)
-        place = samples.place
-        p_GM = readings.position
-        if p_GM is None:
-            assert readings.ball is not None
-            p_GM = self.p_GS[readings.ball] + (0.0 if readings.offset is None else readings.offset)
-        position = np.einsum("nij,nj->ni", self.R_BG[place], p_GM) + self.p_BG[place]
-        if readings.rotation is None or self.kind != "pose":
-            return Targets(position=position)
-        point = np.zeros(len(samples), dtype=int) if samples.point is None else samples.point
-        R = np.einsum("nij,njk,nlk->nil", self.R_BG[place], readings.rotation, self.R_FM[point])
-        return Targets(position=position, rotation=R)
+        return self.gauge.targets(self, samples, readings)
+
+    def with_unknown_places(self, names: tuple[str, ...], prior: float, turn: float) -> "MeasurementSetup":
+        """Return the setup with places still to be found, at the base, known to ``prior`` [m] and ``turn`` [rad]."""
+        n = len(names)
+        return replace(
+            self,
+            place_names=names,
+            R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
+            p_BG=np.zeros((n, 3)),
+            place_prior=np.full(n, prior),
+            turn_prior=turn,
+        )
 
 
 @dataclass(frozen=True)
@@ -128,14 +142,9 @@ class Targets:
         return Targets(*(None if v is None else v[which] for v in (self.length, self.position, self.rotation)))
 
 
-READING_KINDS: tuple[tuple[str, ReadingKind], ...] = (
-    ("edbb", "length"),
-    ("ldbb", "length"),
-    ("draw-wire", "length"),
-    ("tracker", "position"),
-    ("trical", "position"),
-    ("ball-socket", "position"),
-)
+def _base_transforms() -> list[Transform]:
+    moves = [Transform(f"base_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
+    return moves + [Transform(f"base_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)]
 
 
 def setup_of(cell: Cell) -> MeasurementSetup:
@@ -148,7 +157,7 @@ def setup_of(cell: Cell) -> MeasurementSetup:
     n = max(1, len(names))
     return MeasurementSetup(
         robot=cell.robot,
-        kind=dict(READING_KINDS)[cell.gauge.kind],
+        gauge=cell.gauge,
         p_BX=np.array([f.p_BX for f in cups]).reshape(-1, 3),
         R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
         p_BG=np.zeros((n, 3)),
@@ -160,8 +169,6 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         place_prior=np.array([f.prior for f in cups] or [np.inf]),
         tool_prior=tool.prior,
         turn_prior=min([f.turn for f in cups] or [np.inf]),
-        noise=cell.gauge.noise,
-        noise_angle=cell.gauge.noise_angle,
         joint_sigma=_repeatability_of_joint(cell),
         gravity_B=cell.base.R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
         tool_mass=tool.mass,

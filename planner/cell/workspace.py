@@ -11,11 +11,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.gauge import FilterStage, PointTravel
 from planner.common.units import Array, read_only
-from planner.kinematics.bar_geometry import bar_state, tilt_angle
+from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Transform
 
-FilterStage = str
 STAGES: tuple[FilterStage, ...] = ("joint_limits", "workspace", "cones", "cable")
 SAFETY_MARGIN = 2e-3  # [m or rad] that a measuring pose keeps from every limit, so that a path can reach it
 SIDE = np.array([1.0, 0.0, 0.0])
@@ -40,10 +40,8 @@ class Workspace:
         sums = [("cable", "twist of axes " + " + ".join(str(a + 1) for a in axes)) for axes, _ in self.cell.cable.sums]
         if not self.bar:
             return (*limits, *sums)
-        reach = [("workspace", "shortest bar length"), ("workspace", "longest bar length")]
-        cones = [("cones", "tilt at the fixture"), ("cones", "tilt at the tool")]
         spin = [] if self.cell.cable.tool_about_bar is None else [("cable", "twist of the tool about the bar")]
-        return (*limits, *reach, *cones, *sums, *spin)
+        return (*limits, *self.cell.gauge.margin_columns, *sums, *spin)
 
     def margins(self, q: Array) -> Array:
         """Margins at controller angles q (n, N) [rad], (n, columns) [rad or m]; negative outside."""
@@ -61,11 +59,7 @@ class Workspace:
             return np.column_stack([empty, *sums, *spin])
         if not self.bar:
             return empty
-        bar = bar_state(cell.map_position(q), cell.fixtures[self.fixture].p_BX)
-        if stage == "workspace":
-            return np.column_stack([bar.length - cell.gauge.length_min, cell.gauge.length_max - bar.length])
-        at_fixture = cell.gauge.cone_fixture - tilt_angle(bar.direction, cell.fixtures[self.fixture].axis_B)
-        return np.column_stack([at_fixture, cell.gauge.cone_map - tilt_angle(-bar.direction, cell.map_axis(q))])
+        return cell.gauge.margins(stage, cell.fixtures[self.fixture], cell.map_position(q), cell.map_axis(q))
 
     def spin(self, q: Array) -> Array:
         """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at the mount pose (at home while there is none).
@@ -83,14 +77,15 @@ class Workspace:
             return np.column_stack([step, *sums])
         theta = np.abs(dq @ cell.robot.sense_matrix.T)
         move, turn = theta @ self.map_reach, theta.sum(axis=1)
-        swing = move / cell.gauge.length_min
-        cones = [swing, swing + turn]
+        with np.errstate(divide="ignore"):
+            swing = move / cell.gauge.length_min
+        own = cell.gauge.margin_changes(PointTravel(move, move, swing, turn))
         spin = []
         if cell.cable.tool_about_bar is not None:
             # parallel transport about an axis tilted by up to c turns at tan(c/2) times the rate of the tilt
             at_fixture, at_map = np.tan(cell.gauge.cone_fixture / 2), np.tan(cell.gauge.cone_map / 2)
             spin = [turn + swing * at_fixture + (swing + turn) * at_map]
-        return np.column_stack([step, move, move, *cones, *sums, *spin])
+        return np.column_stack([step, *own, *sums, *spin])
 
     @cached_property
     def map_reach(self) -> Array:

@@ -76,7 +76,7 @@ def preference_order(model: Model) -> list[int]:
     kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
     """
     order = range(len(model.parameters))
-    if model.setup.kind == "length":
+    if not model.setup.gauge.frees_base:
         return list(order)
     kinds = [p.group for p in model.parameters]
     last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]

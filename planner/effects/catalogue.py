@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 import planner.effects.backlash as play
 import planner.effects.compliance as weights
 import planner.effects.compliance as yielding
-import planner.effects.gauge_errors as gauge
 import planner.effects.gears as gears
 import planner.effects.sessions as sessions
 import planner.effects.thermal as heat
@@ -35,10 +34,7 @@ EFFECT_SOURCES: tuple[Callable[[Excitation], Iterator[Effect]], ...] = (
     heat.link_growth,
     heat.drift,
     heat.warm_up,
-    gauge.length_gauge_errors,
-    gauge.ball_centres,
-    gauge.scale_interpolation,
-    gauge.position_gauge_errors,
+    lambda site: site.setup.gauge.errors(site),
     sessions.zero_step,
     sessions.frame_step,
     sessions.remounting,

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.setup import MeasurementSetup, RobotSetup
 from planner.common.units import Array
 from planner.effects.statics import HangingLoad, StationFrames, gravity_torque, load_moments, station_frames
 from planner.kinematics.bar_geometry import BarState, bar_state
@@ -22,7 +22,7 @@ class Context:
     flange.
     """
 
-    setup: MeasurementSetup
+    setup: RobotSetup
     samples: Samples
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -31,6 +31,12 @@ class Context:
         if phi not in self._known:
             self._known[phi] = phi(self)
         return self._known[phi]
+
+    @property
+    def measured(self) -> MeasurementSetup:
+        """The setup with the gauge that took the samples."""
+        assert isinstance(self.setup, MeasurementSetup)
+        return self.setup
 
     @cached_property
     def theta(self) -> Array:
@@ -45,7 +51,7 @@ class Context:
     @cached_property
     def bar(self) -> BarState:
         """Length and direction of the bar on the nominal setup."""
-        return bar_state(self.motion.x.T, self.setup.p_BX[self.samples.place])
+        return bar_state(self.motion.x.T, self.measured.p_BX[self.samples.place])
 
     @property
     def length(self) -> Array:
@@ -55,7 +61,7 @@ class Context:
     @cached_property
     def ray(self) -> Array:
         """From the origin of the gauge's frame to the measured point, in the base frame, (n, 3) [m]."""
-        return np.asarray(self.motion.x.T - self.setup.p_BG[self.samples.place])
+        return np.asarray(self.motion.x.T - self.measured.p_BG[self.samples.place])
 
     @cached_property
     def velocity(self) -> Array:
@@ -90,9 +96,9 @@ class Context:
     @cached_property
     def pull(self) -> Array | None:
         """Force of the bar on the tool point, towards the fixture, (3, n) [N] in the base frame, where logged."""
-        if self.samples.force is None or self.setup.kind != "length":
-            return None
-        return -self.samples.force * self.bar.direction.T
+        force = self.samples.force
+        along = None if force is None else self.measured.gauge.pull_direction(self)
+        return None if along is None or force is None else -force * along.T
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

@@ -35,8 +35,6 @@ SCAN_STEP = 0.25  # of a wave over the range of lengths between neighbours of th
 
 def length_gauge_errors(site: Excitation) -> Iterator[Effect]:
     """Scale, growth, bent scale, sag and lag of a gauge that reads lengths."""
-    if site.setup.kind != "length":
-        return
     length = site.context.length
     about, half = round(float((length.max() + length.min()) / 2), 3), max(round(value_range(length) / 2, 3), 1e-3)
     yield _length_effect(
@@ -59,8 +57,6 @@ def length_gauge_errors(site: Excitation) -> Iterator[Effect]:
 
 def ball_centres(site: Excitation) -> Iterator[Effect]:
     """Balls that are not where their sockets' centres are; geometry usually takes that whole."""
-    if site.setup.kind != "length":
-        return
     ends: tuple[tuple[Literal["fixture", "tool"], str], ...] = (("fixture", "at the fixture"), ("tool", "on the tool"))
     for end, word in ends:
         on = f"ball {word}"
@@ -76,7 +72,7 @@ def ball_centres(site: Excitation) -> Iterator[Effect]:
 
 def scale_interpolation(site: Excitation) -> Iterator[Effect]:
     """The gauge's own scale errs with each of its periods."""
-    if site.setup.kind != "length" or site.samples.length is None:
+    if site.samples.length is None:
         return
     step = SCAN_STEP / max(value_range(site.context.length), 1e-3)
     often = np.arange(1 / LONGEST_PERIOD, 1 / SHORTEST_PERIOD, step)
@@ -87,8 +83,6 @@ def scale_interpolation(site: Excitation) -> Iterator[Effect]:
 
 def position_gauge_errors(site: Excitation) -> Iterator[Effect]:
     """Scale, growth, lag and bent light of a gauge that reads positions."""
-    if site.setup.kind == "length":
-        return
     sockets = len(site.setup.p_GS) > 0
     what = "the plate's distances are" if sockets else "the tracker's scale is"
     yield _position_effect(

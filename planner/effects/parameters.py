@@ -7,11 +7,8 @@ from typing import Literal
 import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
-from planner.common.units import MM
-from planner.effects.basis import ONE, AtPlace, AtPoint, LoadTorque, Phi
-from planner.effects.gauge_functions import LengthLag, PointLag
+from planner.effects.basis import ONE, AtPoint, LoadTorque, Phi
 
-PRIOR_ZERO = 1.0 * MM
 PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
 ParameterUnit = str  # m, rad, s, or a product such as rad/Nm
 
@@ -63,53 +60,11 @@ def reading_move(phi: Phi = ONE, index: int = 0) -> tuple[ParameterMove, ...]:
 
 def gauge_parameters(setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
     """Parameters that place the gauge: fixture or frame, targets on the tool, zero."""
-    if setup.kind == "length":
-        if "fixture" in free:
-            yield from _fixture_parameters(setup)
-    else:
-        yield from _frame_parameters(setup)
-    if "tool" in free:
-        yield from _tool_parameters(setup)
-    if setup.kind == "length" and "zero" in free:
-        yield from _zero_parameters(setup)
+    yield from setup.gauge.parameters(setup, free)
 
 
-def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
-    """A fixture that lies further out looks like a base that stands further back, hence the sign."""
-    for s, name in enumerate(setup.place_names):
-        label = f"fixture_{name}" if name else "fixture"
-        prior = float(setup.place_prior[s])
-        for a, axis in enumerate("xyz"):
-            what = f"place of fixture {name} along {axis}"
-            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, AtPlace(s, -1.0)), "gauge")
-
-
-def _zero_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
-    """One zero, or where a loaded bar stands beside another one for each of the two."""
-    under = [name in setup.loaded for name in setup.place_names]
-    if all(under) or not any(under):
-        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading_move(), "gauge")
-        return
-    for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
-        moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))
-        yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")
-
-
-def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
-    for s, name in enumerate(setup.place_names):
-        label = f"base_{name}" if name else "base"
-        whose = f" for {name}" if name else ""
-        phi = AtPlace(s) if len(setup.place_names) > 1 else ONE
-        prior = float(setup.place_prior[s])
-        for a, axis in enumerate("xyz"):
-            what = f"place of the base along {axis}{whose}"
-            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, phi), "gauge")
-        for a, axis in enumerate("xyz"):
-            what = f"tilt of the base about {axis}{whose}"
-            yield Parameter(f"{label}_r{axis}", "rad", setup.turn_prior, what, transform_move(3 + a, phi), "gauge")
-
-
-def _tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+def tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    """Where the targets sit on the tool."""
     for t, name in enumerate(setup.point_names):
         label = f"map_{name}" if name else "map"
         phi = AtPoint(t) if len(setup.point_names) > 1 else ONE
@@ -123,11 +78,6 @@ def _tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
                 transform_move(setup.chain.index(f"map_{axis}"), phi),
                 "gauge",
             )
-    if setup.kind == "pose":
-        for axis in "xyz":
-            k = setup.chain.index(f"probe_r{axis}")
-            what = f"turn of the probe about {axis}"
-            yield Parameter(f"probe_r{axis}", "rad", setup.turn_prior, what, transform_move(k), "gauge")
 
 
 def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
@@ -156,8 +106,7 @@ def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
 
 def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
     """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
-    length, point = reading_move(LengthLag()), tuple(ParameterMove("reading", a, PointLag(a)) for a in range(3))
-    moves = length if setup.kind == "length" else point
+    moves = setup.gauge.lag_moves()
     return Parameter("lag", "s", PRIOR_LAG, "lag of the gauge's clock behind the controller's", moves, "gauge")
 
 

@@ -15,7 +15,7 @@ ESTIMATED = "estimated"
 
 def zero_step(site: Excitation) -> Iterator[Effect]:
     """The bar's zero is not the same in every session."""
-    if site.setup.kind != "length" or not site.sessions:
+    if not site.setup.gauge.has_zero or not site.sessions:
         return
     steps = [
         Parameter(f"zero_session{s}", "m", STEP, f"step of the zero in session {s}", reading_move(InSession(s)))

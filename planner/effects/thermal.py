@@ -187,7 +187,7 @@ def _frame_drift(site: Excitation, cause: ThermalCause) -> Iterator[Effect]:
     sentence = f"the base tilts {cause.how}, {{size}}"
     largest_turn = LARGEST_DRIFT_TURN / cause.size
     yield _drift_effect(cause.word, "base tilt", turns, sentence, largest_turn)
-    if site.setup.kind == "length":
+    if site.setup.gauge.has_zero:
         zero = Parameter(f"{label}_zero", unit, prior, f"{cause.word} of the gauge's zero", reading_move(cause.phi))
         sentence = f"the gauge's zero drifts {cause.how}, {{size}}"
         yield _drift_effect(cause.word, "gauge", [zero], sentence, largest)

@@ -27,7 +27,7 @@ def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
 def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     """Return what is to be told where the balls stand elsewhere than the cell says."""
     declared = _declared(cell, setup)
-    if declared is None or cell.gauge.kind == "tracker":  # where a tracker stands is never known well
+    if declared is None or not cell.gauge.is_surveyed:
         return []
     off, turn = _apart(*declared, setup)
     if _near(off, turn):
@@ -40,8 +40,8 @@ def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
 
 def _declared(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] | None:
     """R (3, 3) and p (3,) [m] of the frame that the cell gives; ``None`` where there is not the one."""
-    placed = cell.file.artifact if cell.gauge.kind in ("trical", "ball-socket") else cell.file.tracker
-    return None if placed is None or setup.kind == "length" or len(setup.p_BG) > 1 else placed_frame(placed)
+    placed = cell.gauge.declared_frame(cell.file)
+    return None if placed is None or len(setup.p_BG) > 1 else placed_frame(placed)
 
 
 def _near(off: float, turn: float) -> bool:
@@ -74,7 +74,7 @@ def gauge_frames(calibration: Calibration) -> GaugeFrames:
     """Compose what was known or placed before the fit with the corrections that the fit found."""
     setup = calibration.fit.model.setup
     error = dict(zip(calibration.fit.model.names, map(float, calibration.fit.errors), strict=True))
-    bar = setup.kind == "length"
+    framed = setup.gauge.frees_base
     points = tuple(
         (name, setup.p_FM[t] + _shift(error, _label("map", name), "xyz")) for t, name in enumerate(setup.point_names)
     )
@@ -82,11 +82,11 @@ def gauge_frames(calibration: Calibration) -> GaugeFrames:
         fixtures=tuple(
             (name, setup.p_BX[s] + _shift(error, _label("fixture", name), "xyz"))
             for s, name in enumerate(setup.place_names)
-            if bar
+            if not framed
         ),
-        places=() if bar else tuple(_place(setup, s, error) for s in range(len(setup.place_names))),
+        places=() if not framed else tuple(_place(setup, s, error) for s in range(len(setup.place_names))),
         points=points,
-        zero=setup.zero + error.get("zero", 0.0) if bar else None,
+        zero=setup.zero + error.get("zero", 0.0) if setup.gauge.has_zero else None,
     )
 
 

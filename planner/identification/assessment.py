@@ -98,7 +98,7 @@ def _of_bar(run: Run, cell: Cell) -> list[str]:
 
 def _other_point(run: Run, cell: Cell) -> list[str]:
     """What is to be told where a bar's run names a tool point and the cell has one without a name."""
-    if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_bar or cell.tool.points:
+    if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_attached or cell.tool.points:
         return []
     return [
         f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "

@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.setup import N_BASE_TRANSFORMS, STANDARD_GRAVITY, MeasurementSetup
+from planner.cell.setup import N_BASE_TRANSFORMS, STANDARD_GRAVITY, MeasurementSetup, RobotSetup
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.effects.basis import Phi
@@ -107,16 +107,16 @@ class CalibratedRobot:
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             theta = self.robot.theta(q[part])
-            motion = self._rig.chain.forward(theta, self._delta(q[part]))
+            motion = self._setup.chain.forward(theta, self._delta(q[part]))
             p[part], R[part] = motion.x.T, np.moveaxis(motion.R, 2, 0)
         return p, R
 
     def _delta(self, q: Array) -> list[float | Array]:
         """What the effects add to every transform of the setup's chain [m, rad]."""
-        setup = self._nominal_rig
+        setup = self._nominal_setup
         context = Context(setup, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
         known: dict[Phi, Array] = {}
-        out: list[float | Array] = [0.0] * len(self._rig.chain)
+        out: list[float | Array] = [0.0] * len(self._setup.chain)
         for k, phi, value in self._acting:
             if phi not in known:
                 known[phi] = phi(context)
@@ -124,12 +124,12 @@ class CalibratedRobot:
         return out
 
     @cached_property
-    def _rig(self) -> MeasurementSetup:
-        return _rig(self.robot, self.robot.loads or NO_LOADS)
+    def _setup(self) -> RobotSetup:
+        return _loaded_robot(self.robot)
 
     @cached_property
-    def _nominal_rig(self) -> MeasurementSetup:
-        return _rig(self.robot.nominal, self.robot.loads or NO_LOADS)
+    def _nominal_setup(self) -> RobotSetup:
+        return replace(self._setup, robot=self.robot.nominal)
 
     @cached_property
     def _acting(self) -> tuple[tuple[int, Phi, float], ...]:
@@ -137,7 +137,7 @@ class CalibratedRobot:
         return tuple(self._checked())
 
     def _checked(self) -> Iterator[tuple[int, Phi, float]]:
-        names = [t.name for t in self._rig.chain.transforms[: N_BASE_TRANSFORMS + len(self.robot.transforms)]]
+        names = [t.name for t in self._setup.chain.transforms[: N_BASE_TRANSFORMS + len(self.robot.transforms)]]
         for e in self.robot.effects:
             where = f"{self.robot.path}: effect '{e.name}'"
             try:
@@ -160,30 +160,11 @@ class CalibratedRobot:
             )
 
 
-def _rig(robot: Robot, loads: Loads) -> MeasurementSetup:
-    """Return the robot with its loads, measured at the flange in its own base frame."""
+def _loaded_robot(robot: Robot) -> RobotSetup:
+    """Return the robot with the loads of its file."""
+    loads = robot.loads or NO_LOADS
     R_WB = Rotation.from_euler("xyz", loads.base_rpy).as_matrix()
-    return MeasurementSetup(
-        robot=robot,
-        kind="position",
-        p_BX=np.zeros((0, 3)),
-        R_BG=np.eye(3)[None],
-        p_BG=np.zeros((1, 3)),
-        p_FM=np.zeros((1, 3)),
-        R_FM=np.eye(3)[None],
-        p_GS=np.zeros((0, 3)),
-        place_names=("",),
-        point_names=("",),
-        place_prior=np.zeros(1),
-        tool_prior=0.0,
-        turn_prior=0.0,
-        noise=0.0,
-        noise_angle=0.0,
-        joint_sigma=0.0,
-        gravity_B=R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
-        tool_mass=loads.payload,
-        com_F=loads.com_F,
-    )
+    return RobotSetup(robot, R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]), loads.payload, loads.com_F)
 
 
 def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:

@@ -49,9 +49,8 @@ class Whitener:
     def of(cls, model: Model, samples: Samples, noise: Noise | None = None) -> "Whitener":
         """Build it for the samples of a run."""
         setup = model.setup
-        declared = np.array([setup.noise**2] * min(3, model.width) + [setup.noise_angle**2] * (model.width - 3))
         rows = model.joint_rows(samples)
-        return cls(declared, setup.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
+        return cls(setup.gauge.sigmas**2, setup.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
 
     def with_noise(self, noise: Noise) -> "Whitener":
         """Return it for another size of the noise."""

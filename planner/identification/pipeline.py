@@ -12,7 +12,7 @@ from planner.identification.calibration import Calibration, Metrics
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import choose_parameters
 from planner.identification.least_squares import Fit
-from planner.identification.run_setup import add_motion, check_pull, locate_gauge, run_rig
+from planner.identification.run_setup import add_motion, check_pull, locate_gauge, setup_for_run
 from planner.identification.stages import (
     SPARE_READINGS,
     FitContext,
@@ -56,9 +56,9 @@ def identify(
     run = add_motion(run)
     validation = None if validation is None else add_motion(validation)
     say("placing the gauge")
-    setup = use_declared_pose(cell, locate_gauge(run_rig(cell, run), run))
+    setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
     check_pull(cell, setup, run)
-    bare = None if validation is None else run_rig(cell, validation)
+    bare = None if validation is None else setup_for_run(cell, validation)
     parts = split_run(run, settings.hold_out, settings.seed)
 
     def judge(found: Fit) -> Metrics | None:

@@ -69,11 +69,9 @@ def _gauge_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str,
     On the nominal setup: what was read carries the very noise that is looked at.
     """
     each, c = _reading_rows(problem), problem.context
-    if c.setup.kind != "length":
-        yield "position", _outer_columns(_surface(c.motion.x.T, detail), each)
-        return
-    yield "length", _outer_columns(_powers(c.bar.length, detail), each)
-    yield "direction of the bar", _outer_columns(_surface(c.bar.direction, detail), each)
+    for name, values in c.measured.gauge.coordinates(c):
+        columns = _powers(values, detail) if values.ndim == 1 else _surface(values, detail)
+        yield name, _outer_columns(columns, each)
 
 
 def _condition_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:

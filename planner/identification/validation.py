@@ -34,9 +34,7 @@ def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
 
 def new_frames(setup: MeasurementSetup, run: Run) -> bool:
     """Tell whether the run stands in frames that the setup does not know: a plate set down anew, another station."""
-    if run.readings.ball is not None:
-        return True
-    return setup.kind != "length" and not set(run.places) <= set(setup.place_names)
+    return setup.gauge.needs_new_frames(setup, run)
 
 
 def _timeless(found: Fit) -> Model:

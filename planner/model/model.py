@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, Targets, setup_of
@@ -18,7 +17,6 @@ from planner.common.units import Array
 from planner.effects.basis import Phi
 from planner.effects.context import Context
 from planner.effects.parameters import Parameter, gauge_parameters, robot_parameters
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import ForwardPass
 from planner.runs.run import Samples
 
@@ -72,7 +70,7 @@ class Model:
     @property
     def width(self) -> int:
         """Numbers r in one reading: 1, 3 or 6."""
-        return {"length": 1, "position": 3, "pose": 6}[self.setup.kind]
+        return self.setup.gauge.width
 
     def subset(self, kept: list[int]) -> "Model":
         """Return the model with only the parameters at the positions ``kept``."""
@@ -91,7 +89,7 @@ class Model:
         return replace(self, parameters=(), fixed=(*self.fixed, *zip(self.parameters, errors, strict=True)))
 
     def reading(self, q: Array, fixture: np.ndarray | int = 0, errors: Array | None = None) -> Array:
-        """Predict the readings of a length gauge, (n, 1) [m].
+        """Predict the readings, (n, r) [m, rad].
 
         Args:
             q: controller angles, (n, N) [rad].
@@ -99,7 +97,7 @@ class Model:
             errors: values of the parameters, (P,); zero when not given.
         """
         samples = self.setup.visits(q, fixture)
-        return -self.residual(samples, Targets(length=np.zeros(len(q))), errors)
+        return -self.residual(samples, self.setup.gauge.zero_targets(len(q)), errors)
 
     def jacobian(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
         """Identification Jacobian at nominal parameters, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4)."""
@@ -140,7 +138,7 @@ class Model:
         """Return the same for any samples, (n,) [m]."""
         shaken = self.joint_rows(samples)
         return np.asarray(
-            np.sqrt(self.setup.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1)
+            np.sqrt(self.setup.gauge.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1)
         )
 
     @property
@@ -204,25 +202,10 @@ class Model:
 
     def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""
-        screws = motion.point_screws(which)
-        if self.setup.kind == "length":
-            e = bar_state(motion.x.T, self.setup.p_BX[context.samples.place]).direction
-            return np.asarray(np.einsum("kin,ni->kn", screws, e)[:, None])
-        if self.setup.kind == "position":
-            return screws
-        turns = motion.u[which] * motion.rotation[which, None, None]
-        return np.concatenate([screws, turns], axis=1)
+        return self.setup.gauge.project(self.setup, context.samples, motion, which)
 
     def _residual(self, context: Context, motion: ForwardPass, targets: Targets) -> Array:
-        if targets.length is not None:
-            p_BX = self.setup.p_BX[context.samples.place]
-            return (targets.length - bar_state(motion.x.T, p_BX).length)[:, None]
-        assert targets.position is not None
-        apart = targets.position - motion.x.T
-        if self.setup.kind == "position" or targets.rotation is None:
-            return apart
-        R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
-        return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
+        return self.setup.gauge.residual(self.setup, context.samples, motion, targets)
 
 
 def basis_values(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:

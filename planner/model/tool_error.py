@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, setup_of
 from planner.common.units import Array, read_only
 from planner.effects.parameters import Parameter
+from planner.gauges.frame_gauge import ToolPosition
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -42,7 +43,8 @@ class ToolError:
     @classmethod
     def at(cls, samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]) -> "ToolError":
         """Look at the first tool point in the states ``samples``, with ``unknown`` effects beside the geometry."""
-        alone = replace(setup, kind="position", place_names=setup.place_names[:1], point_names=setup.point_names[:1])
+        gauge = ToolPosition(noise=0.0)
+        alone = replace(setup, gauge=gauge, place_names=setup.place_names[:1], point_names=setup.point_names[:1])
         model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
         rows = model.rows(samples).reshape(-1, len(model.names))
         frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]

@@ -112,7 +112,7 @@ def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
 
 def _about(c: Calibration) -> str:
     kind = "continuous" if c.run.continuous else "static"
-    read = {"length": "lengths", "position": "positions", "pose": "positions and orientations"}[c.fit.model.setup.kind]
+    read = c.fit.model.setup.gauge.plural
     if c.run.readings.ball is not None:
         read = "a point in balls or sockets"
     plan = f" · plan {c.run.plan_id}" if c.run.plan_id else ""

@@ -219,7 +219,7 @@ def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
-        + (f"bar {to_mm(length):.1f} mm   " if cell.gauge.is_bar else "")
+        + (f"bar {to_mm(length):.1f} mm   " if cell.gauge.is_attached else "")
         + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )
@@ -242,7 +242,7 @@ def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
 
 def _shells(cell: Cell) -> tuple[Mesh, ...]:
     g = cell.gauge
-    if not g.is_bar:
+    if not g.is_attached:
         return ()
     radii = (g.length_min, g.length_max)
     cups = [f for f in cell.fixtures if f.point == 0]
@@ -252,7 +252,9 @@ def _shells(cell: Cell) -> tuple[Mesh, ...]:
 def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:
     x = to_mm(cell.at(drive.fixture).map_position(np.array([v.q for v in drive.visits])))
     return [
-        ViewPose(p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_bar else ""))
+        ViewPose(
+            p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_attached else "")
+        )
         for p, v in zip(x, drive.visits, strict=True)
     ]
 

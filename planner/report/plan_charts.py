@@ -104,7 +104,7 @@ def funnel_chart(plan: Plan) -> Chart:
         (bars,),
         log_x=True,
         x_range=(1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2)),
-        y_names=FILTERS if plan.cell.gauge.is_bar else plan.pool.funnel.names,
+        y_names=FILTERS if plan.cell.gauge.is_attached else plan.pool.funnel.names,
         height=ROW_PX * len(counts) + 20,
     )
     return Chart(

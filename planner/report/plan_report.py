@@ -104,8 +104,8 @@ def build_plan_page(plan: Plan, rows: tuple[ParameterForecast, ...], sections: t
         programs=tuple((name, ", ".join(f.name for f in files)) for name, files in plan.programs),
         joints=tuple(f"axis {j + 1} (deg)" for j in range(plan.cell.robot.n_joints)),
         poses=tuple(_pose(plan.cell, d, k) for d in plan.drives for k in range(len(d.visits))),
-        pose_columns=("fixture", "bar (mm)") if plan.cell.gauge.is_bar else ("ball", "first contact (mm)"),
-        bar=plan.cell.gauge.is_bar,
+        pose_columns=("fixture", "bar (mm)") if plan.cell.gauge.is_attached else ("ball", "first contact (mm)"),
+        bar=plan.cell.gauge.is_attached,
         told=() if plan.separation is None else tuple(_told(t) for t in plan.separation.told),
         told_proof="" if plan.separation is None else separation_text(plan.separation),
     )
@@ -122,7 +122,7 @@ def _cell(cell: Cell) -> str:
     g, names = cell.gauge, ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
     if g.head is not None:
         return f"cell {cell.name} · head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
-    if not g.is_bar:
+    if not g.is_attached:
         return f"cell {cell.name} · tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
     reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
     points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
@@ -192,7 +192,7 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
     reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
     asked = f"{float(to_mm(cell.motion.clearance)):g} mm asked for"
-    there = "way without the bar" if g.is_bar else "way to the start"
+    there = "way without the bar" if g.is_attached else "way to the start"
     ways = ("measuring path", "measuring path", there, there)
     verdicts = [
         (
@@ -208,7 +208,7 @@ def path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
             f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something",
         ),
         ("support poses", str(supports)),
-        *([("bar length", f"{length} of {reach}")] if g.is_bar else []),
+        *([("bar length", f"{length} of {reach}")] if g.is_attached else []),
         *verdicts,
     )
 
@@ -246,7 +246,7 @@ def _pose(cell: Cell, drive: Drive, k: int) -> Row:
     v = drive.visits[k]
     role = v.role if v.repeats is None else f"{v.role} of {v.repeats}"
     angles = tuple(f"{float(a):.3f}" for a in to_deg(v.q))
-    if not cell.gauge.is_bar:
+    if not cell.gauge.is_attached:
         met = "" if v.contact is None else f"{float(to_mm(v.contact)):.2f}"
         return (str(v.id), cell.balls[v.ball].name if v.ball >= 0 else "", role, met, *angles)
     return (str(v.id), cell.place_name(v.fixture), role, f"{float(to_mm(v.length)):.2f}", *angles)
@@ -303,6 +303,6 @@ def _section(plan: Plan, k: int) -> DriveSection:
         path_facts=path_facts(cell, drive),
         tour=tour_chart(drive, tour_orders(cell, drive), suffix),
         joints=joint_chart(way, drive, suffix),
-        bar=bar_chart(cell, way, drive, suffix) if cell.gauge.is_bar else contact_chart(cell, drive, suffix),
+        bar=bar_chart(cell, way, drive, suffix) if cell.gauge.is_attached else contact_chart(cell, drive, suffix),
         speeds=speed_chart(cell, way, drive, suffix),
     )

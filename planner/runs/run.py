@@ -78,6 +78,13 @@ class Readings:
     ball: IntArray | None = None
     offset: Array | None = None
 
+    @property
+    def columns(self) -> str:
+        """Columns of a run that hold such readings: ``length_mm``, ``x_mm, y_mm, z_mm`` or ``ball``."""
+        if self.length is not None:
+            return "length_mm"
+        return "ball" if self.position is None else "x_mm, y_mm, z_mm"
+
     def take(self, which: slice | IntArray) -> "Readings":
         """Return the readings at ``which`` (a slice, indices, or a mask)."""
         return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})

@@ -103,7 +103,7 @@ def _fixture_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruct
     point = cell.point_name(one.fixture)
     place, tool = cell.place_name(one.fixture), f"tool point {point}" if point else "tool"
     there = joint_moves(cell, one.travel, one.travel_trajectory, bar=False)
-    if not cell.gauge.is_bar:
+    if not cell.gauge.is_attached:
         legs = joint_moves(cell, one.measuring, one.trajectory, bar=True)
         return point_instructions(cell, there, legs, moves_back(there, one.travel.q))
     measuring = dense_moves(cell, one) if dense and is_continuous(cell) else measured_moves(cell, one)

@@ -75,12 +75,14 @@ def check_courses(path: Path, beside: Path, cell: Cell, plan: PlannedFor, course
     start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
     if start > ANGLE_DEG:
         raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
-    off = _length_errors(cell, plan) if cell.gauge.is_bar else _centring_errors(cell, plan)
+    off = _length_errors(cell, plan) if cell.gauge.is_attached else _centring_errors(cell, plan)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > LENGTH_MM:
         pose = plan.poses[worst].id
         how = f"the bar at pose {pose} would be {off[worst]:+.3f} mm longer than planned"
-        raise _mismatch(path, beside, how if cell.gauge.is_bar else f"pose {pose} is {off[worst]:.3f} mm off its ball")
+        raise _mismatch(
+            path, beside, how if cell.gauge.is_attached else f"pose {pose} is {off[worst]:.3f} mm off its ball"
+        )
     seconds = sum(c.trajectory.duration_s for c in courses)
     if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
         planned = plan.trajectory.duration_s

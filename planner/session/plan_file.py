@@ -128,7 +128,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
         "supports": [s for d in drives for s in _support_records(d)],
         "observability": _observability_record(choice, plan.driven),
         "tour": _tour_record(drives),
-        "path": _path_record(drives, plan.cell.gauge.is_bar),
+        "path": _path_record(drives, plan.cell.gauge.is_attached),
         "trajectory": {
             "duration_s": sum(d.trajectory.duration_s for d in drives),
             "measuring_s": sum(d.trajectory.measuring_s for d in drives),
@@ -140,7 +140,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
 
 def _pose_record(plan: Plan, v: Visit) -> dict[str, object]:
     pose: dict[str, object] = {"id": v.id, "q_deg": np.rad2deg(v.q)}
-    if plan.cell.gauge.is_bar:
+    if plan.cell.gauge.is_attached:
         pose |= {"length_mm": v.length * 1e3, **_place_record(plan.cell, v.fixture)}
     elif v.ball >= 0:
         pose |= {"ball": plan.cell.balls[v.ball].name, "first_contact_mm": (v.contact or 0.0) * 1e3}

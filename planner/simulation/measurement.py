@@ -7,67 +7,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from planner.cell.cell import Cell
-from planner.cell.places import nests_frame
-from planner.cell.setup import Targets, setup_of
-from planner.common.units import MM, UM, Array, read_only
+from planner.cell.setup import setup_of
+from planner.common.units import MM, Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
-from planner.model.model import Model
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Run, Samples
 from planner.session.course import Course, is_continuous
 from planner.session.plan_file import PlanFile, PoseFile
 from planner.simulation.truth import Truth
-
-INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
-NEWTON_STEPS = 8  # of Newton's method from a planned pose to the centred one, millimetres away
-
-
-def simulate_points(
-    cell: Cell, model: Model, errors: Array, samples: Samples, off: Array, rng: np.random.Generator
-) -> tuple[Samples, Readings]:
-    """Return the samples as they are recorded, and the readings.
-
-    Args:
-        cell: the cell; artifact or tracker stand where it says, but for the errors that the model has of that.
-        model, errors: the robot as it is, (P,).
-        samples: where the arm is told to stand.
-        off: what the joints are off by, (n, N) [rad].
-        rng: of the gauge's noise.
-    """
-    noise = model.setup.noise * rng.standard_normal((len(samples), 3))
-    if cell.gauge.head is None:
-        place = cell.fixtures[0]
-        x = _measured_point(model, samples, off, errors)
-        return samples, Readings(position=read_only((x - place.p_BX) @ place.R_BX + noise))
-    ball = np.argmin(np.linalg.norm(cell.map_position(samples.q)[:, None] - cell.p_BS[None], axis=2), axis=1)
-    goal = cell.p_BS[ball] + noise
-    for _ in range(NEWTON_STEPS):
-        missing = goal - _measured_point(model, samples, off, errors)
-        J = model.joint_rows(samples)
-        samples = replace(samples, q=samples.q + np.einsum("nij,nj->ni", np.linalg.pinv(J), missing))
-    return replace(samples, q=read_only(samples.q)), Readings(ball=ball)
-
-
-def simulate_reference_readings(cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
-    """Return what is read before the poses: a tracker's nests, or twice a head's indicators at the master ball."""
-    if cell.gauge.head is not None:
-        wanted = cell.gauge.head.master / 2 - cell.balls[0].radius
-        return ReferenceReadings(
-            masters=tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
-        )
-    R_BW, p_BW = nests_frame(cell.file)
-    place = cell.fixtures[0]
-    seen = [(n.name, (R_BW @ n.p_WN + p_BW - place.p_BX) @ place.R_BX) for n in cell.nests]
-    return ReferenceReadings(
-        tuple((name, read_only(p + cell.gauge.noise * rng.standard_normal(3))) for name, p in seen)
-    )
-
-
-def _measured_point(model: Model, samples: Samples, off: Array, errors: Array) -> Array:
-    """Where the measured point is, (n, 3) [m]."""
-    there = replace(samples, q=samples.q + off)
-    return -model.residual(there, Targets(position=np.zeros((len(samples), 3))), errors)
-
 
 SAMPLE_RATE = 100.0  # [Hz] of the samples of a run that is measured while moving
 FIXTURE_CHANGE_TIME = 60.0  # [s] for taking the bar to the next fixture
@@ -126,36 +73,29 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
     model, errors = truth.complete()
     rng = np.random.default_rng([seed, 1])
     off = model.joint_sigma * _repeatability_noise(rng, samples, moving)
-    if not cell.gauge.is_bar:
-        samples, readings = simulate_points(cell, model, errors, samples, off, rng)
-        balls = tuple(b.name for b in cell.balls) if readings.ball is not None else ()
-        return SimulatedRun(
-            name=f"simulated run of {plan_id}",
-            samples=samples,
-            readings=readings,
-            balls=balls,
-            plan_id=plan_id,
-            robot=cell.robot.name,
-            truth=truth.lines(),
-            beside=simulate_reference_readings(cell, np.random.default_rng([seed, 2])),
-        )
-    nothing = Targets(length=np.zeros(len(samples)))
-    stood = replace(samples, q=samples.q + off)
-    if samples.force is not None:  # a loaded bar turns as the arm yields, and its moments with it
-        model, stood = solve_equilibrium(model, stood, errors)
-    exact = -model.residual(stood, nothing, errors)[:, 0]
-    length = exact + model.setup.noise * rng.standard_normal(len(samples))
+    setup = model.setup
+    gauge = setup.gauge
+    noise = gauge.sigmas * rng.standard_normal((len(samples), gauge.width))
+
+    def predict(told: Samples) -> Array:
+        there = replace(told, q=told.q + off)
+        where, stood = (model, there) if there.force is None else solve_equilibrium(model, there, errors)
+        return -where.residual(stood, gauge.zero_targets(len(told)), errors)
+
+    samples, readings = gauge.simulate(cell, samples, predict, model.joint_rows, noise)
     return SimulatedRun(
         name=f"simulated run of {plan_id}",
         samples=samples,
-        readings=Readings(length=read_only(length)),
-        places=model.setup.place_names,
-        points=model.setup.point_names,
-        continuous=moving,
+        readings=readings,
+        places=setup.place_names,
+        balls=() if readings.ball is None else tuple(b.name for b in cell.balls),
+        points=setup.point_names,
+        continuous=moving and gauge.is_attached,
         plan_id=plan_id,
         robot=cell.robot.name,
-        warnings=_unreachable_lengths(cell, length),
+        warnings=gauge.range_warnings(readings),
         truth=truth.lines(),
+        beside=cell.gauge.reference_readings(cell, np.random.default_rng([seed, 2])),
     )
 
 
@@ -205,17 +145,6 @@ def _repeatability_noise(rng: np.random.Generator, samples: Samples, moving: boo
     for part in np.split(np.arange(len(fresh)), np.flatnonzero(~follows)[1:]):
         fresh[part] = lfilter([1.0], [1.0, -stay], fresh[part], axis=0)
     return fresh
-
-
-def _unreachable_lengths(cell: Cell, length: Array) -> tuple[str, ...]:
-    out = (length < cell.gauge.length_min) | (length > cell.gauge.length_max)
-    if not out.any():
-        return ()
-    low, high = cell.gauge.length_min * 1e3, cell.gauge.length_max * 1e3
-    return (
-        f"{out.sum()} of {len(length)} lengths lie outside the bar's {low:g} … {high:g} mm: with these errors it "
-        "would be pulled off there",
-    )
 
 
 def warn_uncentred_balls(cell: Cell, run: SimulatedRun, planned: Samples) -> SimulatedRun:

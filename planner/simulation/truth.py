@@ -155,7 +155,7 @@ class Truth:
         return (
             *said,
             *(f"effects = {e.said}" for e in self.effects),
-            f"gauge_um = {setup.noise / UM:.6g}",
+            f"gauge_um = {setup.gauge.noise / UM:.6g}",
             f"repeatability_mm = {setup.robot.repeatability / MM:.6g}",
         )
 

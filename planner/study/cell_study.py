@@ -54,7 +54,7 @@ def study_cell(
         NoSolutionError: no candidate pose passes the filters, or too few do.
     """
     index = find_rule(index or cell.plan.index).name
-    if not cell.gauge.is_bar:
+    if not cell.gauge.is_attached:
         raise InputError(
             f"{cell.path}: a study is of a bar and its fixtures, and gauge.kind is '{cell.gauge.kind}': "
             "edbb plan says what can be seen"

@@ -167,7 +167,7 @@ def _unloaded_poses(made: Plan | None) -> UnloadedPoses:
 
 def _check(free_cell: Cell, cell: Cell) -> None:
     check_robots(free_cell, cell)
-    if not free_cell.gauge.is_bar or free_cell.circles:
+    if not free_cell.gauge.is_attached or free_cell.circles:
         what = "circles" if free_cell.circles else f"a gauge '{free_cell.gauge.kind}'"
         raise InputError(f"{free_cell.path}: has {what}; the first cell is that of a bar without load, 'edbb'")
     if not has_same_tool(free_cell, cell):

@@ -14,6 +14,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import Targets
 from planner.common.errors import NoSolutionError
 from planner.common.units import MM, Array, read_only
+from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.inverse_kinematics import solve_ik, tool_frames
 from planner.instruments.circular.plan import CircularPlan
 from planner.kinematics.bar_geometry import bar_state
@@ -77,7 +78,7 @@ def sample_plan(plan: Plan) -> Samples:
 def place_fixtures_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
     """Return errors (P,) with every fixture where the robot's measured point truly comes when told to go there."""
     own = [k for k, p in enumerate(model.parameters) if not p.name.startswith(APART)]
-    position = replace(model.subset(own), setup=replace(model.setup, kind="position"))
+    position = replace(model.subset(own), setup=replace(model.setup, gauge=ToolPosition(noise=0.0)))
     out = errors.copy()
     out[[k for k, p in enumerate(model.parameters) if p.name.startswith(APART)]] = 0.0
     for fixture in cell.fixtures:

@@ -19,7 +19,7 @@ def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    if not cell.gauge.is_bar:
+    if not cell.gauge.is_attached:
         check_point_options(cell, options)
         return plan_points(cell, options, stages)
     if options.fixtures is None:

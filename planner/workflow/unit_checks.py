@@ -8,7 +8,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, to_mm
 from planner.gauges.placement.frames import place_points
-from planner.identification.run_setup import flange_poses
+from planner.gauges.run_places import flange_poses
 from planner.runs.run import Run
 
 ROWS = 200  # of a run that are looked at

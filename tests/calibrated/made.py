@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.effects.parameters import Parameter, compliance_parameters, robot_parameters, transform_move
+from planner.gauges.tracker import Tracker
 from planner.identification.estimates import estimate_parameters
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
@@ -26,18 +27,19 @@ def gravity(tilt):
     return -9.80665 * np.array([-np.sin(p), np.sin(r) * np.cos(p), np.cos(r) * np.cos(p)])
 
 
-def rig_of(robot):
+def setup_at_flange(robot):
     one = np.ones(1)
     eye, zero = np.eye(3)[None], np.zeros((1, 3))
     return MeasurementSetup(
-        robot, "position", zero, eye, zero, zero, eye, zero, ("",), ("",), one, 1.0, 1.0, 1e-6, 1e-6, 0.0,
-        gravity(TILT), MASS, COM,
+        robot=robot, gravity_B=gravity(TILT), tool_mass=MASS, com_F=COM, gauge=Tracker(noise=1e-6, noise_angle=1e-6),
+        p_BX=zero, R_BG=eye, p_BG=zero, p_FM=zero, R_FM=eye, p_GS=zero, place_names=("",), point_names=("",),
+        place_prior=one, tool_prior=1.0, turn_prior=1.0, joint_sigma=0.0,
     )  # fmt: skip
 
 
 def calibration(robot, seed, effects=()):
     """A calibration with random errors of all geometry (1 mm, 1 mrad) and of every effect (its prior size)."""
-    setup = rig_of(robot)
+    setup = setup_at_flange(robot)
     every = [*robot_parameters(setup), *effects]
     errors = np.random.default_rng(seed).normal(size=len(every)) * [p.prior for p in every]
     model = Model(setup, tuple(every))
@@ -55,7 +57,7 @@ def estimates_of(calibration):
 
 
 def compliances(robot):
-    return compliance_parameters(rig_of(robot))
+    return compliance_parameters(setup_at_flange(robot))
 
 
 def predicted(calibration, q):
@@ -80,7 +82,7 @@ def robot_called(name, folder):
 
 
 def parameter(robot, name, unit, on, phi, group="made"):
-    return Parameter(name, unit, 1e-3, name, transform_move(rig_of(robot).chain.index(on), phi), group)
+    return Parameter(name, unit, 1e-3, name, transform_move(setup_at_flange(robot).chain.index(on), phi), group)
 
 
 def write(folder, files):

@@ -9,7 +9,7 @@ from planner.effects.catalogue import catalogue
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, run_rig
+from planner.identification.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from tests.catalogue.columns import seen
 from tests.catalogue.naming import inner, joint_of, named
@@ -52,7 +52,7 @@ def planted(kind, name="comau-nj130"):
 def measured(made):
     """Run, setup and the model of the geometry that the run shows."""
     run, cell = loaded(made)
-    setup = locate_gauge(run_rig(cell, run), run)
+    setup = locate_gauge(setup_for_run(cell, run), run)
     run = replace(run, samples=seen(run.samples, run.readings, run.continuous))
     return run, setup, identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]
 

@@ -38,7 +38,7 @@ from tests.identification.test_jacobian import agreeing
 
 def everything(setup, n, rng):
     """Samples with every column, all of them at random."""
-    s = rigs.samples(setup.robot, n, rng, force=setup.kind == "length")
+    s = rigs.samples(setup.robot, n, rng, force=setup.gauge.is_attached)
     N = setup.robot.n_joints
     return Samples(
         **{
@@ -51,7 +51,7 @@ def everything(setup, n, rng):
             "torque": rng.normal(0, 100, (n, N)),
             "direction": rng.choice([-1.0, 1.0], (n, N)),
             "speed": rng.normal(0, 0.5, (n, N)),
-            "length": rng.uniform(0.3, 0.5, n) if setup.kind == "length" else None,
+            "length": rng.uniform(0.3, 0.5, n) if setup.gauge.is_attached else None,
             "reversals": s.q[:, :, None] + rng.normal(0, 0.1, (n, N, 3)),
         }
     )
@@ -61,7 +61,7 @@ def column_and_differences(setup, s, target, parameter):
     """Column (n, r) of one parameter, and fourth-order differences of minus the residual, about a value of its size."""
     model = Model(setup, (parameter,))
     at, h = 0.3 * parameter.prior, 0.3 * parameter.prior
-    target = agreeing(model, s, np.array([at])) if setup.kind == "pose" else target
+    target = agreeing(model, s, np.array([at])) if setup.gauge.angles else target
     moved = [model.residual(s, target, np.array([at + k * h])) for k in (-2, -1, 1, 2)]
     found = -(moved[0] - 8 * moved[1] + 8 * moved[2] - moved[3]) / (12 * h)
     return model.rows(s, np.array([at]))[:, :, 0], found

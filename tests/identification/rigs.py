@@ -8,12 +8,21 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.cell.setup import MeasurementSetup, Targets, setup_of
 from planner.effects.parameters import compliance_parameters
+from planner.gauges.ball_socket import BallSocket
+from planner.gauges.bar import DoubleBallBar
+from planner.gauges.tracker import PoseTracker, Tracker
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.runs.run import Readings, Samples
 
 KINDS = ("length", "position", "pose", "sockets")
+GAUGES = {
+    "length": DoubleBallBar(noise=1e-6),
+    "position": Tracker(noise=1e-6),
+    "pose": PoseTracker(noise=1e-6),
+    "sockets": BallSocket(noise=1e-6),
+}
 PLACES, POINTS, SOCKETS = 3, 2, 4
 ROBOTS = ("comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120", "abb-irb6700")
 
@@ -27,7 +36,7 @@ def setup(robot_name: str, kind: str, rng: np.random.Generator) -> MeasurementSe
     return replace(
         base,
         robot=robot,
-        kind="position" if kind == "sockets" else kind,
+        gauge=GAUGES[kind],
         p_BX=rng.normal((0.0, 0.0, 3.0), 1.0, (PLACES, 3)),
         R_BG=turned if kind != "length" else np.broadcast_to(np.eye(3), (PLACES, 3, 3)),
         p_BG=rng.normal(0.0, 1.0, (PLACES, 3)) if kind != "length" else np.zeros((PLACES, 3)),

@@ -21,7 +21,7 @@ def test_a_wrong_share_of_the_joints_in_the_noise_does_not_make_it_over_confiden
 
 def test_heavy_tails_leave_the_robust_fit_unbiased_and_not_over_confident():
     w = world("comau-nj130", 120)
-    noise = Noise(w.model.setup.noise, w.model.setup.joint_sigma, shape="heavy")
+    noise = Noise(w.model.setup.gauge.noise, w.model.setup.joint_sigma, shape="heavy")
     t = trials(w, 200, noise, seed=3, robust=True)
     assert np.abs(t.z.mean(axis=0)).max() < 4 * t.z.std(axis=0).max() / np.sqrt(200)
     assert (covered(t) / 200).mean() > 0.93

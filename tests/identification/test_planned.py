@@ -14,7 +14,7 @@ from planner.design.selection.exchange_search import exchange_poses
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, run_rig
+from planner.identification.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
 from tests.generator.poses import at_targets, shell_points
@@ -36,7 +36,7 @@ def planned(reference):
     model, _, rows = identify_candidates(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()))
     q = q[exchange_poses(rows, POSES, "O2", starts=1).chosen]
     run = Run("made", Samples(q, np.zeros(POSES, dtype=int)), Readings(length=np.zeros(POSES)), ("A",))
-    setup = locate_gauge(run_rig(cell, run), run)
+    setup = locate_gauge(setup_for_run(cell, run), run)
     fitted = identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]
     return model, World(arm, q, np.arange(POSES) * 20.0, fixture, tool, run, cell, fitted)
 
@@ -64,7 +64,7 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
     """
     plan, w = planned(reference)
     predicted = predict_covariance(plan.jacobian(w.q), plan.noise(w.q)[:, None])
-    noise = Noise(plan.setup.noise, plan.joint_sigma)
+    noise = Noise(plan.setup.gauge.noise, plan.joint_sigma)
     off, stated = [], []
     for k in range(FITS):
         rng = np.random.default_rng([8, k])

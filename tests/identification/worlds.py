@@ -18,7 +18,7 @@ from planner.identification.covariance import parameter_covariance
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, run_rig
+from planner.identification.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Run
@@ -114,7 +114,7 @@ def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
     arm = arm_of(name)
     made = BUILD[motion](arm, n, seed=seed, logs=(), **({"repeats": 0.0} if motion == "static" else {"waypoints": 30}))
     run, cell = loaded(made)
-    setup = locate_gauge(run_rig(cell, run), run)
+    setup = locate_gauge(setup_for_run(cell, run), run)
     model = identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]
     fixture, tool = setup.p_BX[0], setup.p_FM[0]
     return World(arm, made.scene.q, made.scene.t, fixture, tool, run, cell, model)
@@ -122,7 +122,7 @@ def world(name="comau-nj130", n=120, motion="static", seed=11) -> World:
 
 def declared(w: World) -> Noise:
     """The noise that the cell and the robot's data sheet state."""
-    return Noise(w.model.setup.noise, w.model.setup.joint_sigma)
+    return Noise(w.model.setup.gauge.noise, w.model.setup.joint_sigma)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
-from planner.identification.run_setup import run_rig
+from planner.identification.run_setup import setup_for_run
 from planner.instruments.loaded.evaluation import evaluate_loaded
 from planner.runs.run import Readings, Run, Samples
 
@@ -39,7 +39,7 @@ def run_of(way, length, force=None, places=("A",), place=0):
 
 
 def setup(run):
-    return run_rig(cell(), run)
+    return setup_for_run(cell(), run)
 
 
 @cache

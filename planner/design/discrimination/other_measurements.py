@@ -89,7 +89,7 @@ def propose_measurements(
             yield OtherMeasurement(
                 "driving the path both ways (motion.both_ways = true)", replace(few, samples=few.samples + back)
             )
-    if few.model.setup.kind == "length":
+    if few.model.setup.gauge.is_attached:
         yield from _second_fixture(cell, few, scale, poses, seed)
         longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)

@@ -172,7 +172,7 @@ def _declared_variance(cell: Cell, samples: Samples) -> Array:
     """Mean square distance of a centring from where it should be, by repeatability and noise, (m,) [m²]."""
     model = Model.from_cell(cell)
     shaken = (model.joint_rows(samples) ** 2).sum(axis=(1, 2))
-    return np.asarray(3 * model.setup.noise**2 + model.setup.joint_sigma**2 * shaken)
+    return np.asarray(3 * model.setup.gauge.noise**2 + model.setup.joint_sigma**2 * shaken)
 
 
 def _diameter(x: Array) -> float:

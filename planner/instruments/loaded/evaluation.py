@@ -10,7 +10,8 @@ from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, read_only
 from planner.gauges.placement.frames import place_points
-from planner.identification.run_setup import flange_poses, run_rig
+from planner.gauges.run_places import flange_poses
+from planner.identification.run_setup import setup_for_run
 from planner.instruments.loaded.checks import (
     check_cell,
     check_measured_loads,
@@ -135,7 +136,7 @@ def evaluate_loaded(
         NoSolutionError: the fit does not come to rest.
     """
     check_cell(cell)
-    setup = run_rig(cell, run)
+    setup = setup_for_run(cell, run)
     options = options or LoadedOptions()
     curves = average_curves(setup, run, _overshoot(cell, options.overshoot))
     check_measured_loads(cell, curves, run.name)

@@ -17,7 +17,7 @@ from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
-from planner.identification.run_setup import add_motion, locate_gauge, run_rig
+from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
 from planner.instruments.loaded.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
 from planner.model.model import Model
@@ -210,7 +210,7 @@ def fit_jointly(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) 
     """
     _check(unloaded, loaded)
     whole_run = join_runs([add_motion(run) for run in (at_rest(unloaded), loaded)])
-    setup = replace(locate_gauge(run_rig(cell, whole_run), whole_run), loaded=loaded.places)
+    setup = replace(locate_gauge(setup_for_run(cell, whole_run), whole_run), loaded=loaded.places)
     own = [whole_run.places.index(p) for p in loaded.places]
     whole = Model.of(setup, cell.plan.free).plus(list(use_held_torques(compliance_parameters(setup))))
     whole_run = _with_balanced_torque(whole_run, whole, np.zeros(len(whole.parameters)))
@@ -243,7 +243,7 @@ def _disagreement(model: Model, run: Run, under: np.ndarray, rms: tuple[float, f
     for part, left, words in ((~under, rms[0], "without load"), (under, rms[1], "under load")):
         alone = fit(FitProblem.of(model, run.take(part)))
         own = _rms(alone.problem.residual(alone.errors))
-        if left > DISAGREEMENT * float(np.hypot(own, model.setup.noise)):
+        if left > DISAGREEMENT * float(np.hypot(own, model.setup.gauge.noise)):
             return (
                 f"the runs without load and under load disagree: fitted together, {left / UM:.1f} µm are left {words}, "
                 f"by itself that run leaves {own / UM:.1f} µm; were both measured on one robot, at the fixtures that "

@@ -29,7 +29,7 @@ class Constraints:
     ) -> None:
         cell = cell.at(fixture)
         scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
-        bar = bar and cell.gauge.is_bar
+        bar = bar and cell.gauge.is_attached
         self.cell, self.bar, self.room = cell, bar, room
         self.workspace = Workspace(cell, fixture, bar)
         self.scene = scene if bar else scene.without_bar()

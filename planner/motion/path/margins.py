@@ -7,7 +7,6 @@ import numpy as np
 
 from planner.cell.workspace import Workspace, axis_reach
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import tilt_angle
 from planner.kinematics.bodies import Body
 from planner.motion.collision.pieces import SceneBody
 from planner.motion.collision.scene import Scene
@@ -38,14 +37,10 @@ class WorkspaceBounds:
         if not self.workspace.bar:
             return np.column_stack([limits, *sums])
         fixture = cell.fixtures[self.workspace.fixture]
-        reach = [pose.length - gauge.length_min, gauge.length_max - pose.length]
-        cones = [
-            gauge.cone_fixture - tilt_angle(pose.direction, fixture.axis_B),
-            gauge.cone_map - tilt_angle(-pose.direction, pose.axis),
-        ]
+        own = [gauge.margins(stage, fixture, pose.x, pose.axis) for stage in dict(gauge.margin_columns)]
         limit = cell.cable.tool_about_bar
         spin = [] if limit is None else [limit - np.abs(pose.spin)]
-        return np.column_stack([limits, *reach, *cones, *sums, *spin])
+        return np.column_stack([limits, *own, *sums, *spin])
 
     def changes(self, spokes: Array, far: Travel) -> Array:
         """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""
@@ -54,13 +49,12 @@ class WorkspaceBounds:
         sums = [step[:, :, axes].sum(axis=2).max(axis=1) for axes, _ in cell.cable.sums]
         if not self.workspace.bar:
             return np.column_stack([limits, *sums])
-        cones = [far.swing, far.swing + far.turn]
         spin = []
         if cell.cable.tool_about_bar is not None:
             # carried along the sphere at a tilt of c, a line turns at tan(c/2) times the rate of the direction
             at_fixture, at_map = np.tan(cell.gauge.cone_fixture / 2), np.tan(cell.gauge.cone_map / 2)
             spin = [far.turn + far.swing * at_fixture + (far.swing + far.turn) * at_map]
-        return np.column_stack([limits, far.stretch, far.stretch, *cones, *sums, *spin])
+        return np.column_stack([limits, *cell.gauge.margin_changes(far), *sums, *spin])
 
 
 @dataclass(frozen=True)

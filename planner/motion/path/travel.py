@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.gauge import PointTravel
 from planner.cell.workspace import axis_reach, parallel_transport, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
@@ -98,22 +99,14 @@ FAR = np.inf
 
 
 @dataclass(frozen=True)
-class Travel:
+class Travel(PointTravel):
     """Bounds over n neighbourhoods.
 
     Attributes:
         step: largest |Δθ| of each joint, (n, N) [rad].
-        move: path length of the MAP from the centre to any point, (n,) [m].
-        stretch: change of the bar's length, (n,) [m].
-        swing: path length of the bar's direction, (n,) [rad].
-        turn: of the tool, (n,) [rad].
     """
 
     step: Array
-    move: Array
-    stretch: Array
-    swing: Array
-    turn: Array
 
 
 def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
@@ -137,7 +130,7 @@ def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
     spinning = np.linalg.norm(np.einsum("nij,nmj->nmi", pose.W, spokes), axis=2).max(axis=1)
     earlier = np.cumsum(step, axis=1) - step
     turn = spinning + np.einsum("nj,nj->n", step, earlier) / 2
-    return Travel(step, move, stretch, swing, turn)
+    return Travel(move, stretch, swing, turn, step)
 
 
 def curvature(step: Array, reach: Array) -> Array:

@@ -119,11 +119,11 @@ def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     """Variance of one turn's harmonics, (H,) [m²]: the gauge's in all, the arm's repeatability in the first few."""
     B = len(q)
     model = Model(setup, ())
-    arm = float(np.mean(model.noise(q) ** 2)) - setup.noise**2
+    arm = float(np.mean(model.noise(q) ** 2)) - setup.gauge.noise**2
     count = harmonic_counts(B)
     few = np.zeros(len(count))
     few[:SMOOTH] = arm * count.sum() / count[:SMOOTH].sum()
-    return np.asarray(few + setup.noise**2)
+    return np.asarray(few + setup.gauge.noise**2)
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:

@@ -1,0 +1,279 @@
+"""The protocol of a gauge.
+
+A gauge says what one reading is and how it changes with the measured point, where it can read, which bodies it brings,
+what has to be found before its readings mean anything, and which errors are its own. Everything else asks the gauge and
+never its kind. Each kind is one file in ``planner.gauges`` and is registered by ``register_gauge``.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel
+
+from planner.cell.file import CellFile, PlacedFile
+from planner.common.errors import InputError
+from planner.common.schema import validate
+from planner.common.units import MM, UM, Array, from_deg
+from planner.kinematics.bodies import Body
+from planner.kinematics.chain import ForwardPass
+from planner.kinematics.robot import Robot
+from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
+from planner.runs.run import Readings, Run, Samples
+
+if TYPE_CHECKING:
+    from planner.cell.cell import Cell, Fixture, IndicatorHead
+    from planner.cell.setup import MeasurementSetup, Targets
+
+FilterStage = str
+BodyCarrier = Literal["world", "flange", "housing", "rod"]
+
+
+@dataclass(frozen=True)
+class GaugeBody:
+    """One body that a gauge brings into the cell.
+
+    Attributes:
+        body: the shape, in the frame of its carrier.
+        carrier: the base frame, the flange, or a line between place and tool point: ``housing`` begins at the place,
+            ``rod`` at the tool point, both with z from the place to the tool point; they are there only while it reads.
+        ball: which ball of an artifact it is, or −1.
+        tip: whether it may touch the ball that is measured.
+    """
+
+    body: Body
+    carrier: BodyCarrier
+    ball: int = -1
+    tip: bool = False
+
+
+@dataclass(frozen=True)
+class PointTravel:
+    """Bounds on how far a neighbourhood of joint states moves the measured point, one entry a neighbourhood.
+
+    Attributes:
+        move: path length of the point [m].
+        stretch: change of its distance from the place [m].
+        swing: path length of the direction from the place to it [rad].
+        turn: of the tool [rad].
+    """
+
+    move: Array
+    stretch: Array
+    swing: Array
+    turn: Array
+
+
+@dataclass(frozen=True)
+class Gauge(ABC):
+    """What every kind of gauge has and does.
+
+    Attributes:
+        noise: standard deviation of one number of a reading [m]; ``noise_angle`` of one angle [rad].
+        length_min, length_max: range of the reading [m].
+        cone_fixture, cone_map: largest tilt at the place and at the tool point [rad].
+        trim: what is left free of bodies before the tool point [m].
+        radius: of what stands at the place [m].
+        zero_free: whether its readings have a zero that is unknown.
+        head: indicators that are centred on balls, where it has them.
+    """
+
+    noise: float
+    noise_angle: float = 1e-4
+    length_min: float = 0.0
+    length_max: float = np.inf
+    cone_fixture: float = np.pi
+    cone_map: float = np.pi
+    trim: float = 0.0
+    radius: float = 0.0
+    zero_free: bool = False
+    head: "IndicatorHead | None" = None
+
+    kind: ClassVar[str]
+    default_noise_um: ClassVar[float]
+    columns: ClassVar[str]  # of a run that hold its readings
+    plural: ClassVar[str]  # what its readings are called
+    width: ClassVar[int] = 1  # numbers in one reading
+    angles: ClassVar[int] = 0  # how many of them, at the end, are angles
+    plannable: ClassVar[bool] = True
+    needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
+    is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
+    has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
+    frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
+    is_surveyed: ClassVar[bool] = False  # whether its declared frame is known well enough to warn of another
+    OwnKeys: ClassVar[type[BaseModel] | None] = None  # keys of ``[gauge]`` that only this kind has
+
+    # ---- the cell file
+
+    @classmethod
+    def read(cls, path: Path, file: CellFile, planning: bool) -> Self:
+        """Return the gauge of a cell file; for identification alone its range may be missing.
+
+        Raises:
+            InputError: a key is missing, or contradicts another.
+        """
+        g = file.gauge
+        if g.length_mm is None and planning and cls.needs_range:
+            raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
+        shortest, longest = g.length_mm or (0.0, np.inf)
+        return cls(
+            noise=(g.noise_um or cls.default_noise_um) * UM,
+            noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
+            length_min=shortest * MM,
+            length_max=longest * MM,
+            cone_fixture=float(from_deg(g.cone_deg.fixture)),
+            cone_map=float(from_deg(g.cone_deg.map)),
+            trim=g.body.trim_mm * MM,
+            **cls.read_own(path, file, planning),
+        )
+
+    @classmethod
+    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+        """Return the fields that only this kind has, from ``OwnKeys`` or from sections of the cell file."""
+        own = cls.OwnKeys
+        return {} if own is None else dict(validate(file.gauge.own, own, f"{path}: [gauge]"))
+
+    @classmethod
+    @abstractmethod
+    def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple["Fixture", ...]:
+        """Return the places at which it stands, for planning.
+
+        Raises:
+            InputError: a section is missing, or one is there that this gauge has no use for.
+        """
+
+    # ---- one reading
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviation of each number of a reading, (r,) [m, rad], without the robot's repeatability."""
+        return np.array([self.noise] * (self.width - self.angles) + [self.noise_angle] * self.angles)
+
+    @abstractmethod
+    def residual(self, setup: "MeasurementSetup", samples: Samples, motion: ForwardPass, targets: "Targets") -> Array:
+        """Return reading − prediction, (n, r) [m, rad], where the motion puts the measured point."""
+
+    @abstractmethod
+    def project(self, setup: "MeasurementSetup", samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+        """Return the change of the reading per unit of the transforms ``which``, (k, r, n): projected screws."""
+
+    @abstractmethod
+    def targets(self, setup: "MeasurementSetup", samples: Samples, readings: Readings) -> "Targets":
+        """Bring readings to the base frame, as far as it is known where the gauge stands."""
+
+    @abstractmethod
+    def zero_targets(self, n: int) -> "Targets":
+        """Return targets whose residuals are minus the prediction."""
+
+    @abstractmethod
+    def readings(self, values: Array) -> Readings:
+        """Return readings with the values (n, r) [m, rad]."""
+
+    def simulate(
+        self, cell: "Cell", samples: Samples, predict: Callable[[Samples], Array],
+        slopes: Callable[[Samples], Array], noise: Array,
+    ) -> tuple[Samples, Readings]:  # fmt: skip
+        """Return samples as they are recorded and their readings.
+
+        Args:
+            cell: the cell.
+            samples: where the arm is told to stand.
+            predict: exact readings for samples, (n, r) [m, rad], in the base frame.
+            slopes: their derivative by the joint angles, (n, r, N).
+            noise: of each number, (n, r) [m, rad].
+        """
+        return samples, self.readings(predict(samples) + noise)
+
+    def reference_readings(self, cell: "Cell", rng: np.random.Generator) -> ReferenceReadings:
+        """Return what is read before the poses."""
+        return NO_REFERENCE_READINGS
+
+    def range_warnings(self, readings: Readings) -> tuple[str, ...]:
+        """Say how many simulated readings the gauge could not have made."""
+        return ()
+
+    def for_run(self, run: Run) -> "Gauge":
+        """Return the gauge that gives the readings of a run: some can give more than the cell file says."""
+        return self
+
+    # ---- what is unknown of it
+
+    @abstractmethod
+    def parameters(self, setup: "MeasurementSetup", free: frozenset[str]) -> Iterator[Any]:
+        """Yield the parameters that place the gauge and the targets on the tool."""
+
+    @abstractmethod
+    def lag_moves(self) -> tuple[Any, ...]:
+        """Return how a late clock shows in the reading, per second."""
+
+    def errors(self, site: Any) -> Iterator[Any]:
+        """Yield the effects of the catalogue that are errors of the gauge itself."""
+        return iter(())
+
+    @abstractmethod
+    def coordinates(self, context: Any) -> Iterator[tuple[str, Array]]:
+        """Yield what a residual may depend on, by name: where the gauge reads, (n, k) or (n,)."""
+
+    def pull_direction(self, context: Any) -> Array | None:
+        """Direction (n, 3) from the place to the tool point, along which it pulls; ``None``: it does not pull."""
+        return None
+
+    # ---- frames to be found
+
+    def declared_frame(self, file: CellFile) -> PlacedFile | None:
+        """Return the section of the cell file that says where its frame stands; ``None``: it has no frame."""
+        return None
+
+    @abstractmethod
+    def number_places(self, setup: "MeasurementSetup", cell: "Cell", run: Run) -> "MeasurementSetup":
+        """Return the setup with its places as the run numbers them.
+
+        Raises:
+            InputError: the run names one that the cell does not have.
+        """
+
+    @abstractmethod
+    def place(self, setup: "MeasurementSetup", run: Run, p_FM: Array | None) -> "MeasurementSetup":
+        """Return the setup with what is not known found from the run; ``p_FM`` (T, 3) [m] where the cell has it.
+
+        Raises:
+            InputError, NoSolutionError: the run cannot tell where the gauge stands.
+        """
+
+    def needs_new_frames(self, setup: "MeasurementSetup", run: Run) -> bool:
+        """Tell whether the run stands in frames that the setup does not know."""
+        return False
+
+    def check_run(self, cell: "Cell", run: Run) -> None:
+        """Check that the run's readings can be this gauge's.
+
+        Raises:
+            InputError: another gauge's readings, or they look like another unit.
+        """
+        if self.columns != run.readings.columns:
+            raise InputError(
+                f"{run.name}: has readings '{run.readings.columns}', but the gauge '{self.kind}' of {cell.path} gives "
+                f"'{self.columns}'"
+            )
+
+    # ---- where it reads
+
+    @property
+    def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
+        """Filter and name of each margin of :meth:`margins`, filter by filter."""
+        return ()
+
+    def margins(self, stage: FilterStage, place: "Fixture", p_BM: Array, axis_B: Array) -> Array:
+        """Margins of one filter at tool points (n, 3) [m] with axes (n, 3), (n, c) [m or rad]; negative outside."""
+        return np.empty((len(p_BM), 0))
+
+    def margin_changes(self, travel: PointTravel) -> list[Array]:
+        """Bounds on the change of each margin over neighbourhoods, (m,) each [m or rad]."""
+        return []
+
+    def bodies(self, cell: "Cell", fixture: int) -> list[GaugeBody]:
+        """Return the bodies that it brings."""
+        return []

@@ -1,0 +1,30 @@
+"""The kinds of gauges by the names that cell files call them."""
+
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from planner.cell.gauge import Gauge
+
+G = TypeVar("G", bound="type[Gauge]")
+_KINDS: dict[str, type["Gauge"]] = {}
+
+
+def register_gauge(kind: G) -> G:
+    """Make a kind known by its name in cell files; a class decorator."""
+    _KINDS[kind.kind] = kind
+    return kind
+
+
+def gauge_kinds() -> dict[str, type["Gauge"]]:
+    """Return all kinds by their names: those of ``planner.gauges``, and any that were registered beside them."""
+    room = import_module("planner.gauges")
+    for module in sorted(m.name for m in iter_modules(room.__path__) if not m.ispkg):
+        import_module(f"planner.gauges.{module}")
+    return _KINDS
+
+
+def attached_kinds() -> tuple[str, ...]:
+    """Names of the kinds that are held between a fixture and the tool."""
+    return tuple(name for name, kind in gauge_kinds().items() if kind.is_attached)

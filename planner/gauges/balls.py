@@ -1,0 +1,150 @@
+"""What gauges share whose tool point sits in, or is centred on, one of several balls of an artifact."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from planner.cell.cell import Ball, Cell
+from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge import GaugeBody
+from planner.cell.setup import MeasurementSetup
+from planner.common.errors import InputError
+from planner.common.units import MM, UM, Array, read_only
+from planner.gauges.frame_gauge import FrameGauge
+from planner.gauges.placement.sockets import place_sockets
+from planner.gauges.run_places import flange_poses, index_in_cell, points_of
+from planner.kinematics.bodies import Body, capsule_between
+from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
+from planner.runs.run import Readings, Run, Samples
+
+INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
+NEWTON_STEPS = 8
+SHAFT_LENGTH = 30e-3  # [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
+
+
+@dataclass(frozen=True)
+class BallGauge(FrameGauge):
+    """Reads in which ball the tool point sits, and may read how far off its centre."""
+
+    columns: ClassVar[str] = "ball"
+    needs_range: ClassVar[bool] = False
+    is_surveyed: ClassVar[bool] = True
+
+    def declared_frame(self, file: CellFile) -> PlacedFile | None:
+        """Return the artifact."""
+        return file.artifact
+
+    def positions(self, setup: MeasurementSetup, readings: Readings) -> Array:
+        """Return the ball's centre and what the gauge shows beside it, in the artifact's frame, (n, 3) [m]."""
+        assert readings.ball is not None
+        return np.asarray(setup.p_GS[readings.ball] + (0.0 if readings.offset is None else readings.offset))
+
+    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+        """Return the setup with plates and balls as the run numbers them; a single plate needs no name."""
+        names = run.places if len(run.places) > 1 else ("",)
+        setup = super().number_places(setup, cell, replace(run, places=names))
+        balls = tuple(b.name for b in cell.balls)
+        return replace(setup, p_GS=setup.p_GS[[index_in_cell(run, name, balls, "ball", cell) for name in run.balls]])
+
+    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+        """Find the plates, and the tool points where the cell has none."""
+        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        r = run.readings
+        assert r.ball is not None
+        plate = place_sockets(
+            p_BF, R_BF, r.ball, run.samples.place, points_of(run), setup.p_GS, offset=r.offset, p_FM=p_FM
+        )
+        return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
+
+    def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
+        """Another run may have been measured on a plate that was set down anew."""
+        return True
+
+    def check_run(self, cell: Cell, run: Run) -> None:
+        """Refuse a run without balls in the cell, or distances from a ball's centre in another unit than is said."""
+        super().check_run(cell, run)
+        if not cell.balls:
+            raise InputError(
+                f"{cell.path}: a gauge '{self.kind}' needs [[balls]] with their positions in the plate's frame"
+            )
+        offset = run.readings.offset
+        if offset is None or self.head is None:
+            return
+        far = np.flatnonzero(np.abs(offset).max(axis=1) > self.head.range)
+        if len(far):
+            found = np.abs(offset[far[0]]).max() / MM
+            raise InputError(
+                f"{run.where(int(far[0]))}: the ball is {found:.4g} mm off centre, but the indicators "
+                f"(gauge.head.range_mm) move by {self.head.range / MM:g} mm in all: are dx_mm, dy_mm, dz_mm in "
+                "millimetres?"
+            )
+
+    def simulate(
+        self, cell: Cell, samples: Samples, predict: Callable[[Samples], Array],
+        slopes: Callable[[Samples], Array], noise: Array,
+    ) -> tuple[Samples, Readings]:  # fmt: skip
+        """Centre the tool point on the ball nearest to each planned pose, millimetres away (Newton)."""
+        ball = np.argmin(np.linalg.norm(cell.map_position(samples.q)[:, None] - cell.p_BS[None], axis=2), axis=1)
+        goal = cell.p_BS[ball] + noise
+        for _ in range(NEWTON_STEPS):
+            missing = goal - predict(samples)
+            step = np.einsum("nij,nj->ni", np.linalg.pinv(slopes(samples)), missing)
+            samples = replace(samples, q=samples.q + step)
+        return replace(samples, q=read_only(samples.q)), Readings(ball=ball)
+
+    def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
+        """Return the indicators at the master ball, before and after."""
+        if self.head is None:
+            return NO_REFERENCE_READINGS
+        wanted = self.head.master / 2 - cell.balls[0].radius
+        masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
+        return ReferenceReadings(masters=masters)
+
+    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+        """The indicators' tips on the flange, and the artifact with balls and stems as the cell says that it stands."""
+        if self.head is None:
+            return []
+        return [*self._tips(cell), *_artifact(cell)]
+
+    def _tips(self, cell: Cell) -> Iterator[GaugeBody]:
+        """Tips where they stand when a ball is centred (TriCal paper, 2.1).
+
+        The round end of the capsule stands out of the flat disk by as much as its rim is cut off.
+        """
+        assert self.head is not None
+        radius, touch = self.head.tip / 2, min(b.radius for b in cell.balls)
+        for k, axis in enumerate(self.head.axes_F):
+            a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, SHAFT_LENGTH))
+            yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
+
+
+def _artifact(cell: Cell) -> list[GaugeBody]:
+    place = cell.fixtures[0]
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = place.R_BX, place.p_BX
+    carrier = [replace(b, T=read_only(T @ b.T)) for b in cell.carrier]
+    stems = [s for b in cell.balls if (s := _stem(b, T)) is not None]
+    return [
+        *(GaugeBody(b, "world") for b in (*carrier, *stems)),
+        *(GaugeBody(_ball(b, T), "world", ball=k) for k, b in enumerate(cell.balls)),
+    ]
+
+
+def _ball(ball: Ball, T: Array) -> Body:
+    place = np.eye(4)
+    place[:3, 3] = ball.p_GS
+    return Body(f"ball {ball.name}", "sphere", (ball.radius,), read_only(T @ place))
+
+
+def _stem(ball: Ball, T: Array) -> Body | None:
+    """A capsule that begins inside the ball, so that its round end does not stand out of it."""
+    if ball.stem is None:
+        return None
+    way = ball.stem - ball.p_GS
+    length = float(np.linalg.norm(way))
+    start = min(ball.radius - ball.stem_radius, length)
+    name = f"stem of ball {ball.name}"
+    body = capsule_between(name, ball.p_GS + way / length * max(start, 0.0), ball.stem, ball.stem_radius)
+    return replace(body, T=read_only(T @ body.T))

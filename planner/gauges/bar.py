@@ -1,0 +1,229 @@
+"""Double ball bars: a bar between a fixed ball and the tool reads the distance of both balls, free or under load."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from planner.cell.cell import Cell, Fixture
+from planner.cell.file import CellFile
+from planner.cell.gauge import GaugeBody
+from planner.cell.gauge_registry import register_gauge
+from planner.cell.places import read_fixtures
+from planner.cell.setup import MeasurementSetup, Targets
+from planner.common.errors import InputError
+from planner.common.units import MM, Array, read_only
+from planner.effects.basis import AtPlace
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Excitation
+from planner.effects.gauge_errors import ball_centres, length_gauge_errors, scale_interpolation
+from planner.effects.gauge_functions import LengthLag
+from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
+from planner.gauges.lines import LineGauge
+from planner.gauges.placement.lengths import place_lengths
+from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
+from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.bodies import capsule_between
+from planner.kinematics.chain import ForwardPass
+from planner.kinematics.robot import Robot
+from planner.runs.run import Readings, Run, Samples
+
+PRIOR_ZERO = 1.0 * MM
+
+
+@dataclass(frozen=True)
+class LengthGauge(LineGauge):
+    """Reads the distance from a fixture to the tool point, and is held between them.
+
+    Attributes:
+        housing: length of the part that goes with the fixture [m]; rod_radius [m] of the part that goes with the tool.
+    """
+
+    housing: float = 0.0
+    rod_radius: float = 0.0
+
+    columns: ClassVar[str] = "length_mm"
+    plural: ClassVar[str] = "lengths"
+    is_attached: ClassVar[bool] = True
+    has_zero: ClassVar[bool] = True
+
+    @classmethod
+    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+        """Return zero and body.
+
+        Raises:
+            InputError: the body is longer than the shortest length.
+        """
+        g, body = file.gauge, file.gauge.body
+        if planning and g.length_mm is not None and body.housing_mm + body.trim_mm > g.length_mm[0]:
+            raise InputError(
+                f"{path}: gauge.body.housing_mm = {body.housing_mm:g} and the trim of {body.trim_mm:g} mm at the far "
+                f"ball do not fit into the shortest length {g.length_mm[0]:g} mm"
+            )
+        return {
+            "zero_free": g.zero == "free",
+            "radius": body.radius_mm * MM,
+            "housing": body.housing_mm * MM,
+            "rod_radius": body.rod_radius_mm * MM,
+        }
+
+    @classmethod
+    def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
+        """Return the fixtures, once for each tool point."""
+        if not file.fixtures:
+            raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
+        return read_fixtures(path, robot, file)
+
+    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+        """Length read less the distance of tool point and fixture, (n, 1) [m]."""
+        assert targets.length is not None
+        return (targets.length - bar_state(motion.x.T, setup.p_BX[samples.place]).length)[:, None]
+
+    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+        """Components of the screws along the bar, (k, 1, n)."""
+        e = bar_state(motion.x.T, setup.p_BX[samples.place]).direction
+        return np.asarray(np.einsum("kin,ni->kn", motion.point_screws(which), e)[:, None])
+
+    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+        """Return the lengths less the zero as far as it is known."""
+        assert readings.length is not None
+        return Targets(length=readings.length - setup.zero)
+
+    def zero_targets(self, n: int) -> Targets:
+        """Return lengths of zero."""
+        return Targets(length=np.zeros(n))
+
+    def readings(self, values: Array) -> Readings:
+        """Return lengths."""
+        return Readings(length=read_only(values[:, 0]))
+
+    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+        """Fixtures, tool points and zeros, as far as they are free."""
+        if "fixture" in free:
+            yield from _fixture_parameters(setup)
+        if "tool" in free:
+            yield from tool_parameters(setup)
+        if "zero" in free:
+            yield from _zero_parameters(setup)
+
+    def lag_moves(self) -> tuple[ParameterMove, ...]:
+        """Return how a late clock shows in the length."""
+        return reading_move(LengthLag())
+
+    def errors(self, site: Excitation) -> Iterator[Effect]:
+        """Yield scale, sag, growth and lag, balls off their centres, and the scale's own period."""
+        yield from length_gauge_errors(site)
+        yield from ball_centres(site)
+        yield from scale_interpolation(site)
+
+    def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
+        """Yield length and direction of the bar."""
+        yield "length", context.bar.length
+        yield "direction of the bar", context.bar.direction
+
+    def pull_direction(self, context: Context) -> Array | None:
+        """Return the bar's direction."""
+        return context.bar.direction
+
+    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+        """Return the setup with the fixtures as the run numbers them; without any in the cell, all are to be found."""
+        if not cell.fixtures:
+            return setup.with_unknown_places(run.places, LOCATED_SIGMA, LOCATED_TURN_SIGMA)
+        which = [index_in_cell(run, name, setup.place_names, "fixture", cell) for name in run.places]
+        return replace(
+            setup,
+            p_BX=setup.p_BX[which],
+            place_prior=setup.place_prior[which],
+            place_names=tuple(setup.place_names[k] for k in which),
+        )
+
+    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+        """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""
+        if len(setup.p_BX) and p_FM is not None:
+            return setup
+        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        known = setup.p_BX if len(setup.p_BX) else None
+        assert run.readings.length is not None
+        bar = place_lengths(p_BF, R_BF, run.readings.length, run.samples.place, points_of(run), p_FM, known)
+        prior = setup.place_prior if known is not None else np.full(len(bar.p_BX), LOCATED_SIGMA)
+        return replace(setup, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
+
+    def range_warnings(self, readings: Readings) -> tuple[str, ...]:
+        """Count the lengths at which the bar would be pulled off."""
+        length = readings.length
+        assert length is not None
+        out = (length < self.length_min) | (length > self.length_max)
+        if not out.any():
+            return ()
+        low, high = self.length_min * 1e3, self.length_max * 1e3
+        return (
+            f"{out.sum()} of {len(length)} lengths lie outside the bar's {low:g} … {high:g} mm: with these errors it "
+            "would be pulled off there",
+        )
+
+    def check_run(self, cell: Cell, run: Run) -> None:
+        """Refuse lengths in another unit than their column says."""
+        super().check_run(cell, run)
+        length = run.readings.length
+        assert length is not None
+        if not np.isfinite(self.length_max):
+            return
+        low, high = self.length_min, self.length_max
+        middle, typical = float(np.sqrt(max(low, 1e-3) * high)), float(np.median(np.abs(length)))
+        for factor, words in ((1e-3, "metres in a column of millimetres"), (1e3, "millimetres in a column of metres")):
+            if 0.2 < typical / (middle * factor) < 5:
+                raise InputError(
+                    f"{run.name}: the lengths are about {typical / MM:.4g} mm, but the bar reaches from {low / MM:g} "
+                    f"to {high / MM:g} mm: these look like {words}"
+                )
+
+    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+        """Housing along z from the fixture's ball, rod along −z from the tool's ball, together always the whole bar."""
+        rod_length = min(self.length_max - self.housing, self.length_min - self.trim)
+        housing_length = max(self.housing, self.length_max - rod_length)
+        z = np.array([0.0, 0.0, 1.0])
+        start = self.trim + self.radius
+        housing = capsule_between("bar housing", z * start, z * max(housing_length - self.radius, start), self.radius)
+        start = self.trim + self.rod_radius
+        rod = capsule_between("bar rod", -z * start, -z * max(rod_length - self.rod_radius, start), self.rod_radius)
+        return [GaugeBody(housing, "housing"), GaugeBody(rod, "rod")]
+
+
+@register_gauge
+@dataclass(frozen=True)
+class DoubleBallBar(LengthGauge):
+    """The extended double ball bar (EDBB)."""
+
+    kind: ClassVar[str] = "edbb"
+    default_noise_um: ClassVar[float] = 1.0
+
+
+@register_gauge
+@dataclass(frozen=True)
+class LoadedBar(DoubleBallBar):
+    """The loaded double ball bar (LDBB): it pulls while it reads."""
+
+    kind: ClassVar[str] = "ldbb"
+
+
+def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    """A fixture that lies further out looks like a base that stands further back, hence the sign."""
+    for s, name in enumerate(setup.place_names):
+        label = f"fixture_{name}" if name else "fixture"
+        prior = float(setup.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of fixture {name} along {axis}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, AtPlace(s, -1.0)), "gauge")
+
+
+def _zero_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    """One zero, or where a loaded bar stands beside another one for each of the two."""
+    under = [name in setup.loaded for name in setup.place_names]
+    if all(under) or not any(under):
+        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading_move(), "gauge")
+        return
+    for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
+        moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))
+        yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")

@@ -1,0 +1,141 @@
+"""What gauges with a frame of their own share: they read positions in it, and it has to be found."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from planner.cell.cell import Cell, Fixture
+from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge_registry import attached_kinds
+from planner.cell.places import placed_frame, read_joint_angles
+from planner.cell.setup import MeasurementSetup, Targets
+from planner.common.errors import InputError
+from planner.common.units import MM, Array, from_deg, read_only
+from planner.effects.basis import ONE, AtPlace
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Excitation
+from planner.effects.gauge_errors import position_gauge_errors
+from planner.effects.gauge_functions import PointLag
+from planner.effects.parameters import Parameter, ParameterMove, tool_parameters, transform_move
+from planner.gauges.lines import LineGauge
+from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA
+from planner.kinematics.chain import ForwardPass
+from planner.kinematics.robot import Robot
+from planner.runs.run import Readings, Run, Samples
+
+
+@dataclass(frozen=True)
+class FrameGauge(LineGauge):
+    """Reads the position of the tool point in a frame of its own."""
+
+    width: ClassVar[int] = 3
+    columns: ClassVar[str] = "x_mm, y_mm, z_mm"
+    plural: ClassVar[str] = "positions"
+    frees_base: ClassVar[bool] = True
+
+    @classmethod
+    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+        """Return the section of the cell file that says where it stands.
+
+        Raises:
+            InputError: it is missing, or what it needs beside it.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
+        """Return the one unnamed place at which it stands."""
+        bars = ", ".join(attached_kinds())
+        if file.tool is not None and file.tool.points:
+            raise InputError(f"{path}: [[tool.points]] are for a bar ({bars})")
+        if file.fixtures:
+            raise InputError(f"{path}: [[fixtures]] are for a bar ({bars}); a {file.gauge.kind} has none")
+        given = file.gauge.mount_deg
+        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
+        placed = cls.placed(path, file)
+        R, p = placed_frame(placed)
+        turn = float(from_deg(placed.prior_deg))
+        return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, mount, R, turn),)
+
+    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+        """Position read less the tool point, (n, 3) [m]."""
+        assert targets.position is not None
+        return targets.position - motion.x.T
+
+    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+        """The screws themselves, (k, 3, n)."""
+        return motion.point_screws(which)
+
+    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+        """Return the positions in the base frame."""
+        place = samples.place
+        position = np.einsum("nij,nj->ni", setup.R_BG[place], self.positions(setup, readings)) + setup.p_BG[place]
+        return Targets(position=position)
+
+    def positions(self, setup: MeasurementSetup, readings: Readings) -> Array:
+        """Return the positions read, in the gauge's frame, (n, 3) [m]."""
+        assert readings.position is not None
+        return readings.position
+
+    def zero_targets(self, n: int) -> Targets:
+        """Return positions at the base."""
+        return Targets(position=np.zeros((n, 3)))
+
+    def readings(self, values: Array) -> Readings:
+        """Return positions."""
+        return Readings(position=read_only(values))
+
+    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+        """How the base stands to each frame, and the tool points where they are free."""
+        yield from _frame_parameters(setup)
+        if "tool" in free:
+            yield from tool_parameters(setup)
+
+    def lag_moves(self) -> tuple[ParameterMove, ...]:
+        """Return how a late clock shows in the position."""
+        return tuple(ParameterMove("reading", a, PointLag(a)) for a in range(3))
+
+    def errors(self, site: Excitation) -> Iterator[Effect]:
+        """Yield scale, growth, lag and refraction."""
+        yield from position_gauge_errors(site)
+
+    def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
+        """Yield the position."""
+        yield "position", context.motion.x.T
+
+    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+        """Return the setup with frames that are all to be found."""
+        return setup.with_unknown_places(run.places, LOCATED_SIGMA, LOCATED_TURN_SIGMA)
+
+    def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
+        """Tell whether the run was measured from another station."""
+        return not set(run.places) <= set(setup.place_names)
+
+
+@dataclass(frozen=True)
+class ToolPosition(FrameGauge):
+    """The tool point itself, as if it were seen without a gauge: for the errors that a robot has where it works."""
+
+    kind: ClassVar[str] = "tool-position"
+    default_noise_um: ClassVar[float] = 0.0
+
+    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+        """Return the setup as it is: the base's frame is the gauge's."""
+        return setup
+
+
+def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+    for s, name in enumerate(setup.place_names):
+        label = f"base_{name}" if name else "base"
+        whose = f" for {name}" if name else ""
+        phi = AtPlace(s) if len(setup.place_names) > 1 else ONE
+        prior = float(setup.place_prior[s])
+        for a, axis in enumerate("xyz"):
+            what = f"place of the base along {axis}{whose}"
+            yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, phi), "gauge")
+        for a, axis in enumerate("xyz"):
+            what = f"tilt of the base about {axis}{whose}"
+            yield Parameter(f"{label}_r{axis}", "rad", setup.turn_prior, what, transform_move(3 + a, phi), "gauge")

@@ -1,0 +1,43 @@
+"""Margins and joint samples of a gauge that reads along the line from a place to the tool point."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.cell.cell import Fixture
+from planner.cell.gauge import FilterStage, Gauge, PointTravel
+from planner.common.units import Array
+from planner.kinematics.bar_geometry import bar_state, tilt_angle
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True)
+class LineGauge(Gauge):
+    """A gauge whose workspace is a spherical shell about a place, narrowed by a cone at either end."""
+
+    @property
+    def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
+        """Both ends of the range, then both cones."""
+        return (
+            ("workspace", "shortest bar length"),
+            ("workspace", "longest bar length"),
+            ("cones", "tilt at the fixture"),
+            ("cones", "tilt at the tool"),
+        )
+
+    def margins(self, stage: FilterStage, place: Fixture, p_BM: Array, axis_B: Array) -> Array:
+        """Length within the range, tilts within the cones."""
+        line = bar_state(p_BM, place.p_BX)
+        if stage == "workspace":
+            return np.column_stack([line.length - self.length_min, self.length_max - line.length])
+        if stage == "cones":
+            at_place = self.cone_fixture - tilt_angle(line.direction, place.axis_B)
+            return np.column_stack([at_place, self.cone_map - tilt_angle(-line.direction, axis_B)])
+        return np.empty((len(p_BM), 0))
+
+    def margin_changes(self, travel: PointTravel) -> list[Array]:
+        """The length changes by the stretch, the tilts by the swing, at the tool by its turn as well."""
+        return [travel.stretch, travel.stretch, travel.swing, travel.swing + travel.turn]

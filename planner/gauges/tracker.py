@@ -1,0 +1,160 @@
+"""A laser tracker: it reads the position of a reflector on the tool, or position and orientation of a probe."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell.cell import Cell
+from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge import Gauge, GaugeBody
+from planner.cell.gauge_registry import register_gauge
+from planner.cell.places import nests_frame
+from planner.cell.setup import MeasurementSetup, Targets
+from planner.cell.workspace import axis_reach
+from planner.common.errors import InputError
+from planner.common.units import MM, Array, from_mm, read_only
+from planner.effects.parameters import Parameter, transform_move
+from planner.gauges.frame_gauge import FrameGauge
+from planner.gauges.placement.frames import place_points, place_poses
+from planner.gauges.run_places import flange_poses, points_of
+from planner.kinematics.bodies import capsule_between
+from planner.kinematics.chain import ForwardPass
+from planner.runs.reference_readings import ReferenceReadings
+from planner.runs.run import Readings, Run, Samples
+
+NESTS = 3  # that a frame takes
+FLAT = 0.05  # share of their spread by which the nests must leave one line
+
+
+@register_gauge
+@dataclass(frozen=True)
+class Tracker(FrameGauge):
+    """Reads the position of a reflector.
+
+    Attributes:
+        beam_radius: of the beam between tracker and reflector [m].
+    """
+
+    beam_radius: float = 0.0
+
+    kind: ClassVar[str] = "tracker"
+    default_noise_um: ClassVar[float] = 15.0
+
+    @classmethod
+    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+        """Return the beam."""
+        return {"beam_radius": 0.0 if file.tracker is None else file.tracker.beam_radius_mm * MM}
+
+    @classmethod
+    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+        """Return where the tracker stands."""
+        if file.tracker is None:
+            raise InputError(f"{path}: the section [tracker] with position_mm is missing: where the tracker stands")
+        nests = file.tracker.nests
+        if 0 < len(nests) < NESTS:
+            raise InputError(f"{path}: tracker.nests has {len(nests)} nests; a frame takes {NESTS} of them")
+        if nests and are_collinear(from_mm([n.position_mm for n in nests])):
+            raise InputError(
+                f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open"
+            )
+        return file.tracker
+
+    def declared_frame(self, file: CellFile) -> PlacedFile | None:
+        """Return the station."""
+        return file.tracker
+
+    def for_run(self, run: Run) -> Gauge:
+        """Return the tracker with a probe where the run has its orientation."""
+        if run.readings.rotation is None:
+            return self
+        return PoseTracker(**{f.name: getattr(self, f.name) for f in fields(self)})
+
+    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+        """Find the stations, and the targets where the cell has none."""
+        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        assert run.readings.position is not None
+        seen = place_points(p_BF, R_BF, run.readings.position, run.samples.place, points_of(run), p_FM)
+        return replace(setup, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
+
+    def simulate(
+        self, cell: Cell, samples: Samples, predict: Callable[[Samples], Array],
+        slopes: Callable[[Samples], Array], noise: Array,
+    ) -> tuple[Samples, Readings]:  # fmt: skip
+        """Return the positions as the tracker sees them in its own frame."""
+        place = cell.fixtures[0]
+        return samples, self.readings((predict(samples) - place.p_BX) @ place.R_BX + noise)
+
+    def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
+        """Return the nests as the tracker reads them."""
+        R_BW, p_BW = nests_frame(cell.file)
+        place = cell.fixtures[0]
+        seen = [(n.name, (R_BW @ n.p_WN + p_BW - place.p_BX) @ place.R_BX) for n in cell.nests]
+        return ReferenceReadings(tuple((name, read_only(p + self.noise * rng.standard_normal(3))) for name, p in seen))
+
+    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+        """The beam from the reflector on, past all that the robot can put in its way."""
+        reach = float(axis_reach(cell.chain.transforms, cell.robot.n_joints)[0])
+        far = float(np.linalg.norm(cell.fixtures[0].p_BX)) - reach
+        z, start = np.array([0.0, 0.0, 1.0]), self.trim + self.beam_radius
+        end = max(far, self.length_min, 2 * start)
+        return [GaugeBody(capsule_between("tracker's beam", -z * start, -z * end, self.beam_radius), "rod")]
+
+
+@dataclass(frozen=True)
+class PoseTracker(Tracker):
+    """Reads position and orientation of a probe."""
+
+    plural: ClassVar[str] = "positions and orientations"
+    width: ClassVar[int] = 6
+    angles: ClassVar[int] = 3
+
+    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+        """Position and orientation read less those of the probe, (n, 6) [m, rad]."""
+        apart = super().residual(setup, samples, motion, targets)
+        assert targets.rotation is not None
+        R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
+        return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
+
+    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+        """The screws and the axes of what turns, (k, 6, n)."""
+        turns = motion.u[which] * motion.rotation[which, None, None]
+        return np.concatenate([motion.point_screws(which), turns], axis=1)
+
+    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+        """Return positions and orientations in the base frame."""
+        point = np.zeros(len(samples), dtype=int) if samples.point is None else samples.point
+        R_BG, R_FM = setup.R_BG[samples.place], setup.R_FM[point]
+        assert readings.rotation is not None
+        R = np.einsum("nij,njk,nlk->nil", R_BG, readings.rotation, R_FM)
+        return replace(super().targets(setup, samples, readings), rotation=R)
+
+    def zero_targets(self, n: int) -> Targets:
+        """Return the base's own frame."""
+        return Targets(position=np.zeros((n, 3)), rotation=np.broadcast_to(np.eye(3), (n, 3, 3)))
+
+    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+        """Yield beside a tracker's how the probe is turned on the tool."""
+        yield from super().parameters(setup, free)
+        for axis in "xyz" if "tool" in free else "":
+            k = setup.chain.index(f"probe_r{axis}")
+            what = f"turn of the probe about {axis}"
+            yield Parameter(f"probe_r{axis}", "rad", setup.turn_prior, what, transform_move(k), "gauge")
+
+    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+        """Find the stations and how the probes sit on the flange."""
+        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        r = run.readings
+        assert r.position is not None
+        assert r.rotation is not None
+        probe = place_poses(p_BF, R_BF, r.position, r.rotation, run.samples.place, points_of(run), p_FM)
+        return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
+
+
+def are_collinear(p: Array) -> bool:
+    """Tell whether points (n, 3) lie nearly on one line."""
+    size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    return bool(size[1] < FLAT * size[0])

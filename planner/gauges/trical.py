@@ -1,0 +1,115 @@
+"""The TriCal head: three indicators that meet in the tool point are centred on the balls of an artifact."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from planner.cell.cell import IndicatorHead
+from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
+from planner.cell.gauge_registry import register_gauge
+from planner.common.errors import InputError
+from planner.common.units import MM, read_only
+from planner.gauges.balls import BallGauge
+
+SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
+
+
+@register_gauge
+@dataclass(frozen=True)
+class TriCalHead(BallGauge):
+    """A head of three indicators, read when the robot has centred it on a ball."""
+
+    kind: ClassVar[str] = "trical"
+    default_noise_um: ClassVar[float] = 3.0
+
+    @classmethod
+    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+        """Return the head."""
+        return {"head": read_head(path, file)}
+
+    @classmethod
+    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+        """Return where the artifact stands, once artifact, balls and head are checked."""
+        _check_trical(path, file)
+        assert file.artifact is not None
+        return file.artifact
+
+
+def _check_trical(path: Path, file: CellFile) -> None:
+    if file.artifact is None:
+        raise InputError(
+            f"{path}: the section [artifact] with position_mm is missing: where the balls' frame stands in the base's"
+        )
+    if not file.balls:
+        raise InputError(f"{path}: a head of indicators needs at least one [[balls]] table")
+    if file.gauge.head is None:
+        raise InputError(
+            f"{path}: the section [gauge.head] with indicators is missing: the directions of the three indicators from "
+            "the tool point, in the flange frame"
+        )
+    _check_master(path, file.gauge.head, 2 * file.balls[0].radius_mm)
+    names = [b.name for b in file.balls]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
+
+
+def _check_strokes(path: Path, file: IndicatorHeadFile) -> None:
+    """Refuse a head whose indicators reach further than they move or touch further out than their tips are wide."""
+    largest = min(file.range_mm / 2, file.tip_mm / 2)
+    if file.usable_mm > largest:
+        raise InputError(
+            f"{path}: 'gauge.head.usable_mm' = {file.usable_mm:g} is more than indicators of range_mm = "
+            f"{file.range_mm:g} with tips of tip_mm = {file.tip_mm:g} allow: at most {largest:g}, half of either"
+        )
+
+
+def _check_master(path: Path, head: IndicatorHeadFile, ball_mm: float) -> None:
+    """Refuse a master ball that the indicators cannot show in their range beside balls of the diameter ``ball_mm``."""
+    if not 0.0 <= head.master_mm - ball_mm <= 2 * head.range_mm:
+        raise InputError(
+            f"{path}: 'gauge.head.master_mm' = {head.master_mm:g} is the diameter of the master ball: with balls of "
+            f"{ball_mm:g} mm and indicators of range_mm = {head.range_mm:g} it lies between {ball_mm:g} and "
+            f"{ball_mm + 2 * head.range_mm:g}"
+        )
+
+
+def read_head(path: Path, cell: CellFile) -> IndicatorHead | None:
+    """Return the head of indicators with unit axes, ``None`` where the cell file has none.
+
+    Raises:
+        InputError: the axes are not square, or the tool's axis does not lead out between the indicators.
+    """
+    file = cell.gauge.head
+    if file is None:
+        return None
+    map_axis = (0.0, 0.0, 1.0) if cell.tool is None else cell.tool.map_axis
+    axes = np.array(file.indicators)
+    size = np.linalg.norm(axes, axis=1)
+    if size.min() < 1e-9:
+        raise InputError(f"{path}: 'gauge.head.indicators' has {file.indicators}, where one is no direction")
+    axes = axes / size[:, None]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        angle = float(np.rad2deg(np.arccos(np.clip(axes[a] @ axes[b], -1, 1))))
+        if abs(angle - 90.0) > SQUARE:
+            raise InputError(
+                f"{path}: indicators {a + 1} and {b + 1} of 'gauge.head.indicators' stand at {angle:.1f}° to each "
+                f"other: their axes must meet at right angles, to {SQUARE:g}°"
+            )
+    if (axes @ np.array(map_axis)).max() >= 0.0:
+        raise InputError(
+            f"{path}: 'tool.map_axis' = {list(map_axis)} must lead out of the head, away from all three indicators: "
+            "the ball comes in along it"
+        )
+    _check_strokes(path, file)
+    return IndicatorHead(
+        read_only(axes),
+        file.range_mm * MM,
+        file.usable_mm * MM,
+        file.tip_mm * MM,
+        file.approach_mm * MM,
+        file.master_mm * MM,
+        file.uncalibrated_mm * MM,
+        file.centre_s,
+    )
