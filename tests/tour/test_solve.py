@@ -102,8 +102,7 @@ def test_a_pose_cut_off_from_all_others_is_no_solution():
 
 
 def test_a_search_cut_short_reports_bound_and_gap(monkeypatch):
-    monkeypatch.setattr("planner.motion.tour.branch._WORK", 0)
-    monkeypatch.setattr("planner.motion.tour.branch._LEAST_NODES", 0)
+    monkeypatch.setattr("planner.motion.tour.exact._NODE_LIMIT", 0)
     cost = leg_costs(50, seed=UNPROVEN_AT_THE_ROOT)
     tour = solve_tour(cost, start=0, end=0, method="exact")
     monkeypatch.undo()

@@ -9,8 +9,8 @@ import numpy as np
 
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
 from planner.common.units import Array
-from planner.motion.tour.branch import initial_search, solve_embedded
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
+from planner.motion.tour.exact import initial_search, solve_embedded
 from planner.motion.tour.instance import IntArray, TourInstance, build_instance, check_costs
 
 

@@ -1,0 +1,278 @@
+"""The solver that is always there: a local search for the tour, linear and integer programs for the proof.
+
+The linear relaxation (degree equations, and a subtour inequality for every node set that a point violates) bounds
+every tour from below; legs whose reduced cost exceeds what is left to the best tour are then struck out, and HiGHS
+solves the integer program over the few that remain, with subtour inequalities added as its answers violate them
+(Dantzig, Fulkerson and Johnson, Operations Research 2, 1954). Limits are counts of nodes, never seconds.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import highspy
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from planner.common.units import Array
+from planner.motion.tour.instance import IntArray, TourInstance
+from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours
+
+BoolArray = NDArray[np.bool_]
+
+_SEARCH_NEIGHBOURS = 8
+_NEIGHBOURS = 6  # legs from each node that the relaxation begins with
+_NODE_LIMIT = 100_000  # of all searches together
+_GRID = 2**14  # steps of a dual value per unit of cost
+_VIOLATION = 1e-3  # an inequality must be missed by this much to be worth a row
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A tour, the proven lower bound [units of cost] and how many nodes of the search tree were opened."""
+
+    tour: list[int]
+    bound: int
+    nodes: int
+
+
+def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
+    """Return a local search that has come to a good tour, a few per cent at most above the best."""
+    weight = instance.weighted()
+    search = LocalSearch(weight, nearest_neighbours(weight, _SEARCH_NEIGHBOURS), greedy_tour(weight), seed)
+    search.improve(len(weight) // 2)
+    return search
+
+
+def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | None = None) -> Outcome:
+    """Return the best tour found from ``search`` on, and the lower bound proven for it over ``nodes`` of the tree."""
+    size = len(instance.cost)
+    near = nearest_neighbours(instance.weighted(), _NEIGHBOURS)
+    first = np.column_stack([np.repeat(np.arange(size), near.shape[1]), near.ravel()])
+    relaxation = Relaxation(instance, instance.length(search.tour), np.concatenate([first, _legs(search.tour)]))
+    reduced = relaxation.optimize()
+    search.neighbours = nearest_neighbours(reduced, _NEIGHBOURS)
+    search.improve(size)
+    length, root = instance.length(search.tour), relaxation.bound(reduced)
+    bound = -(-root // _GRID)
+    limit = _NODE_LIMIT if nodes is None else nodes
+    if bound >= length or limit == 0:
+        return Outcome(search.tour, min(bound, length), 0)
+    useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
+    if instance.required is not None:
+        useful[tuple(sorted(instance.required))] = True
+    return _search_tree(instance, search.tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
+
+
+class _Program:
+    """Degree equations and subtour inequalities of HiGHS over legs (k, 2), the smaller node first."""
+
+    def __init__(self, instance: TourInstance, scale: float, **options: object) -> None:
+        self.instance, self.size = instance, len(instance.cost)
+        self.cost = (instance.cost + instance.penalty * instance.forbidden) / scale
+        self.legs: IntArray = np.zeros((0, 2), dtype=np.int64)
+        self.sets: BoolArray = np.zeros((0, self.size), dtype=np.bool_)
+        solver: Any = highspy.Highs  # its Python side carries no types
+        self.solver = solver()
+        for option, value in {"output_flag": False, "threads": 1, "random_seed": 0, **options}.items():
+            self.solver.setOptionValue(option, value)
+        two, none = np.full(self.size, 2.0), np.empty(0, dtype=np.int32)
+        self.solver.addRows(self.size, two, two, 0, np.zeros(self.size, dtype=np.int32), none, np.empty(0))
+
+    def add_legs(self, legs: IntArray) -> bool:
+        """Add the legs (k, 2) that are not there yet; return whether there were any."""
+        there = np.zeros((self.size, self.size), dtype=np.bool_)
+        there[tuple(self.legs.T)] = True
+        legs = np.unique(np.sort(legs, axis=1), axis=0)
+        legs = legs[~there[tuple(legs.T)]]
+        if not len(legs):
+            return False
+        tail, head = legs.T
+        ends = np.zeros((len(legs), self.size))
+        ends[np.arange(len(legs)), tail] = ends[np.arange(len(legs)), head] = 1.0
+        rows = csr_array(np.hstack([ends, (self.sets[:, tail] != self.sets[:, head]).T]))
+        required = np.zeros((self.size, self.size))
+        if self.instance.required is not None:
+            required[tuple(sorted(self.instance.required))] = 1.0
+        parts = rows.indptr[:-1].astype(np.int32), rows.indices.astype(np.int32), rows.data.astype(float)
+        bounds = required[tail, head], np.ones(len(legs))
+        self.solver.addCols(len(legs), self.cost[tail, head], *bounds, rows.nnz, *parts)
+        self.legs = np.concatenate([self.legs, legs])
+        return True
+
+    def add_sets(self, sets: Iterable[BoolArray]) -> bool:
+        """Demand that a tour leaves these node sets (m,); return whether one of them was new."""
+        sides = [~s if s[0] else s for s in sets]
+        known = {s.tobytes() for s in self.sets}
+        fresh = [s for s in {s.tobytes(): s for s in sides}.values() if s.tobytes() not in known]
+        for s in fresh:
+            crossing = np.flatnonzero(s[self.legs[:, 0]] != s[self.legs[:, 1]]).astype(np.int32)
+            self.solver.addRow(2.0, highspy.kHighsInf, len(crossing), crossing, np.ones(len(crossing)))
+        self.sets = np.concatenate([self.sets, np.array(fresh, dtype=np.bool_).reshape(-1, self.size)])
+        return len(fresh) > 0
+
+    def make_whole(self) -> None:
+        """Let every leg be used wholly or not at all."""
+        count = len(self.legs)
+        whole = np.full(count, highspy.HighsVarType.kInteger)
+        self.solver.changeColsIntegrality(count, np.arange(count, dtype=np.int32), whole)
+
+    def start_from(self, tour: list[int]) -> None:
+        """Give the solver a tour over legs that it has."""
+        used = np.zeros((self.size, self.size))
+        tail, head = _legs(tour).T
+        used[tail, head] = used[head, tail] = 1.0
+        known = highspy.HighsSolution()
+        known.col_value = used[tuple(self.legs.T)].tolist()
+        self.solver.setSolution(known)
+
+    def point(self) -> Array:
+        """Solve; return how much of each leg the solution uses, (m, m)."""
+        self.solver.run()
+        x = np.zeros((self.size, self.size))
+        tail, head = self.legs.T
+        x[tail, head] = x[head, tail] = self.solver.getSolution().col_value
+        return x
+
+
+class Relaxation(_Program):
+    """The linear relaxation, and bounds from it that hold in exact integer arithmetic.
+
+    The simplex method runs in floating point; its dual values are rounded to a fixed grid, and any dual values, rounded
+    or not, bound every tour from below:  2 sum y + sum over legs of min(0, reduced cost). That sum is in integers.
+    """
+
+    def __init__(self, instance: TourInstance, upper: int, legs: IntArray) -> None:
+        """Take the instance, the cost of a known tour (it sets the scale of the LP) and the first legs."""
+        self._scale = max(1.0, upper / len(instance.cost) / 100.0)  # [units] legs cost about 100 in the LP
+        super().__init__(instance, self._scale, presolve="off")
+        self.add_legs(legs)
+
+    def optimize(self) -> IntArray:
+        """Add violated subtour inequalities and legs of negative reduced cost until there are none.
+
+        Returns:
+            The exact reduced cost of every leg, let in or not, (m, m) [1/_GRID unit].
+        """
+        while True:
+            while self.add_sets(violated_sets(self.point())):
+                pass
+            dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * _GRID).astype(np.int64)
+            dual[self.size :] = np.maximum(dual[self.size :], 0)
+            self._dual: IntArray = dual
+            reduced = self._reduced()
+            if not self.add_legs(np.argwhere(np.triu(reduced < 0, 1))):
+                return reduced
+
+    def bound(self, reduced: IntArray) -> int:
+        """Return the lower bound over all tours [1/_GRID unit]."""
+        value = 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
+        required = self.instance.required
+        return value if required is None else value + max(int(reduced[required]), 0)
+
+    def tight_sets(self) -> BoolArray:
+        """Return the node sets (k, m) whose inequalities hold the bound up."""
+        return np.asarray(self.sets[self._dual[self.size :] > 0])
+
+    def _reduced(self) -> IntArray:
+        dual, sets = self._dual.astype(float), self.sets.astype(float)
+        node, price = dual[: self.size], dual[self.size :]
+        once = price @ sets + node
+        whole = np.rint(self.cost * self._scale) * _GRID  # whole numbers below 2^53: exact
+        return np.asarray(whole - once[:, None] - once[None, :] + 2.0 * (sets.T * price) @ sets, dtype=np.int64)
+
+
+def _search_tree(
+    instance: TourInstance, tour: list[int], useful: IntArray, sets: BoolArray, bound: int, limit: int
+) -> Outcome:
+    """Find the shortest tour over the legs (k, 2), or prove that none of them is shorter than ``tour``."""
+    length, nodes = instance.length(tour), 0
+    program = _Program(instance, 1.0, mip_rel_gap=0.0, mip_abs_gap=0.5, mip_heuristic_effort=0.0)  # costs are whole
+    program.add_legs(useful)
+    allowed = length < instance.penalty
+    if allowed:
+        program.add_legs(_legs(tour))
+    program.add_sets(sets)
+    program.make_whole()
+    while True:
+        program.solver.setOptionValue("mip_max_nodes", limit - nodes)
+        if allowed:
+            program.start_from(tour)
+        x = program.point()
+        info, status = program.solver.getInfo(), program.solver.getModelStatus()
+        nodes += max(int(info.mip_node_count), 1)
+        optimal = status == highspy.HighsModelStatus.kOptimal
+        if status == highspy.HighsModelStatus.kInfeasible or (optimal and info.objective_function_value > length - 0.5):
+            return Outcome(tour, length, nodes)
+        parts = _parts(x > 0.5)
+        if optimal and len(parts) == 1:
+            shorter = _cycle(x)
+            return Outcome(shorter, instance.length(shorter), nodes)
+        if not optimal or nodes >= limit:
+            return Outcome(tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5)))), nodes)
+        program.add_sets(parts)
+
+
+def violated_sets(x: Array) -> list[BoolArray]:
+    """Return node sets that ``x`` (m, m, degrees 2) leaves less than twice: unconnected parts, or minimum cuts.
+
+    Stoer and Wagner, J. ACM 44 (1997), after contracting legs at 1: no cut below 2 separates their ends.
+    """
+    parts = _parts(x > 1e-9)
+    if len(parts) > 1:
+        return parts
+    member = np.array(_parts(x > 1.0 - 1e-9))
+    label = member.argmax(axis=0)
+    tail, head = np.nonzero(x)
+    weight = np.zeros((len(member), len(member)))
+    np.add.at(weight, (label[tail], label[head]), x[tail, head])  # not a matrix product: the same on every machine
+    np.fill_diagonal(weight, 0.0)
+    found = []
+    while len(weight) > 1:
+        last, before, value = _cut_of_phase(weight)
+        if value < 2.0 - _VIOLATION:
+            found.append(member[last])
+        weight[before] += weight[last]
+        weight[:, before] += weight[:, last]
+        weight[before, before] = 0.0
+        member[before] |= member[last]
+        keep = np.arange(len(weight)) != last
+        weight, member = weight[np.ix_(keep, keep)], member[keep]
+    return found
+
+
+def _cut_of_phase(weight: Array) -> tuple[int, int, float]:
+    """Maximum adjacency order from node 0: its last node, the one before, and the cut around the last."""
+    attached = weight[0].copy()
+    attached[0] = -np.inf
+    last, before, value = 0, 0, 0.0
+    for _ in range(len(weight) - 1):
+        before, last = last, int(attached.argmax())
+        value = float(attached[last])
+        attached += weight[last]
+        attached[last] = -np.inf
+    return last, before, value
+
+
+def _parts(linked: BoolArray) -> list[BoolArray]:
+    """Return the connected parts of the graph as node sets (m,)."""
+    count, label = connected_components(csr_array(linked), directed=False)
+    return [label == k for k in range(count)]
+
+
+def _legs(tour: list[int]) -> IntArray:
+    return np.column_stack([tour, np.roll(tour, -1)])
+
+
+def _cycle(x: Array) -> list[int]:
+    """Read the tour off a point that is one."""
+    near = [np.flatnonzero(row > 0.5).tolist() for row in x]
+    tour, before = [0], -1
+    while len(tour) < len(x):
+        here = tour[-1]
+        following = near[here][0] if near[here][0] != before else near[here][1]
+        before = here
+        tour.append(following)
+    return tour
