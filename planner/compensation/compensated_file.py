@@ -10,7 +10,7 @@ from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shapes, shape_of
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
 from planner.compensation.languages import detect_dialect, read_targets
-from planner.compensation.nominal_angles import Problem, solve_nominal_angles
+from planner.compensation.nominal_angles import solve_nominal_angles
 from planner.compensation.report import (
     CompensationReport,
     large_joint_motions,
@@ -19,9 +19,9 @@ from planner.compensation.report import (
     summary,
 )
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.targets import Target, TargetReading, ToolAndBase
+from planner.compensation.targets import Note, Target, TargetReading, ToolAndBase, list_lines
 from planner.kinematics.robot import Robot
-from planner.programs.languages.text import Refusals, Slot, list_lines, write_values
+from planner.programs.languages.text import Slot, write_values
 
 NO_FRAMES = ToolAndBase()
 
@@ -106,19 +106,18 @@ def _read(path: Path) -> tuple[str, str]:
 
 def _targets(
     path: Path, text: str, nominal: Robot, dialect: str | None, frames: ToolAndBase
-) -> tuple[list[Target], list[tuple[int, str]]]:
-    refusals = Refusals(path.name)
-    reading = TargetReading(nominal, (), frames, refusals, [], [])
+) -> tuple[list[Target], list[Note]]:
+    reading = TargetReading(path.name, nominal, frames)
     read_targets(dialect or detect_dialect(path, text), text, reading)
     if not has_shapes(nominal):
         for t in reading.targets:
             if t.pose is not None and t.pose.start is None:
-                refusals.add(
+                reading.refuse(
                     t.line,
                     f"a pose without joint angles found; {nominal.title} has no spherical wrist, so joint targets are "
                     "allowed, or a table of poses with joint angles to start from",
                 )
-    refusals.check()
+    reading.check()
     if not reading.targets:
         raise InputError(f"{path}: holds no target that could be compensated{_why_none(reading)}")
     return reading.targets, reading.notes
@@ -128,7 +127,7 @@ def _why_none(reading: TargetReading) -> str:
     return "".join(f"; line {line}: {sentence}" for line, sentence in reading.notes[:3])
 
 
-def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Problem]:
+def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Note]:
     """Say of every target that cannot be used why."""
     problems = []
     for k in np.flatnonzero(~c.good):
@@ -151,7 +150,7 @@ def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Problem]:
     return problems
 
 
-def _summary(path: Path, problems: list[Problem], targets: list[Target], kept: bool) -> str:
+def _summary(path: Path, problems: list[Note], targets: list[Target], kept: bool) -> str:
     return (
         f"{path.name}: {len(problems)} of {len(targets)} targets have no fake target near the nominal one; move them "
         "away from limits and singular positions (a wrist that is straight)"

@@ -1,26 +1,27 @@
-"""Which language a file is in: by its suffix, and where that is not known by what it says."""
+"""Which language a file is in: by its suffix, and where that is not known by what it says; and who reads it."""
 
 import re
 from collections.abc import Callable
 from pathlib import Path
 
-import planner.compensation.formats.csv as csv
-import planner.compensation.formats.gcode as gcode
-import planner.compensation.formats.krl as krl
-import planner.compensation.formats.pdl2 as pdl2
-import planner.compensation.formats.rapid as rapid
-from planner.common.errors import InputError
-from planner.compensation.dialect_words import DialectWords, dialect_named, dialect_words
+from planner.common.errors import InputError, did_you_mean
+from planner.compensation.formats import csv, gcode, krl, pdl2, rapid
 from planner.compensation.targets import TargetReading
+from planner.programs.dialect import Dialect, dialect_names, load_dialect
 
-Reader = Callable[[str, DialectWords, TargetReading], None]
-READERS: dict[str, Reader] = {"gcode": gcode.read, "krl": krl.read, "rapid": rapid.read, "pdl2": pdl2.read}
-MORE_SUFFIXES = {".csv": "csv", ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
+TABLE = "csv"  # stands for a table of targets among the names of dialects
+READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
+    "gcode": gcode.read,
+    "krl": krl.read,
+    "rapid": rapid.read,
+    "pdl2": pdl2.read,
+}
+MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
     "krl": r"^\s*(&ACCESS|DEF(DAT)?\s+\w+)",
     "rapid": r"^\s*MODULE\s+\w+",
     "pdl2": r"^\s*PROGRAM\s+\w+",
-    "csv": r"^\s*[^\n]*\bq1_(deg|rad)\b",
+    TABLE: r"^\s*[^\n]*\bq1_(deg|rad)\b",
 }
 
 
@@ -31,7 +32,8 @@ def detect_dialect(path: Path, text: str) -> str:
         InputError: neither suffix nor content tells.
     """
     suffix = path.suffix.lower()
-    known = {s: name for name, words in dialect_words().items() for s in words.suffixes if s != ".csv"} | MORE_SUFFIXES
+    own = {end.lower(): name for name in dialect_names() for end in load_dialect(name).extensions}
+    known = own | MORE_SUFFIXES
     if suffix in known:
         return known[suffix]
     for name, pattern in CONTENT_PATTERNS.items():
@@ -39,7 +41,7 @@ def detect_dialect(path: Path, text: str) -> str:
             return name
     raise InputError(
         f"{path}: neither the suffix '{suffix}' nor the content tells the language; suffixes that do: "
-        f"{', '.join(sorted(known))}; or name the dialect (csv, {', '.join(dialect_words())})"
+        f"{', '.join(sorted(known))}; or name the dialect (csv, {', '.join(dialect_names())})"
     )
 
 
@@ -49,12 +51,14 @@ def read_targets(name: str, text: str, reading: TargetReading) -> None:
     Raises:
         InputError: no such dialect, or it has no words for so many joints.
     """
-    if name == "csv":
+    if name == TABLE:
         csv.read(text, reading)
         return
-    words = dialect_named(name)
-    n = reading.robot.n_joints
-    if len(words.axes) < n:
-        raise InputError(f"{reading.refusals.name}: {name} has words for {len(words.axes)} axes, the robot has {n}")
-    reading.axes = words.axes[:n]
-    READERS[words.reading.family](text, words, reading)
+    if name not in dialect_names():
+        known = dialect_names()
+        raise InputError(f"no dialect '{name}'{did_you_mean(name, known)} (known: {TABLE}, {', '.join(known)})")
+    dialect, n = load_dialect(name), reading.robot.n_joints
+    if dialect.max_joints < n:
+        raise InputError(f"{reading.name}: {name} has words for {dialect.max_joints} axes, the robot has {n}")
+    reading.axes = dialect.axes[:n]
+    READERS[dialect.reading.family](text, dialect, reading)

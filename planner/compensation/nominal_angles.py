@@ -10,20 +10,19 @@ from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shape, shape_of
 from planner.compensation.correction import NominalPoser, solve_flange_ik
 from planner.compensation.rotations import inverse
-from planner.compensation.targets import CartesianTarget, Target
+from planner.compensation.targets import CartesianTarget, Note, Target
 from planner.kinematics.robot import Robot
 
 SEEDS = 15  # log2 of how many arm positions are kept to start from
 STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
 ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
 FOUND = 1e-7  # [m and rad] of a pose that is reached
-Problem = tuple[int, str]
 
 
-def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Problem]]:
+def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Note]]:
     """Return the angles (n, N) [rad] of the targets of a file, NaN where there are none, and (line, why) of those."""
     q = np.full((len(targets), robot.n_joints), np.nan)
-    problems: list[Problem] = []
+    problems: list[Note] = []
     for i, target in enumerate(targets):
         if target.q is not None:
             q[i] = target.q
@@ -38,7 +37,7 @@ def flange_of(poses: list[CartesianTarget]) -> Array:
     return np.asarray(T_WB @ T_BT @ inverse(np.array([p.T_FT for p in poses])))
 
 
-def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) -> None:
     rows = [(i, t.pose, t.pose.start) for i, t in enumerate(targets) if t.pose is not None and t.pose.start is not None]
     if not rows:
         return
@@ -51,7 +50,7 @@ def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[Pr
             problems.append((targets[i].line, "the pose is not reached from its starting angles"))
 
 
-def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems: list[Problem]) -> None:
+def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) -> None:
     rows = [i for i, t in enumerate(targets) if t.pose is not None and t.pose.start is None]
     if not rows:
         return

@@ -7,16 +7,14 @@ import numpy as np
 
 from planner.common.units import DEG, MM, UM, Array
 from planner.compensation.correction import NominalPoser, Poser, flange_deviation, solve_flange_ik
-from planner.compensation.nominal_angles import Problem, flange_of
+from planner.compensation.nominal_angles import flange_of
 from planner.compensation.rotations import turn_between
-from planner.compensation.targets import Target
+from planner.compensation.targets import Note, Target, list_lines
 from planner.kinematics.robot import Robot
-from planner.programs.languages.text import list_lines
 
 FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is near a singular position
 TURNED = 1.0 * DEG  # change of A or C that no correction of the orientation explains
 SHOWN = 8  # targets that are told one by one
-Note = tuple[int, str]
 
 
 def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new: Array) -> Iterator[Note]:
@@ -76,7 +74,7 @@ class CompensationReport:
     moved_max_rad: float
     left_m: float
     left_rad: float
-    kept: tuple[Problem, ...] = field(default=())
+    kept: tuple[Note, ...] = field(default=())
 
 
 def report_of(

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 
 
 def turn_between(R_from: Array, R_to: Array) -> Array:
@@ -16,6 +16,12 @@ def frame(p: Array, R: Array) -> Array:
     T = np.zeros((len(p), 4, 4))
     T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, p, 1.0
     return T
+
+
+def pose_matrix(p: Array, words: Array) -> Array:
+    """Return the transform (4, 4) of a position (3,) [m] and three angles [rad] or a quaternion."""
+    R = from_abc(words[None]) if len(words) == 3 else from_quaternion(words[None])
+    return read_only(frame(p[None], R)[0])
 
 
 def inverse(T: Array) -> Array:

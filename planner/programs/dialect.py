@@ -1,4 +1,24 @@
-"""A controller's dialect as data: ``g-code/<name>/dialect.toml`` beside its ``program.j2``."""
+"""A controller's dialect as data: a folder ``g-code/<name>`` with two files and no line of Python.
+
+``dialect.toml``
+    What the controller takes: names and number of its axes, decimals, line ends and limits, comment,
+    the kind and word of its blending (``none``, ``mm``, ``percent`` of half the leg, ``path_degrees``,
+    or ``dense``: only a path in small steps runs without stops), the kind and word of its speed
+    (``axis_percent``, ``tool_speed``, ``inverse_time``), dwell, the pulse at a pose standing still and in
+    passing, pause, wait, the log of its own axes, the words that select tool, base and load, the call of a
+    centring routine under ``[centre]``, and under
+    ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
+``program.j2``
+    A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
+    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override), and a
+    macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
+    ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
+    its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
+    ``overridden`` whether the override is scaled, ``remarks`` what the head of the program tells the
+    operator. An undefined name is an error.
+
+To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
+"""
 
 import re
 from pathlib import Path
@@ -147,7 +167,7 @@ class ReaderWords(StrictModel):
 
     ``family`` names a file of ``planner.programs.readback``; the rest are regular expressions that the
     G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so
-    that a dwell inside it is not taken for one of the program's.
+    that a dwell inside it is not taken for one of the program's. ``passive`` are the other known blocks.
     """
 
     family: Literal["gcode", "krl", "rapid", "pdl2"]
@@ -158,6 +178,7 @@ class ReaderWords(StrictModel):
     exact: Pattern = ""
     blended: Pattern = ""
     centre: Pattern = ""
+    passive: tuple[Pattern, ...] = ()
 
 
 class DialectOption(StrictModel):
@@ -206,6 +227,11 @@ class Dialect(StrictModel):
     def max_joints(self) -> int:
         """Return how many axes the dialect has words for."""
         return len(self.axes)
+
+    @property
+    def extensions(self) -> tuple[str, ...]:
+        """Return the extensions of the dialect's files, with the dot."""
+        return tuple(Path(name).suffix for name in (self.files.main, self.files.data) if name is not None)
 
     def signal(self, text: str, output: int | None, gauge_input: int | None) -> str:
         """Return ``text`` with the names of the cell's output and input in it, as far as the cell has them."""

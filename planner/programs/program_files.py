@@ -55,11 +55,10 @@ def dialect_info(name: str) -> DialectInfo:
         InputError: no such dialect or option, or its file is wrong.
     """
     d = load_dialect(name)
-    file_names = (d.files.main, d.files.data)
     return DialectInfo(
         name=name,
         title=d.title,
-        extensions=tuple("." + f.rpartition(".")[2] for f in file_names if f is not None),
+        extensions=d.extensions,
         units=d.units,
         min_joints=d.min_joints,
         max_joints=d.max_joints,

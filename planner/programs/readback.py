@@ -1,28 +1,44 @@
 """Reads robot programs back, without the templates and the code that wrote them."""
 
+import re
 from collections.abc import Callable
 
-import planner.programs.languages.gcode as gcode
-import planner.programs.languages.krl as krl
-import planner.programs.languages.pdl2 as pdl2
-import planner.programs.languages.rapid as rapid
+from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace, ReadBack, plan_id_of
+from planner.programs.languages import gcode, krl, pdl2, rapid
+from planner.programs.languages.execution import ExecutionTrace, ReadBack
 
-READERS: dict[str, Callable[[Dialect, tuple[str, ...], ExecutionTrace], None]] = {
-    "gcode": gcode.read,
-    "krl": krl.read,
-    "rapid": rapid.read,
-    "pdl2": pdl2.read,
+EXECUTORS: dict[str, Callable[[tuple[str, ...], Dialect, ExecutionTrace], None]] = {
+    "gcode": gcode.execute,
+    "krl": krl.execute,
+    "rapid": rapid.execute,
+    "pdl2": pdl2.execute,
 }
 
 
-def read_texts(dialect: Dialect, texts: tuple[str, ...]) -> ReadBack:
+def read_texts(dialect: Dialect, texts: tuple[str, ...], only_known: bool = False) -> ReadBack:
     """Return what the files ``texts`` make the robot do; the first is the one that is started.
+
+    Args:
+        dialect: the dialect that they are written in.
+        texts: of the files.
+        only_known: refuse a statement that the reader does not know, instead of passing it over.
 
     Raises:
         InputError: a line that is not of the language, or no plan_id, or two different ones.
     """
     trace = ExecutionTrace()
-    READERS[dialect.reading.family](dialect, texts, trace)
-    return trace.finished(plan_id_of(texts))
+    EXECUTORS[dialect.reading.family](texts, dialect, trace)
+    if only_known and trace.unknown:
+        unknown = trace.unknown[0]
+        raise InputError(f"line {unknown.line}: the reader does not know the statement '{unknown.text}'")
+    return trace.finished(_plan_id_of(texts))
+
+
+def _plan_id_of(texts: tuple[str, ...]) -> str:
+    """Return the plan_id that every one of the files names in a comment."""
+    found: set[str] = {m for text in texts for m in re.findall(r"plan_id:\s*([0-9a-f]{12})\b", text)}
+    unnamed = [n for n, text in enumerate(texts, start=1) if "plan_id:" not in text]
+    if len(found) != 1 or unnamed:
+        raise InputError(f"every file must name the same plan_id, found {sorted(found) or 'none'}")
+    return found.pop()

@@ -19,7 +19,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the dialects that a test may change."""
     copy = tmp_path / "g-code"
     shutil.copytree(dialect_module.dialect_root(), copy)
-    monkeypatch.setattr(dialect_module, "folder", lambda _name: copy)
+    monkeypatch.setattr(dialect_module, "data_folder", lambda _name: copy)
     return copy
 
 

@@ -6,9 +6,11 @@ import re
 import pytest
 
 import tests.program.sessions as sessions
+from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Program
-from planner.programs.program_files import dialects, verify, write_program
+from planner.programs.program_files import dialects, read_back, verify, write_program
+from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
 
@@ -31,6 +33,26 @@ def _refused(program: Program, name: str, files: tuple[ProgramFile, ...], becaus
 def test_unchanged_is_released(name: str) -> None:
     program = sessions.static()
     verify(program, name, write_program(program, name, "a"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "program", [sessions.static(), sessions.continuous(), sessions.mixed(6, 6)], ids=["static", "continuous", "mixed"]
+)
+def test_the_reader_knows_every_statement_that_is_written(name: str, kind: str) -> None:
+    program = getattr(sessions, kind)()
+    files = write_program(program, name, "a")
+    assert read_back(name, files).unknown == ()
+    read_texts(load_dialect(name), tuple(file.text for file in files), only_known=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_unknown_statement_is_refused_where_only_known_ones_are_allowed(name: str) -> None:
+    program = sessions.static()
+    files = _edited(write_program(program, name, "a"), r"^(?=.*-60\.0000)", "QUUX 5;\n")
+    verify(program, name, files)
+    with pytest.raises(InputError, match="does not know the statement"):
+        read_texts(load_dialect(name), tuple(file.text for file in files), only_known=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

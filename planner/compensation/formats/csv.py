@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, read_only
-from planner.compensation.rotations import frame, from_abc, from_quaternion
+from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, Slot
 
@@ -38,7 +38,7 @@ class _TargetColumns:
     """Which columns hold what."""
 
     def __init__(self, header: list[str], reading: TargetReading) -> None:
-        where = f"{reading.refusals.name}:1"
+        where = f"{reading.name}:1"
         twice = {name for name in header if header.count(name) > 1}
         if twice:
             raise InputError(f"{where}: the column '{min(twice)}' stands twice")
@@ -73,16 +73,14 @@ def _group(header: list[str], names: list[str], units: str) -> list[Column]:
 def _row(number: int, start: int, line: str, separator: str, columns: _TargetColumns, reading: TargetReading) -> None:
     cells = line.split(separator)
     if len(cells) != columns.count:
-        reading.refusals.add(number, f"{len(cells)} cells found, the header has {columns.count}")
+        reading.refuse(number, f"{len(cells)} cells found, the header has {columns.count}")
         return
     places = np.cumsum([start, *(len(c) + 1 for c in cells)])
     slots, values = [], []
     for k, unit in columns.pose + columns.joints:
         match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", cells[k])
         if match is None:
-            reading.refusals.add(
-                number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed"
-            )
+            reading.refuse(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed")
             return
         place = int(places[k]) + len(match[1])
         slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _DECIMALS[unit]))
@@ -93,10 +91,10 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
         return
     words, q = numbers[3 : len(columns.pose)], numbers[len(columns.pose) :]
     if columns.spelling == "quaternion" and abs(np.linalg.norm(words) - 1.0) > 1e-3:
-        reading.refusals.add(number, f"the quaternion has the length {np.linalg.norm(words):.4f}; 1 is allowed")
+        reading.refuse(number, f"the quaternion has the length {np.linalg.norm(words):.4f}; 1 is allowed")
         return
     pose = CartesianTarget(
-        pose_of(numbers[:3], words), columns.spelling, read_only(words), *_frames(reading), start=read_only(q)
+        pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *_frames(reading), start=read_only(q)
     )
     reading.targets.append(Target(number, tuple(slots), pose=pose))
 
@@ -105,9 +103,3 @@ def _frames(reading: TargetReading) -> tuple[Array, Array]:
     """Return base and tool: those the person named, else the robot's own frame and the flange."""
     T_WB, T_FT = reading.frames.T_WB, reading.frames.T_FT
     return np.eye(4) if T_WB is None else T_WB, np.eye(4) if T_FT is None else T_FT
-
-
-def pose_of(p: Array, words: Array) -> Array:
-    """Return the transform (4, 4) of a position (3,) [m] and three angles [rad] or a quaternion."""
-    R = from_abc(words[None]) if len(words) == 3 else from_quaternion(words[None])
-    return read_only(frame(p[None], R)[0])

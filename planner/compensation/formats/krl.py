@@ -1,240 +1,278 @@
-"""KUKA KRL, ``.src`` and ``.dat``: targets in braces, at the move or declared by name."""
+"""KUKA KRL: joint targets and poses, with the status, the turn and the frames that go with them."""
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.common.units import DEG, MM, Array, read_only
-from planner.compensation.dialect_words import DialectWords
-from planner.compensation.formats.krl_values import (
-    ACCURATE,
-    EXTERNAL,
-    POSE_KEYS,
-    AggregateEntry,
-    FrameState,
-    StatusTurn,
-    entries,
-    transform,
+from planner.compensation.arm_shapes import NEAR
+from planner.compensation.rotations import frame, from_abc
+from planner.compensation.targets import (
+    DEG_DECIMALS,
+    EXTERNAL_NOTE,
+    MM_DECIMALS,
+    CartesianTarget,
+    DeclaredPose,
+    FramePair,
+    PointTable,
+    Target,
+    TargetReading,
+    common_frames,
 )
-from planner.compensation.targets import EXTERNAL_NOTE, CartesianTarget, Target, TargetReading
-from planner.programs.languages.text import Lines, mask_comments
+from planner.programs.dialect import Dialect
+from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
+from planner.programs.languages.statements import Assignment, Call, Flow, PlacedNumber, Routine, RoutineEnd, Statement
 
-_NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
-_MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?(?=[\s{])(.*)", re.IGNORECASE)
-_DECLARED = re.compile(
-    rf"\s*(?:(?:DECL|GLOBAL|CONST)\s+)*(?:(?P<type>\w+)\s+)?(?P<name>{_NAME})\s*=\s*(?P<value>\{{.*)", re.IGNORECASE
+ACCURATE = 16  # status bit of a point that was taught on a robot with an accuracy model of its own
+_JOINT_TYPES, _POSE_TYPES = ("E6AXIS", "AXIS"), ("E6POS", "POS")
+_COMPONENTS = (*POSE_KEYS, *(f"A{i}" for i in range(1, 7)))
+_TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\d+)\s*\]")
+_RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
+_HINT = (
+    ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
+    "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base)"
 )
-_ASSIGNED = re.compile(rf"\s*(?P<name>{_NAME})\s*(?P<part>\.\s*\w+)?\s*=(?!=)\s*(?P<value>.*)", re.IGNORECASE)
-_FLOW = re.compile(
-    r"\s*(IF|ELSE|ENDIF|FOR|ENDFOR|LOOP|ENDLOOP|WHILE|ENDWHILE|REPEAT|UNTIL|SWITCH|CASE|DEFAULT|ENDSWITCH|GOTO)\b|\s*\w+:\s*$",
-    re.IGNORECASE,
-)
-_CALL = re.compile(
-    r"\s*(?!BAS\b|PULSE\b|WAIT\b|TRIGGER\b|INTERRUPT\b|DEF\b|DEFFCT\b|GLOBAL\b)\w+\s*\(.*\)\s*", re.IGNORECASE
-)
-_POSITION_TYPES = ("E6AXIS", "AXIS", "E6POS", "POS")
+Numbers = dict[str, PlacedNumber]
 
 
-@dataclass
-class _KrlPoint:
-    """A pose declared by name, with the frames of the moves that use it."""
+def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
+    """Note the targets of one file, declared or written at their move; refuse points that the program computes."""
+    statements = list(parse(text))
+    targets = _KrlTargets(statements, reading)
+    for statement in statements:
+        targets.take(statement)
+    targets.finish()
 
-    line: int
-    found: dict[str, AggregateEntry]
-    frames: list[tuple[Array | None, Array | None]] = field(default_factory=list)
+
+@dataclass(frozen=True)
+class StatusTurn:
+    """KUKA's status and turn: the shape of the arm, and a bit for each joint that is negative."""
+
+    status: int
+    turn: int
+
+    @property
+    def shape(self) -> int | None:
+        """Number of the arm's shape: bits 0 and 1 are KUKA's own; the sign of A5 is taken from the turn.
+
+        Manuals differ about the sense of status bit 2, none about the turn's.
+        """
+        return (self.status & 3) | (self.turn >> 4 & 1) << 2
+
+    def turns(self, q: Array) -> np.ndarray:
+        """Return whether the joints q (n, N) [rad] have the signs that are said; near zero either will do."""
+        negative = (self.turn >> np.arange(q.shape[1])) & 1
+        return np.asarray((np.abs(q) < NEAR) | ((q < 0) == (negative == 1)))
+
+    def renewed(self, before: int, after: int, q: Array, q_new: Array) -> tuple[int, ...]:
+        """Return status and turn, with the bits changed whose sign the correction (N,) [rad] has changed."""
+        crossed = (q < 0) != (q_new < 0)
+        return self.status ^ (before ^ after), self.turn ^ int(crossed @ (1 << np.arange(len(q))))
 
 
-def read(text: str, _words: DialectWords, reading: TargetReading) -> None:
-    """Note the targets of one file."""
-    _KrlTargets(text, reading).run()
+def _transform(found: Aggregate | None) -> Array | None:
+    """Return the transform (4, 4) [m] of a value with X, Y, Z, A, B, C, else None."""
+    numbers = {} if found is None else found.numbers or {}
+    if not set(POSE_KEYS) <= numbers.keys():
+        return None
+    values = np.array([numbers[key].value for key in POSE_KEYS])
+    return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
+
+
+class _FrameState:
+    """Tool and base as they stand at a statement; None where the file does not say them for certain."""
+
+    def __init__(self, statements: Sequence[Statement], reading: TargetReading) -> None:
+        self.given: FramePair = reading.frames.T_FT, reading.frames.T_WB
+        self._tables: dict[tuple[str, int], Array] = {("TOOL", 0): np.eye(4), ("BASE", 0): np.eye(4)}
+        for statement in (*parse(reading.frames.data), *statements):
+            if isinstance(statement, Assignment) and (match := _TABLE.fullmatch(statement.name)):
+                T = _transform(aggregate(statement.value, 0))
+                if T is not None:
+                    self._tables[match[1], int(match[2])] = T
+        taught = (s for s in statements if isinstance(s, Assignment) and s.kind == "FDAT")
+        self._taught = {s.name[1:]: s.value.upper() for s in taught if s.name.startswith("F")}
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget what was set: another program may have set something else."""
+        self._now: dict[str, Array | None] = {"TOOL": None, "BASE": None}
+        self._depth, self._doubtful = 0, False
+
+    def now(self) -> FramePair:
+        """Return tool and base at this statement."""
+        return self.given if self._doubtful else self._or_given(self._now["TOOL"], self._now["BASE"])
+
+    def _or_given(self, tool: Array | None, base: Array | None) -> FramePair:
+        return self.given[0] if tool is None else tool, self.given[1] if base is None else base
+
+    def of_point(self, name: str) -> FramePair | None:
+        """Return tool and base of a point taught by inline form: XP1 goes with FP1; None where it has no FDAT."""
+        data = self._taught.get(name[1:]) if name.startswith("X") else None
+        if data is None:
+            return None
+        numbers = dict(re.findall(r"\b(TOOL|BASE)_NO\s+(-?\d+)", data))
+        if re.search(r"IPO_FRAME\s+#TCP", data) or len(numbers) != 2:
+            return None, None
+        tool, base = (self._tables.get((which, int(numbers[which]))) for which in ("TOOL", "BASE"))
+        return self._or_given(tool, base)
+
+    def branch(self, depth: int) -> None:
+        """Count how deep in IF and loops the next statement is."""
+        self._depth += depth
+
+    def select(self, statement: Bas) -> None:
+        """Take in a call of BAS that selects frames by number, or forgets them."""
+        if statement.what in self._now:
+            index = statement.value
+            self._set(statement.what, self._tables.get((statement.what, int(index))) if index.isdigit() else None)
+        elif statement.what in _RESETS_FRAMES:
+            self._set("TOOL", None)
+            self._set("BASE", None)
+
+    def assign(self, statement: Assignment) -> None:
+        """Take in ``$TOOL = …`` or ``$BASE = …``."""
+        value = statement.value
+        if value.upper() == "$NULLFRAME":
+            T: Array | None = np.eye(4)
+        elif match := _TABLE.fullmatch(value.upper()):
+            T = self._tables.get((match[1], int(match[2])))
+        else:
+            T = _transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
+        self._set(statement.name[1:], T)
+
+    def _set(self, which: str, T: Array | None) -> None:
+        self._now[which] = T
+        self._doubtful |= self._depth > 0
 
 
 class _KrlTargets:
-    """What a controller knows, line by line, as far as the meaning of a target depends on it."""
+    """What a controller knows, statement by statement, as far as the meaning of a target depends on it."""
 
-    def __init__(self, text: str, reading: TargetReading) -> None:
+    def __init__(self, statements: Sequence[Statement], reading: TargetReading) -> None:
         self.reading = reading
-        self.text = mask_comments(text, r";[^\r\n]*")
-        self.frames = FrameState(self.text, reading)
-        self.points: dict[str, _KrlPoint] = {}
-        self.used: dict[str, int] = {}
-        self.assigned: dict[str, int] = {}
-        self.last: int | None = None
+        self.frames = _FrameState(statements, reading)
+        self.points = PointTable(reading, "file")
+        self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
-    def run(self) -> None:
-        """Note every target, declared or written at its move; refuse points that the program computes."""
-        for number, place, line in Lines.of(self.text):
-            if line.strip():
-                self._line(number, place, line)
-        for name in self.used.keys() & self.assigned.keys():
-            self._refuse(self.used[name], f"{name} is computed while the program runs (line {self.assigned[name]})")
-        for name, number in sorted(self.used.items(), key=lambda item: item[1]):
-            if name not in self.points and name not in self.assigned:
-                self.reading.notes.append(
-                    (number, f"{name} is declared elsewhere: compensate the file that declares it too")
-                )
-        for name, point in self.points.items():
-            self._declared_pose(name, point)
+    def take(self, statement: Statement) -> None:
+        """Take in one statement."""
+        match statement:
+            case KrlMove():
+                self._move(statement)
+            case Bas():
+                self.frames.select(statement)
+            case Assignment(name="$TOOL" | "$BASE", part=""):
+                self.frames.assign(statement)
+            case Assignment():
+                self._assigned(statement)
+            case Flow(depth=depth):
+                self.last = None
+                self.frames.branch(depth)
+            case Routine() | RoutineEnd() | Call(triggered=False):
+                self.last = None
+                self.frames.forget()
 
-    def _refuse(self, line: int, sentence: str) -> None:
-        self.reading.refusals.add(line, sentence)
+    def finish(self) -> None:
+        """Note the poses that are declared by name, with the frames of the moves that use them."""
+        self.points.check()
+        for name, pose in self.points.poses.items():
+            frames = self.frames.of_point(name) or (common_frames(pose.frames) if pose.frames else self.frames.given)
+            self._pose(pose.line, pose.value, frames, inherits=False)
 
-    def _line(self, number: int, place: int, line: str) -> None:
-        if match := _MOVE.match(line):
-            if match[2]:
-                self._refuse(
-                    number, f"'{line.strip()}' moves relative to where the arm is; absolute targets are allowed"
-                )
+    def _move(self, move: KrlMove) -> None:
+        if move.relative:
+            sentence = f"'{move.text}' moves relative to where the arm is; absolute targets are allowed"
+            self.reading.refuse(move.line, sentence)
+        elif not move.targets:
+            sentence = f"'{move.text}' found; a position in braces or the name of one is allowed"
+            self.reading.refuse(move.line, sentence)
+        for target in move.targets if not move.relative else ():
+            if isinstance(target, str):
+                self.last = None
+                if not target.startswith("$"):
+                    self.points.use(target, move.line, self.frames.now())
+            elif target.numbers is None:
+                self.reading.refuse(move.line, f"'{target.text}' found; plain numbers are allowed")
+            elif target.numbers.keys().isdisjoint(POSE_KEYS):
+                self._joints(move.line, target.numbers)
             else:
-                self._move(number, place + match.start(3), match[3], match[1].upper())
-        elif re.match(r"\s*(DEF|DEFFCT|END|GLOBAL\s+DEF)\b", line, re.IGNORECASE):
-            self.last = None
-            self.frames.forget()
-        elif self.frames.statement(number, place, line):
-            pass
-        elif match := _DECLARED.match(line):
-            self._declared(number, place + match.start("value"), match)
-        elif _FLOW.match(line):
-            self.last = None
-            self.frames.branch(line)
-        elif match := _ASSIGNED.match(line):
-            if not match["part"] or match["part"].lstrip(". ").upper() in (
-                *POSE_KEYS,
-                "A1",
-                "A2",
-                "A3",
-                "A4",
-                "A5",
-                "A6",
-            ):
-                self.assigned.setdefault(match["name"].upper(), number)
-        elif _CALL.fullmatch(line):
-            self.last = None
-            self.frames.forget()
+                self._pose(move.line, target.numbers, self.frames.now(), inherits=move.word not in ("PTP", "SPTP"))
 
-    def _move(self, number: int, place: int, rest: str, word: str) -> None:
-        """Note the one target of a move, or the two of a circle."""
-        at = 0
-        for count in range(2 if word.endswith("CIRC") else 1):
-            comma = r"\s*,\s*" if count else r"\s*"
-            match = re.match(rf"{comma}(\{{[^}}]*\}}|{_NAME})", rest[at:])
-            after = "" if match is None else rest[at + match.end() :].lstrip()
-            if match is None or after.startswith((":", ".", "+", "-", "(")):
-                self._refuse(number, f"'{word}{rest}' found; a position in braces or the name of one is allowed")
-                return
-            start = at + match.start(1)
-            if match[1].startswith("{"):
-                self._aggregate(number, place + start, match[1], word)
-            else:
-                self._named(number, match[1].upper())
-            at += match.end()
-
-    def _named(self, number: int, name: str) -> None:
-        self.last = None
-        if name.startswith("$"):
+    def _assigned(self, statement: Assignment) -> None:
+        """Note a position declared with its numbers, or computed; other structures are none of ours."""
+        name, kind, line = statement.name, statement.kind, statement.line
+        if statement.part or not statement.value.startswith("{"):
+            if not kind and (not statement.part or statement.part in _COMPONENTS):
+                self.points.assigned.setdefault(name, line)
             return
-        self.used.setdefault(name, number)
-        if name in self.points:
-            self.points[name].frames.append(self.frames.now())
-
-    def _aggregate(self, number: int, place: int, aggregate: str, word: str) -> None:
-        found = entries(aggregate, place)
-        if found is None:
-            self._refuse(number, f"'{aggregate}' found; plain numbers are allowed")
-        elif not found.keys().isdisjoint(POSE_KEYS):
-            T_FT, T_WB = self.frames.now()
-            self._pose(number, found, T_FT, T_WB, inherits=word != "PTP" and word != "SPTP")
-        else:
-            self._joints(number, found)
-
-    def _declared(self, number: int, place: int, match: re.Match[str]) -> None:
-        """Note a position declared with its numbers; other structures are none of ours."""
-        kind, name = (match["type"] or "").upper(), match["name"].upper()
-        closing = match["value"].find("}")
-        aggregate = match["value"][: closing + 1]
-        found = entries(aggregate, place) if "{" not in aggregate[1:] else None
-        if found is None:
-            if kind in _POSITION_TYPES:
-                self._refuse(number, f"'{aggregate}' found; plain numbers are allowed")
-            return
-        if kind in ("", "E6AXIS", "AXIS") and set(self.reading.axes) <= found.keys():
-            self.points[name] = _KrlPoint(number, {})
-            self._joints(number, found)
-        elif kind in ("", "E6POS", "POS") and set(POSE_KEYS) <= found.keys() and not name.startswith("$"):
-            if not kind and "S" not in found:
+        value = aggregate(statement.value, statement.value_start)
+        numbers = value.numbers
+        if numbers is None:
+            if kind in (*_JOINT_TYPES, *_POSE_TYPES):
+                self.reading.refuse(line, f"'{value.text}' found; plain numbers are allowed")
+        elif kind in ("", *_JOINT_TYPES) and set(self.reading.axes) <= numbers.keys():
+            self.points.declare(name)
+            self._joints(line, numbers)
+        elif kind in ("", *_POSE_TYPES) and set(POSE_KEYS) <= numbers.keys() and not name.startswith("$"):
+            if not kind and "S" not in numbers:
                 return
-            if name in self.points:
-                self._refuse(number, f"{name} has more than one value in this file")
-            self.points[name] = _KrlPoint(number, found)
-        elif kind in _POSITION_TYPES:
-            self._joints(number, found) if "A1" in found else self._pose(number, found, None, None, False)
+            if name in self.points.declared:
+                self.reading.refuse(line, f"{name} has more than one value in this file")
+            self.points.declare(name, DeclaredPose(line, numbers))
+        elif kind in (*_JOINT_TYPES, *_POSE_TYPES):
+            self._joints(line, numbers) if "A1" in numbers else self._pose(line, numbers, (None, None), inherits=False)
 
-    def _joints(self, number: int, found: dict[str, AggregateEntry]) -> None:
+    def _complete(self, line: int, found: Numbers, needed: Sequence[str], beside: Sequence[str]) -> bool:
+        if set(needed) <= found.keys() <= {*needed, *beside, *EXTERNAL}:
+            return True
+        extra = ", ".join([*beside, "E1 … E6"])
+        sentence = f"{', '.join(found)} found; {', '.join(needed)} are needed, {extra} are allowed beside them"
+        self.reading.refuse(line, sentence)
+        return False
+
+    def _joints(self, line: int, found: Numbers) -> None:
         axes = self.reading.axes
-        missing = [axis for axis in axes if axis not in found]
-        strange = [key for key in found if key not in (*axes, *EXTERNAL)]
-        if missing or strange:
-            self._refuse(
-                number, f"{', '.join(found)} found; {', '.join(axes)} are needed, E1 … E6 are allowed beside them"
-            )
-            return
-        q = np.array([found[axis].value for axis in axes]) * DEG
-        self.last = len(self.reading.targets)
-        self.reading.targets.append(Target(number, tuple(found[a].slot(DEG) for a in axes), q=read_only(q)))
+        if self._complete(line, found, axes, ()):
+            self.last = len(self.reading.targets)
+            self.reading.add_joints(line, [found[axis] for axis in axes])
 
-    def _declared_pose(self, name: str, point: _KrlPoint) -> None:
-        if not point.found:
+    def _pose(self, line: int, found: Numbers, frames: FramePair, inherits: bool) -> None:
+        if not self._complete(line, found, POSE_KEYS, ("S", "T")):
             return
-        frames = self.frames.of_point(name) or _common_frames(point.frames) or self.frames.given()
-        self._pose(point.line, point.found, *frames, inherits=False)
-
-    def _pose(
-        self, number: int, found: dict[str, AggregateEntry], T_FT: Array | None, T_WB: Array | None, inherits: bool
-    ) -> None:
-        missing = [key for key in POSE_KEYS if key not in found]
-        strange = [key for key in found if key not in (*POSE_KEYS, "S", "T", *EXTERNAL)]
-        if missing or strange:
-            self._refuse(
-                number, f"{', '.join(found)} found; X, Y, Z, A, B, C are needed, S, T, E1 … E6 are allowed beside them"
-            )
-            return
+        T_FT, T_WB = frames
         if T_FT is None or T_WB is None:
-            lost = " and ".join(n for n, T in (("tool", T_FT), ("base", T_WB)) if T is None)
-            self._refuse(number, f"the file does not say the {lost} of this pose{self.frames.hint}")
+            lost = " and ".join(name for name, T in (("tool", T_FT), ("base", T_WB)) if T is None)
+            self.reading.refuse(line, f"the file does not say the {lost} of this pose{_HINT}")
             return
-        configuration, follows = self._configuration(number, found), None
-        if configuration is None or (inherits and self.last is not None):
-            configuration, follows = (None, self.last) if self.last is not None else (configuration, None)
+        configuration, follows = self._configuration(line, found), None
+        if (configuration is None or inherits) and self.last is not None:
+            configuration, follows = None, self.last
         if configuration is None and follows is None:
-            self._refuse(number, "the pose says no status and turn (S, T), and the target before it is not certain")
+            sentence = "the pose says no status and turn (S, T), and the target before it is not certain"
+            self.reading.refuse(line, sentence)
             return
-        keys = [found[k].slot(MM if k in "XYZ" else DEG) for k in POSE_KEYS]
+        slots = [found[k].slot(MM, MM_DECIMALS) for k in "XYZ"] + [found[k].slot(DEG, DEG_DECIMALS) for k in "ABC"]
         if configuration is not None:
-            keys += [found[k].slot(1.0) for k in "ST"]
+            slots += [found[k].slot(1.0, 0, aligned=False) for k in "ST"]
         words = read_only([found[k].value * DEG for k in "ABC"])
         if any(found[k].value != 0.0 for k in EXTERNAL if k in found):
-            self.reading.notes.append((number, EXTERNAL_NOTE))
-        pose = CartesianTarget(transform(found), "abc", words, T_WB, T_FT, configuration)
+            self.reading.notes.append((line, EXTERNAL_NOTE))
+        T_BT = _transform(Aggregate("", found))
+        assert T_BT is not None
+        pose = CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
         self.last = len(self.reading.targets)
-        self.reading.targets.append(Target(number, tuple(keys), pose=pose, follows=follows))
+        self.reading.targets.append(Target(line, tuple(slots), pose=pose, follows=follows))
 
-    def _configuration(self, number: int, found: dict[str, AggregateEntry]) -> StatusTurn | None:
+    def _configuration(self, line: int, found: Numbers) -> StatusTurn | None:
         if "S" not in found or "T" not in found:
             return None
         status = StatusTurn(int(found["S"].value), int(found["T"].value))
         if status.status & ACCURATE:
-            self._refuse(
-                number,
-                f"S {status.status} marks a robot with an accuracy model of its own: the correction would count twice",
+            sentence = (
+                f"S {status.status} marks a robot with an accuracy model of its own: the correction would count twice"
             )
+            self.reading.refuse(line, sentence)
         return status
-
-
-def _common_frames(frames: list[tuple[Array | None, Array | None]]) -> tuple[Array | None, Array | None] | None:
-    """Return tool and base if all moves to a point agree about them."""
-    for frame in frames[1:]:
-        for one, other in zip(frames[0], frame, strict=True):
-            if one is None or other is None or not np.array_equal(one, other):
-                return None, None
-    return frames[0] if frames else None

@@ -1,1 +1,1 @@
-"""Languages."""
+"""The reader of each robot language: statements with their places, and what they make the robot do."""

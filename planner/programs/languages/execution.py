@@ -1,13 +1,13 @@
-"""What a program makes the robot do, noted while its statements are executed in the controller's order."""
+"""What a program makes the robot do, noted while its statements are run."""
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.programs.languages.statements import Machine, Pulse, Statement, Waiting, parse_fixed
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,8 @@ class ReadBack:
     """Number of pulses at measuring poses."""
     centrings: tuple[tuple[int, int, int], ...] = ()
     """Calls of the centring routine: after how many moves, at which ball and which pose."""
+    unknown: tuple[Statement, ...] = ()
+    """Statements that the reader does not know and has passed over."""
 
 
 @dataclass
@@ -39,6 +41,18 @@ class ExecutionTrace:
     dwells: list[float] = field(default_factory=list)
     syncs: int = 0
     centrings: list[tuple[int, int, int]] = field(default_factory=list)
+    unknown: list[Statement] = field(default_factory=list)
+
+    def run(self, statements: Iterable[Statement], machine: Machine) -> None:
+        """Note what statements do, in the order in which the controller runs them."""
+        for statement in statements:
+            match statement:
+                case Waiting(number=number, unit=unit):
+                    self.dwell(parse_fixed(number, statement.text) * unit)
+                case Pulse():
+                    self.syncs += 1
+                case _ if not machine.execute(statement):
+                    self.unknown.append(statement)
 
     def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
         """Note a joint move; all moves must drive the same number of axes."""
@@ -71,37 +85,5 @@ class ExecutionTrace:
             tuple(self.dwells),
             self.syncs,
             tuple(self.centrings),
+            tuple(self.unknown),
         )
-
-
-def parse_fixed(text: str, where: str) -> float:
-    """Return the number that ``text`` spells in fixed point, as every controller takes it."""
-    if not re.fullmatch(r"-?\d+(\.\d*)?", text):
-        raise InputError(f"{where}: '{text}' is no number in fixed point")
-    return float(text)
-
-
-def plan_id_of(texts: tuple[str, ...]) -> str:
-    """Return the plan_id that every one of the files names in a comment."""
-    found: set[str] = {m for text in texts for m in re.findall(r"plan_id:\s*([0-9a-f]{12})\b", text)}
-    unnamed = [n for n, text in enumerate(texts, start=1) if "plan_id:" not in text]
-    if len(found) != 1 or unnamed:
-        raise InputError(f"every file must name the same plan_id, found {sorted(found) or 'none'}")
-    return found.pop()
-
-
-Body = list[str]
-
-
-def inline_calls(
-    bodies: dict[str, Body], start: str, called: Callable[[str], str | None], depth: int = 0
-) -> Iterator[str]:
-    """Yield the statements of ``bodies[start]``, with each call replaced by what it runs."""
-    if depth > 3:
-        raise InputError(f"'{start}' is called by itself")
-    for statement in bodies[start]:
-        name = called(statement)
-        if name is not None and name in bodies:
-            yield from inline_calls(bodies, name, called, depth + 1)
-        else:
-            yield statement

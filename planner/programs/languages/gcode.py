@@ -1,77 +1,124 @@
-"""G-code: one block a line, axis words as ``X10.5`` or ``A1=10.5``."""
+"""G-code whose axis words are the robot's joints (``A1=10.5`` or ``X10.5``), one block a line."""
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace, parse_fixed
+from planner.programs.languages.execution import ExecutionTrace
+from planner.programs.languages.statements import PlacedNumber, Statement, parse_fixed
+from planner.programs.languages.text import NUMBER, Lines, mask_comments
+
+_WORD = re.compile(rf"([A-Z]+\d*=|[A-Z])\s*({NUMBER})")
+_HEAD = re.compile(r"\s*(?P<optional>/\d*\s*)?(?:N\d+\s*)?")
 
 
-def read(dialect: Dialect, texts: tuple[str, ...], trace: ExecutionTrace) -> None:
-    """Note the moves of the one file; its words come from ``[reading]`` and the axis names."""
-    _GcodeMachine(dialect, trace).run(texts[0])
+@dataclass(frozen=True)
+class Block(Statement):
+    """One block in capitals; ``words`` is None where it is more than a plain row of them.
+
+    ``optional``: the operator can have it left out.
+    """
+
+    words: tuple[tuple[str, PlacedNumber], ...] | None
+    optional: bool
+
+    @property
+    def codes(self) -> list[str]:
+        """The G words, such as ``G1`` and ``G61.1``."""
+        return ["G" + str(number.value).removesuffix(".0") for name, number in self.words or () if name == "G"]
 
 
-class _GcodeMachine:
-    """The modal state of a G-code interpreter, as far as joint paths need it."""
+def parse(text: str, dialect: Dialect) -> Iterator[Block]:
+    """Yield the blocks of a program, without their numbers."""
+    start_mark = dialect.comment.start.strip()
+    comment = r"\([^)\r\n]*\)|;[^\r\n]*" if dialect.comment.end else rf"{re.escape(start_mark)}[^\r\n]*"
+    for line, start, code in Lines.of(mask_comments(text, comment)):
+        head = _HEAD.match(code.upper())
+        assert head is not None
+        code = code.upper()[head.end() :]
+        if code.strip() and not code.startswith("%"):
+            at = start + head.end()
+            yield Block(line, at, code.strip(), _words(code, at), head["optional"] is not None)
+
+
+def _words(code: str, start: int) -> tuple[tuple[str, PlacedNumber], ...] | None:
+    found, at = [], 0
+    for match in _WORD.finditer(code):
+        if code[at : match.start()].strip():
+            return None
+        number = PlacedNumber(float(match[2]), match[2], start + match.start(2))
+        found.append((match[1].rstrip("="), number))
+        at = match.end()
+    return None if code[at:].strip() else tuple(found)
+
+
+class GcodeMachine:
+    """The modal state of an interpreter, as far as joint paths need it; its words come from ``[reading]``."""
 
     def __init__(self, dialect: Dialect, trace: ExecutionTrace) -> None:
         self.trace = trace
-        self.words = dialect.reading
+        self.patterns = dialect.reading
         self.axes = [axis.rstrip("=") for axis in dialect.axes]
         self.blend: float | None = 0.0  # rounding as the machine likes, until a block says otherwise
         self.feed: float | None = None
         self.in_pulse = False
         self.ended = False
 
-    def run(self, text: str) -> None:
-        """Execute a whole program; raises InputError at a block that is not understood, or where the end is missing."""
-        for count, line in enumerate(text.splitlines(), start=1):
-            block = re.sub(r"\([^)]*\)|;.*", "", line).strip()
-            block = re.sub(r"^N\d+\s*", "", block)
-            if block and not block.startswith("%"):
-                self._block(block, f"line {count}")
-        if not self.ended:
-            raise InputError("the program has no end (M2 or M30)")
+    def execute(self, statement: Statement) -> bool:
+        """Take in one block and return whether it is known.
 
-    def _block(self, block: str, where: str) -> None:
+        Raises:
+            InputError: a motion that is not understood, or a block behind the end.
+        """
+        patterns, said = self.patterns, statement.text
         if self.ended:
-            raise InputError(f"{where}: '{block}' stands behind the end of the program")
-        words = self.words
-        if re.match(words.sync, block):
+            raise InputError(f"line {statement.line}: '{said}' stands behind the end of the program")
+        if re.match(patterns.sync, said):
             self.trace.syncs += 1
-            self.in_pulse = bool(words.pulse_end)
-        elif words.pulse_end and re.match(words.pulse_end, block):
+            self.in_pulse = bool(patterns.pulse_end)
+        elif patterns.pulse_end and re.match(patterns.pulse_end, said):
             self.in_pulse = False
-        elif dwell := re.fullmatch(words.dwell, block):
+        elif dwell := re.fullmatch(patterns.dwell, said):
             if not self.in_pulse:
-                self.trace.dwell(parse_fixed(dwell["seconds"], where))
-        elif re.search(rf"(^|\s){words.motion}(\s|$)", block):
-            self._move(block, where)
-        elif words.exact and re.fullmatch(words.exact, block):
+                self.trace.dwell(parse_fixed(dwell["seconds"], f"line {statement.line}"))
+        elif isinstance(statement, Block) and re.search(rf"(^|\s){patterns.motion}(\s|$)", said):
+            self._move(statement)
+        elif patterns.exact and re.fullmatch(patterns.exact, said):
             self.blend = None
-        elif words.blended and (rounding := re.fullmatch(words.blended, block)):
-            self.blend = parse_fixed(rounding["value"], where)
-        elif re.fullmatch("M0?2|M30", block):
+        elif patterns.blended and (rounding := re.fullmatch(patterns.blended, said)):
+            self.blend = parse_fixed(rounding["value"], f"line {statement.line}")
+        elif re.fullmatch("M0?2|M30", said):
             self.ended = True
+        else:
+            return any(re.fullmatch(pattern, said) for pattern in patterns.passive)
+        return True
 
-    def _move(self, block: str, where: str) -> None:
+    def _move(self, block: Block) -> None:
+        where = f"line {block.line}"
+        if block.words is None or block.optional:
+            raise InputError(f"{where}: '{block.text}' is no joint move of this family")
         self.in_pulse = False  # a pulse given in passing ends by itself
-        here = bool(self.words.exact and re.search(rf"(^|\s)({self.words.exact})(\s|$)", block))
+        here = bool(self.patterns.exact and re.search(rf"(^|\s)({self.patterns.exact})(\s|$)", block.text))
         found: dict[str, float] = {}
-        for word in block.split():
-            if re.fullmatch(r"G[\d.]+", word):
-                continue
-            if word.startswith("F"):
-                self.feed = parse_fixed(word[1:], where)
-                continue
-            match = re.fullmatch(r"([A-Z]\d?)=(.+)|([A-Z])(.+)", word)
-            axis = "" if match is None else match[1] or match[3]
-            if match is None or axis not in self.axes or axis in found:
-                raise InputError(f"{where}: the word '{word}' is unknown or stands twice")
-            found[axis] = parse_fixed(match[2] or match[4], where)
+        for name, number in block.words:
+            if name == "F":
+                self.feed = parse_fixed(number.text, where)
+            elif name in self.axes and name not in found:
+                found[name] = parse_fixed(number.text, where)
+            elif name != "G":
+                raise InputError(f"{where}: the word '{name}{number.text}' is unknown or stands twice")
         if list(found) != self.axes[: len(found)]:
             raise InputError(f"{where}: axes {list(found)} are not the first of {self.axes}")
         if self.feed is None:
             raise InputError(f"{where}: the first move has no feed")
         self.trace.move(list(found.values()), None if here else self.blend, self.feed)
+
+
+def execute(texts: tuple[str, ...], dialect: Dialect, trace: ExecutionTrace) -> None:
+    """Note what the one file does, block by block."""
+    machine = GcodeMachine(dialect, trace)
+    trace.run(parse(texts[0], dialect), machine)
+    if not machine.ended:
+        raise InputError("the program has no end (M2 or M30)")

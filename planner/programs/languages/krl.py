@@ -1,71 +1,176 @@
-"""KUKA KRL: ``PTP {A1 ..., A2 ...}`` with or without ``C_PTP``; parts are DEFs, in one file or several."""
+"""KUKA KRL, ``.src`` and ``.dat``: targets in braces, at the move or declared by name; routines are DEFs."""
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace, inline_calls, parse_fixed
+from planner.programs.languages.execution import ExecutionTrace
+from planner.programs.languages.statements import (
+    Assignment,
+    Call,
+    Flow,
+    MotionStatement,
+    Passive,
+    PlacedNumber,
+    Pulse,
+    Routine,
+    RoutineEnd,
+    Statement,
+    Waiting,
+    parse_fixed,
+    run_order,
+)
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
-_AXES = [f"A{i}" for i in range(1, 7)] + [f"E{i}" for i in range(1, 7)]
-_SETTING = re.compile(r"(\$OV_PRO|\$APO\.CPTP)\s*=\s*(\S+)|BAS\s*\(\s*(#VEL_PTP)\s*,\s*(\S+?)\s*\)")
-_CALL = re.compile(r"(?:TRIGGER\s+WHEN\s.*\bDO\s+)?([A-Za-z_$][\w$]*)\s*\(\s*\)(?:\s+PRIO\s*=\s*-?\d+)?")
+EXTERNAL = tuple(f"E{i}" for i in range(1, 7))
+AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
+POSE_KEYS = ("X", "Y", "Z", "A", "B", "C")
+_NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
+_WHOLE = r"'B\s*[01]+'|'H\s*[0-9A-F]+'|\d+"
+_TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
+
+
+def _pattern(text: str) -> re.Pattern[str]:
+    return re.compile(rf"\s*{text}", re.IGNORECASE)
+
+
+_MOVE = _pattern(r"(?P<word>S?PTP|S?LIN|S?CIRC|SPL)(?P<relative>_REL)?\b(?!\s*[=.\[])(?P<rest>.*)")
+_ROUTINE = _pattern(r"(?:GLOBAL\s+)?DEF(?:FCT)?\b(?:\s+(?P<name>\w{1,24})\s*\(\s*\)\s*$)?")
+_END = _pattern(r"END(?:FCT)?\s*$")
+_BAS = _pattern(r"BAS\s*\(\s*#(?P<what>\w+)\s*(?:,\s*(?P<value>[^)]*?)\s*)?\)")
+_FLOW = _pattern(
+    r"(?:(?P<opening>IF|FOR|LOOP|WHILE|REPEAT|SWITCH)|(?P<closing>ENDIF|ENDFOR|ENDLOOP|ENDWHILE|UNTIL|ENDSWITCH)"
+    r"|ELSE|CASE|DEFAULT|GOTO)\b|\s*\w+:\s*$"
+)
+_ASSIGNED = _pattern(
+    rf"(?:(?:DECL|GLOBAL|CONST)\s+)*(?:(?P<kind>\w+)\s+)?(?P<name>{_NAME})\s*(?P<part>\.\s*\w+)?\s*=(?!=)\s*(?P<value>.*)"
+)
+_WAIT = _pattern(r"WAIT\s+SEC\s+(\S+)\s*$")
+_PULSE = _pattern(rf"{_TRIGGER}PULSE\s*\(")
+_CALL = _pattern(rf"{_TRIGGER}(?!WAIT\b|INTERRUPT\b)(?P<name>\w+)\s*\(.*\)(?:\s+PRIO\s*=\s*-?\d+)?\s*$")
+_PASSIVE = _pattern(r"(?:&\w+|(?:GLOBAL\s+)?INTERRUPT|WAIT\s+FOR|HALT|DECL|GLOBAL|STRUC|INT|DEFDAT|ENDDAT)\b")
 _SCALED = re.compile(r"\(\w+\*(\d+)\+99\)/100")
 _FOUND = re.compile(r"OV_\w+")
 
 
-def read(dialect: Dialect, texts: tuple[str, ...], trace: ExecutionTrace) -> None:
-    """Note the moves of the first DEF of the first file and of those that it calls."""
-    bodies: dict[str, list[str]] = {}
-    for text in texts:
-        _collect_routines(text, bodies)
-    if not bodies:
-        raise InputError("no DEF in the program")
-    machine = _KrlMachine(trace, dialect.reading.centre)
-    for statement in inline_calls(bodies, next(iter(bodies)), _called_routine):
-        machine.run(statement)
+@dataclass(frozen=True)
+class Aggregate:
+    """A value in braces; ``numbers`` by their names, or None where it holds anything but plain numbers."""
+
+    text: str
+    numbers: dict[str, PlacedNumber] | None
 
 
-def _called_routine(statement: str) -> str | None:
-    match = _CALL.fullmatch(statement)
-    return match[1].upper() if match else None
+@dataclass(frozen=True)
+class KrlMove(MotionStatement):
+    """A move; ``targets`` holds values in braces and names, or nothing where it is not understood."""
+
+    relative: bool
+    targets: tuple[Aggregate | str, ...]
+    rest: str
 
 
-def _collect_routines(text: str, bodies: dict[str, list[str]]) -> None:
-    body: list[str] | None = None
-    for line in text.splitlines():
-        statement = line.split(";", 1)[0].strip()
-        if match := re.fullmatch(r"(?:GLOBAL\s+)?DEF\s+(\w{1,24})\s*\(\s*\)", statement, re.IGNORECASE):
-            body = bodies[match[1].upper()] = []
-        elif statement.upper() == "END":
-            body = None
-        elif body is not None and statement:
-            body.append(statement)
-    if body is not None:
-        raise InputError("a DEF has no END")
+@dataclass(frozen=True)
+class Bas(Statement):
+    """A call of BAS: which of its functions, and the argument or nothing."""
+
+    what: str
+    value: str
 
 
-class _KrlMachine:
+def parse(text: str) -> Iterator[Statement]:
+    """Yield the statements of a file, one a line."""
+    for line, start, code in Lines.of(mask_comments(text, r";[^\r\n]*")):
+        if code.strip():
+            yield _statement(code, line, start)
+
+
+def _statement(code: str, line: int, start: int) -> Statement:
+    place = line, start, code.strip()
+    if match := _MOVE.match(code):
+        return _move(match, line, start)
+    if match := _ROUTINE.match(code):
+        return Routine(*place, (match["name"] or "").upper())
+    if _END.match(code):
+        return RoutineEnd(*place)
+    if match := _BAS.match(code):
+        return Bas(*place, match["what"].upper(), match["value"] or "")
+    if match := _FLOW.match(code):
+        return Flow(*place, bool(match["opening"]) - bool(match["closing"]))
+    if match := _WAIT.match(code):
+        return Waiting(*place, match[1])
+    if _PULSE.match(code):
+        return Pulse(*place)
+    if match := _ASSIGNED.match(code):
+        kind, name, part = ((match[k] or "").upper().lstrip(". ") for k in ("kind", "name", "part"))
+        return Assignment(*place, kind, name, part, match["value"].strip(), start + match.start("value"))
+    if match := _CALL.match(code):
+        return Call(*place, match["name"].upper(), triggered=bool(match["trigger"]))
+    return Passive(*place) if _PASSIVE.match(code) else Statement(*place)
+
+
+def _move(match: re.Match[str], line: int, start: int) -> KrlMove:
+    """Read the one target of a move, or the two of a circle."""
+    rest, at, word = match["rest"], 0, match["word"].upper()
+    targets: list[Aggregate | str] = []
+    for count in range(2 if word.endswith("CIRC") else 1):
+        comma = "," if count else ""
+        target = re.match(rf"\s*{comma}\s*(\{{[^}}]*\}}|{_NAME})", rest[at:])
+        after = "" if target is None else rest[at + target.end() :].lstrip()
+        if target is None or after.startswith((":", ".", "+", "-", "(")):
+            targets, at = [], 0
+            break
+        place = start + match.start("rest") + at + target.start(1)
+        targets.append(aggregate(target[1], place) if target[1].startswith("{") else target[1].upper())
+        at += target.end()
+    return KrlMove(line, start, match[0].strip(), word, bool(match["relative"]), tuple(targets), rest[at:].strip())
+
+
+def aggregate(text: str, start: int) -> Aggregate:
+    """Read a value in braces, from the first ``{`` at ``start`` to the first ``}``."""
+    text = text[: text.find("}") + 1]
+    head = re.match(r"\{\s*(\w+\s*:)?", text)
+    at = 0 if head is None else head.end()
+    found: dict[str, PlacedNumber] = {}
+    for cell in text[at:-1].split(","):
+        match = re.fullmatch(rf"(\s*(\w+)\s+)({EXPONENT_NUMBER}|{_WHOLE})\s*", cell, re.IGNORECASE)
+        if match is None or match[2].upper() in found:
+            return Aggregate(text, None)
+        found[match[2].upper()] = PlacedNumber(_value(match[3]), match[3], start + at + len(match[1]))
+        at += len(cell) + 1
+    return Aggregate(text, found)
+
+
+def _value(text: str) -> float:
+    if text.startswith("'"):
+        return float(int(text[2:-1], 2 if text[1] in "Bb" else 16))
+    return float(text)
+
+
+class KrlMachine:
     """The system variables that a PTP move takes its speed and its rounding from."""
 
-    def __init__(self, trace: ExecutionTrace, centring: str = "") -> None:
-        self.trace, self.centring = trace, centring
-        self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "#VEL_PTP": 100.0}
+    def __init__(self, dialect: Dialect, trace: ExecutionTrace) -> None:
+        self.trace, self.centring = trace, dialect.reading.centre
+        self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "VEL_PTP": 100.0}
 
-    def run(self, statement: str) -> None:
-        """Execute one statement, if it moves, waits, pulses or sets a speed; raises InputError for other moves."""
-        if match := re.fullmatch(r"PTP\s*\{(.*)\}\s*(C_PTP)?", statement, re.IGNORECASE):
-            speed = self.values["#VEL_PTP"] * self.values["$OV_PRO"] / 100.0
-            self.trace.move(_angles(match[1]), self.values["$APO.CPTP"] if match[2] else None, speed)
-        elif re.match(r"(S?PTP|S?LIN|S?CIRC)(_REL)?\b", statement, re.IGNORECASE):
-            raise InputError(f"'{statement}' is no joint move of this family")
-        elif match := re.fullmatch(r"WAIT\s+SEC\s+(\S+)", statement, re.IGNORECASE):
-            self.trace.dwell(parse_fixed(match[1], statement))
-        elif re.match(r"(TRIGGER\s+WHEN\s+.*\bDO\s+)?PULSE\s*\(", statement, re.IGNORECASE):
-            self.trace.syncs += 1
-        elif self.centring and (match := re.fullmatch(self.centring, statement, re.IGNORECASE)):
-            self.trace.centring(int(match["ball"]), int(match["pose"]))
-        elif match := _SETTING.fullmatch(statement):
-            self.values[match[1] or match[3]] = _percentage(match[2] or match[4], statement)
+    def execute(self, statement: Statement) -> bool:
+        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        match statement:
+            case KrlMove():
+                speed = self.values["VEL_PTP"] * self.values["$OV_PRO"] / 100.0
+                blended = statement.rest.upper() == "C_PTP"
+                self.trace.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
+            case Bas(what="VEL_PTP", value=value):
+                self.values["VEL_PTP"] = parse_fixed(value, statement.text)
+            case Assignment(name=name, part=part, value=value) if f"{name}.{part}".rstrip(".") in self.values:
+                self.values[f"{name}.{part}".rstrip(".")] = _percentage(value, statement.text)
+            case Call() if self.centring and (match := re.fullmatch(self.centring, statement.text, re.IGNORECASE)):
+                self.trace.centring(int(match["ball"]), int(match["pose"]))
+                return True
+        return type(statement) not in (Statement, Call)
 
 
 def _percentage(text: str, statement: str) -> float:
@@ -75,13 +180,16 @@ def _percentage(text: str, statement: str) -> float:
     return 100.0 if _FOUND.fullmatch(text) else parse_fixed(text, statement)
 
 
-def _angles(aggregate: str) -> list[float]:
-    found: dict[str, float] = {}
-    for element in aggregate.split(","):
-        name, _, value = element.strip().partition(" ")
-        if name in found:
-            raise InputError(f"{name} stands twice in {{{aggregate}}}")
-        found[name] = parse_fixed(value.strip(), aggregate)
-    if list(found) != _AXES[: len(found)]:
-        raise InputError(f"{{{aggregate}}} does not name the axes in order")
-    return list(found.values())
+def _angles(move: KrlMove) -> list[float]:
+    target = move.targets[0] if move.targets else ""
+    if move.word != "PTP" or move.relative or isinstance(target, str) or move.rest.upper() not in ("", "C_PTP"):
+        raise InputError(f"'{move.text}' is no joint move of this family")
+    found = target.numbers or {}
+    if not found or tuple(found) != AXES[: len(found)]:
+        raise InputError(f"{target.text} does not name the axes in order, each once and with a number")
+    return [parse_fixed(number.text, move.text) for number in found.values()]
+
+
+def execute(texts: tuple[str, ...], dialect: Dialect, trace: ExecutionTrace) -> None:
+    """Note what the first DEF of the first file does, and those that it calls."""
+    trace.run(run_order(s for text in texts for s in parse(text)), KrlMachine(dialect, trace))

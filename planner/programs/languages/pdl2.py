@@ -1,83 +1,146 @@
-"""Comau PDL2: ``MOVE TO {...}`` and ``MOVEFLY TO {...} ADVANCE``; parts are routines of the same program."""
+"""Comau PDL2: joint targets in braces, ``MOVE TO {10, -20, …}`` and ``MOVEFLY TO {…} ADVANCE``."""
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace, inline_calls, parse_fixed
+from planner.programs.languages.execution import ExecutionTrace
+from planner.programs.languages.statements import (
+    Assignment,
+    Call,
+    MotionStatement,
+    Passive,
+    PlacedNumber,
+    Pulse,
+    Routine,
+    RoutineEnd,
+    Statement,
+    Waiting,
+    parse_fixed,
+    placed_numbers,
+    run_order,
+)
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
-_MOVE = re.compile(r"MOVE(FLY)? TO \{([^}]*)\}(?: ADVANCE)?(?:,? WITH (.*))?")
+MAIN = "PROGRAM"  # the routine that the program's own body counts as
+_MOVE = re.compile(
+    r"\s*(?P<word>MOVE(?:FLY)?)\b(?P<how>[^{\n]*?)\b(?P<to>TO|VIA)\s*(?P<target>\{[^}]*\}|[^\r\n]*)(?P<rest>.*)",
+    re.IGNORECASE | re.DOTALL,
+)
+_NUMBERS = rf"\s*{EXPONENT_NUMBER}\s*(,\s*{EXPONENT_NUMBER}\s*)*"
+_PROGRAM = re.compile(r"PROGRAM (\w+)(?: .*)?")
+_ROUTINE = re.compile(r"ROUTINE (\w+)(?:\(.*\))?")
+_ASSIGNED = re.compile(r"(\$?\w+(?:\[[^\]]*\])?) := (.+)")
+_PASSIVE = re.compile(r"(?:VAR|PAUSE|WAIT FOR .*|(?:OPEN|CLOSE) FILE .*|WRITE .*|\w+\(.*\)|\w+ : \w+)")
 
 
-def read(_dialect: Dialect, texts: tuple[str, ...], trace: ExecutionTrace) -> None:
-    """Note the moves of the program's own body and of the routines that it calls."""
-    statements = _join_statements(texts[0])
-    program = re.fullmatch(r"PROGRAM (\w+)(?: .*)?", statements[0])
-    if program is None:
-        raise InputError(f"'{statements[0]}' does not begin a program")
-    bodies: dict[str, list[str]] = {}
-    owner, body = program[1], None
-    for statement in statements[1:]:
-        if match := re.fullmatch(r"ROUTINE (\w+)(?:\(.*\))?", statement):
+@dataclass(frozen=True)
+class Pdl2Move(MotionStatement):
+    """A move: words before the target, the target, its numbers (None where it holds others), and what follows."""
+
+    how: str
+    target: str
+    numbers: tuple[PlacedNumber, ...] | None
+    rest: str
+
+
+def parse(text: str) -> Iterator[Statement]:
+    """Yield the statements; a move with its WITH clauses up to ENDMOVE is one, and so is a condition."""
+    program = owner = ""
+    for line, start, code in _join_lines(mask_comments(text, r"--[^\r\n]*", "'")):
+        place = line, start + len(code) - len(code.lstrip()), code.strip()
+        said = place[2]
+        if re.match(r"MOVE(FLY)?\b", said, re.IGNORECASE):
+            yield _move(code, line, start)
+        elif match := _PROGRAM.fullmatch(said):
+            program = owner = match[1]
+        elif match := _ROUTINE.fullmatch(said):
             owner = match[1]
-        elif statement == "BEGIN":
-            body = bodies[owner] = []
-        elif statement == f"END {owner}":
-            owner, body = program[1], None
-        elif body is not None:
-            body.append(statement)
-    if program[1] not in bodies or body is not None:
-        raise InputError(f"the program {program[1]} has no complete body")
-    machine = _Pdl2Machine(trace)
-    for statement in inline_calls(bodies, program[1], lambda s: s if re.fullmatch(r"\w+", s) else None):
-        machine.run(statement)
+        elif said == "BEGIN":
+            yield Routine(*place, MAIN if owner == program else owner)
+        elif said == f"END {owner}":
+            owner = program
+            yield RoutineEnd(*place)
+        else:
+            yield _statement(place)
 
 
-def _join_statements(text: str) -> list[str]:
-    """Return the statements; a move with its WITH clauses up to ENDMOVE is one, a condition is none."""
-    statements: list[str] = []
-    inside = ""
-    for line in text.splitlines():
-        statement = line.split("--", 1)[0].strip()
-        if statement.startswith("CONDITION["):
-            inside = "ENDCONDITION"
-        elif inside == "ENDMOVE" and statement != inside:
-            statements[-1] += f" {statement}"
-        elif not inside and statement:
-            statements.append(statement)
-            inside = "ENDMOVE" if statement.startswith("MOVE") and statement.endswith(",") else ""
-        if statement == inside:
-            inside = ""
-    return statements
+def _statement(place: tuple[int, int, str]) -> Statement:
+    said = place[2]
+    if match := re.fullmatch(r"DELAY (\S+)", said):
+        return Waiting(*place, match[1], 1e-3)
+    if said.startswith("PULSE "):
+        return Pulse(*place)
+    if match := _ASSIGNED.fullmatch(said):
+        return Assignment(*place, "", match[1], "", match[2], place[1] + match.start(2))
+    if said.startswith("CONDITION[") or _PASSIVE.fullmatch(said):
+        return Passive(*place)
+    return Call(*place, said) if re.fullmatch(r"\w+", said) else Statement(*place)
 
 
-class _Pdl2Machine:
+def _join_lines(text: str) -> Iterator[tuple[int, int, str]]:
+    """Yield line, place and text of statements, those that go over several lines as one."""
+    begun: tuple[int, int] | None = None
+    closing = ""
+    for line, start, code in Lines.of(text):
+        said = code.strip()
+        if begun is None and said:
+            begun = line, start
+            closing = "ENDCONDITION" if said.startswith("CONDITION[") else ""
+            closing = "ENDMOVE" if said.startswith("MOVE") and said.endswith(",") else closing
+        if begun is not None and (not closing or said == closing):
+            yield *begun, text[begun[1] : start + len(code)]
+            begun = None
+    if begun is not None:
+        yield *begun, text[begun[1] :]
+
+
+def _move(code: str, line: int, start: int) -> Pdl2Move:
+    match = _MOVE.match(code)
+    if match is None:
+        return Pdl2Move(line, start, code.strip(), "MOVE", "", "", None, "")
+    inside = match["target"][1:-1]
+    plain = match["target"].startswith("{") and re.fullmatch(
+        rf"\s*{EXPONENT_NUMBER}\s*(,\s*{EXPONENT_NUMBER}\s*)*", inside
+    )
+    numbers = tuple(placed_numbers(inside, start + match.start("target") + 1, EXPONENT_NUMBER))
+    word, how, target = match["word"].upper(), match["how"].strip(), match["target"]
+    how = "VIA" if match["to"].upper() == "VIA" else how
+    return Pdl2Move(line, start, code.strip(), word, how, target, numbers if plain else None, match["rest"].strip())
+
+
+class Pdl2Machine:
     """The predefined variables that a joint move takes its speed and its rounding from."""
 
     def __init__(self, trace: ExecutionTrace) -> None:
         self.trace = trace
         self.arm_percent = 100.0
 
-    def run(self, statement: str) -> None:
-        """Execute one statement: moves, speeds in percent, waits [ms] and pulses."""
-        if statement.startswith("MOVE"):
-            self._move(statement)
-        elif match := re.fullmatch(r"\$ARM_SPD_OVR := (\S+)", statement):
-            self.arm_percent = parse_fixed(match[1], statement)
-        elif match := re.fullmatch(r"DELAY (\S+)", statement):
-            self.trace.dwell(parse_fixed(match[1], statement) / 1000.0)
-        elif statement.startswith("PULSE "):
-            self.trace.syncs += 1
+    def execute(self, statement: Statement) -> bool:
+        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        match statement:
+            case Pdl2Move():
+                self._move(statement)
+            case Assignment(name="$ARM_SPD_OVR", value=value):
+                self.arm_percent = parse_fixed(value, statement.text)
+        return type(statement) not in (Statement, Call)
 
-    def _move(self, statement: str) -> None:
-        match = _MOVE.fullmatch(statement)
-        if match is None:
-            raise InputError(f"'{statement}' is no joint move of this family")
-        clauses = match[3] or ""
-        fly = re.search(r"\$FLY_PER = (\d+)", clauses)
-        speed = re.search(r"\$PROG_SPD_OVR = (\d+)", clauses)
-        if (match[1] is None) != (fly is None) or speed is None:
-            raise InputError(f"'{statement}': MOVEFLY and $FLY_PER belong together, and every move has its speed")
-        angles = [parse_fixed(v.strip(), statement) for v in match[2].split(",")]
+    def _move(self, move: Pdl2Move) -> None:
+        clauses = re.fullmatch(r"(?:ADVANCE)?(?:,?\s*WITH (.*))?", move.rest, re.DOTALL)
+        if move.how or move.numbers is None or clauses is None:
+            raise InputError(f"'{move.text}' is no joint move of this family")
+        said = clauses[1] or ""
+        fly = re.search(r"\$FLY_PER = (\d+)", said)
+        speed = re.search(r"\$PROG_SPD_OVR = (\d+)", said)
+        if (move.word == "MOVE") != (fly is None) or speed is None:
+            raise InputError(f"'{move.text}': MOVEFLY and $FLY_PER belong together, and every move has its speed")
+        angles = [parse_fixed(number.text, move.text) for number in move.numbers]
         self.trace.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.arm_percent / 100.0)
-        self.trace.syncs += clauses.count("CONDITION[")
+        self.trace.syncs += said.count("CONDITION[")
+
+
+def execute(texts: tuple[str, ...], _dialect: Dialect, trace: ExecutionTrace) -> None:
+    """Note what the program's own body does and the routines that it calls."""
+    trace.run(run_order(parse(texts[0]), MAIN), Pdl2Machine(trace))

@@ -1,51 +1,157 @@
-"""ABB RAPID: ``MoveAbsJ [[...],[...]], speed, zone, tool;`` in PROCs of one module."""
+"""ABB RAPID: jointtarget and robtarget, declared by name or written at the move; statements end with a semicolon."""
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace, inline_calls, parse_fixed
-
-_MOVE = re.compile(
-    r"MoveAbsJ \[\[(?P<robot>[^]]*)\],\[(?P<external>[^]]*)\]\], \[(?P<speed>[^],]*),[^]]*\], "
-    r"(?P<zone>fine|\[FALSE,(?P<distance>[^],]*),[^]]*\]), \w+( \\WObj:=\w+)?"
+from planner.programs.languages.execution import ExecutionTrace
+from planner.programs.languages.statements import (
+    Assignment,
+    Call,
+    Flow,
+    MotionStatement,
+    Passive,
+    Pulse,
+    Routine,
+    RoutineEnd,
+    Statement,
+    Waiting,
+    parse_fixed,
+    placed_numbers,
+    run_order,
 )
-_UNUSED = "9E9"
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
 
-def read(_dialect: Dialect, texts: tuple[str, ...], trace: ExecutionTrace) -> None:
-    """Note the moves of PROC main and of the PROCs that it calls."""
-    bodies: dict[str, list[str]] = {}
-    body: list[str] | None = None
-    for line in texts[0].splitlines():
-        statement = line.split("!", 1)[0].strip()
-        if match := re.fullmatch(r"PROC\s+(\w+)\s*\(.*\)", statement):
-            body = bodies[match[1].lower()] = []
-        elif statement == "ENDPROC":
-            body = None
-        elif body is not None and statement:
-            body.append(statement)
-    if body is not None or "main" not in bodies:
-        raise InputError("the module has no complete PROC main")
-    for statement in inline_calls(bodies, "main", _called_routine):
-        _statement(statement, trace)
+def _row(count: int) -> str:
+    return r"\[\s*" + r"\s*,\s*".join([EXPONENT_NUMBER] * count) + r"\s*\]"
 
 
-def _called_routine(statement: str) -> str | None:
-    match = re.fullmatch(r"(\w+)(?: \d+)?;", statement)
-    return match[1].lower() if match else None
+POSE = rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*\]"
+JOINT_TARGET = re.compile(rf"\[\s*{_row(6)}\s*,\s*{_row(6)}\s*\]")
+ROB_TARGET = re.compile(rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*,\s*{_row(4)}\s*,\s*{_row(6)}\s*\]")
+UNUSED = 8e9  # external axes that are not there read 9E9
 
 
-def _statement(statement: str, trace: ExecutionTrace) -> None:
-    if statement.startswith("Move"):
-        match = _MOVE.fullmatch(statement.removesuffix(";"))
-        if match is None:
-            raise InputError(f"'{statement}' is no joint move of this family")
-        external = [v for v in match["external"].split(",") if v != _UNUSED]
-        angles = [parse_fixed(v, statement) for v in (*match["robot"].split(","), *external)]
-        blend = None if match["zone"] == "fine" else parse_fixed(match["distance"], statement)
-        trace.move(angles, blend, parse_fixed(match["speed"], statement))
-    elif match := re.fullmatch(r"WaitTime (\S+);", statement):
-        trace.dwell(parse_fixed(match[1], statement))
-    elif statement.startswith("PulseDO "):
-        trace.syncs += 1
+def _pattern(text: str) -> re.Pattern[str]:
+    return re.compile(text, re.IGNORECASE | re.DOTALL)
+
+
+_CHUNK = _pattern(
+    r"\s*(?:(?P<routine>(?:LOCAL\s+)?(?:PROC|TRAP|FUNC\s+\w+)\s+(?P<name>\w+)\s*(?:\([^)]*\))?)"
+    r"|(?P<end>END(?:PROC|TRAP|FUNC)\b)"
+    r"|(?P<module>ENDMODULE\b|MODULE\s+\w+\s*(?:\([^)]*\))?)"
+    r"|(?P<flow>(?:IF|ELSEIF)\b[^;]*?\bTHEN\b|(?:WHILE|FOR)\b[^;]*?\bDO\b|(?:ELSE|ENDIF|ENDWHILE|ENDFOR|ENDTEST)\b)"
+    r"|(?P<statement>[^;]+;))"
+)
+_DECLARED = _pattern(
+    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?P<part>\{[^}]*\})?\s*:=\s*(?P<value>.*)"
+)
+_MOVE = _pattern(r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|J|L|C(?!heck))\w*|Search[LC]\w*)\b(?P<rest>.*)")
+_ASSIGNED = _pattern(r"(?:^|\s)(?P<kind>)(?P<name>\w+)\s*(?P<part>\{[^}]*\})?\s*(?:\.[\w.]+\s*)?:=\s*(?P<value>.*)")
+_PASSIVE = _pattern(r"(?:VAR|AccSet|SetDO|WaitDI|GripLoad|Open|Close|Write|TPWrite|Stop)\b.*")
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of a call, without the spaces around it, and its place."""
+
+    text: str
+    start: int
+
+
+@dataclass(frozen=True)
+class RapidMove(MotionStatement):
+    """A move with its arguments; those that begin with a backslash are left out."""
+
+    arguments: tuple[Argument, ...]
+
+
+def parse(text: str) -> Iterator[Statement]:
+    """Yield the statements of a module, the names of its routines in lower case."""
+    text = mask_comments(text, r"![^\r\n]*")
+    lines = Lines.of(text)
+    at = 0
+    while match := _CHUNK.match(text, at):
+        start, at = match.start(match.lastgroup or 0), match.end()
+        if match["statement"]:
+            yield _statement(match["statement"][:-1], start, lines)
+            continue
+        place = lines.number(start), start, text[start:at].strip()
+        if match["routine"]:
+            yield Routine(*place, match["name"].lower())
+        elif match["end"]:
+            yield RoutineEnd(*place)
+        else:
+            yield Flow(*place) if match["flow"] else Passive(*place)
+    if text[at:].strip():
+        yield Statement(lines.number(at), at, text[at:].strip())
+
+
+def _statement(code: str, start: int, lines: Lines) -> Statement:
+    said = code.strip()
+    place = lines.number(start), start, said
+    if (match := _DECLARED.search(code)) or (not _MOVE.search(code) and (match := _ASSIGNED.search(code))):
+        value, at = match["value"].rstrip(), start + match.start("value")
+        line = lines.number(at if match["kind"] else start + match.start("name"))
+        name, kind = match["name"].lower(), match["kind"].lower()
+        return Assignment(line, start, said, kind, name, match["part"] or "", value, at)
+    if match := _MOVE.search(code):
+        line = lines.number(start + match.start("word"))
+        arguments = tuple(_arguments(match["rest"], start + match.start("rest")))
+        return RapidMove(line, start, said, match["word"].lower(), arguments)
+    if match := re.fullmatch(r"WaitTime (\S+)", said):
+        return Waiting(*place, match[1])
+    if said.startswith("PulseDO "):
+        return Pulse(*place)
+    if _PASSIVE.fullmatch(said):
+        return Passive(*place)
+    match = re.fullmatch(r"(\w+)(?:\s+[^\s:].*)?", said, re.DOTALL)
+    return Statement(*place) if match is None else Call(*place, match[1].lower())
+
+
+def _arguments(text: str, start: int) -> Iterator[Argument]:
+    """Yield the arguments of a call, cut at the commas outside of brackets."""
+    depth, at = 0, 0
+    for k, char in enumerate(text + ","):
+        depth += (char in "[({") - (char in "])}")
+        if char == "," and (depth == 0 or k == len(text)):
+            cell = text[at:k]
+            if not cell.strip().startswith("\\"):
+                yield Argument(cell.strip(), start + at + len(cell) - len(cell.lstrip()))
+            at = k + 1
+
+
+class RapidMachine:
+    """Every MoveAbsJ says its own speed and zone; nothing is remembered."""
+
+    def __init__(self, trace: ExecutionTrace) -> None:
+        self.trace = trace
+
+    def execute(self, statement: Statement) -> bool:
+        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        if isinstance(statement, RapidMove):
+            self.trace.move(*_joint_move(statement))
+        return type(statement) not in (Statement, Call)
+
+
+def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
+    """Return angles [deg], the distance of the zone (None for an exact stop), and the speed."""
+    refusal = InputError(f"'{move.text}' is no joint move of this family")
+    if not move.text.startswith("MoveAbsJ") or len(move.arguments) != 4:
+        raise refusal
+    target, speed, zone, tool = (argument.text for argument in move.arguments)
+    speeds, zones = re.fullmatch(r"\[([^],]*),[^]]*\]", speed), re.fullmatch(r"fine|\[FALSE,([^],]*),[^]]*\]", zone)
+    if not (JOINT_TARGET.fullmatch(target) and speeds and zones and re.fullmatch(r"\w+( \\WObj:=\w+)?", tool)):
+        raise refusal
+    numbers = placed_numbers(target, 0, EXPONENT_NUMBER)
+    used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED)]
+    distance = None if zones[1] is None else parse_fixed(zones[1], move.text)
+    return [parse_fixed(n.text, move.text) for n in used], distance, parse_fixed(speeds[1], move.text)
+
+
+def execute(texts: tuple[str, ...], _dialect: Dialect, trace: ExecutionTrace) -> None:
+    """Note what PROC main does and the PROCs that it calls."""
+    trace.run(run_order(parse(texts[0]), "main"), RapidMachine(trace))

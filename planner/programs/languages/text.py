@@ -3,13 +3,10 @@
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-
-from planner.common.errors import InputError
+from dataclasses import dataclass
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?\d+)?"
-SHOWN = 20  # refused lines that one message lists
 
 
 @dataclass(frozen=True)
@@ -30,36 +27,6 @@ class Slot:
     decimals: int
     prefix: str = ""
     aligned: bool = True
-
-
-@dataclass
-class Refusals:
-    """Lines that are not understood, collected so that a person sees them all at once."""
-
-    name: str
-    lines: list[tuple[int, str]] = field(default_factory=list)
-
-    def add(self, line: int, sentence: str) -> None:
-        """Note that ``line`` cannot be compensated, and why."""
-        if (line, sentence) not in self.lines:
-            self.lines.append((line, sentence))
-
-    def check(self) -> None:
-        """Raise what was noted.
-
-        Raises:
-            InputError: one sentence a line.
-        """
-        if self.lines:
-            raise InputError("\n".join(list_lines(self.name, self.lines)))
-
-
-def list_lines(name: str, lines: Iterable[tuple[int, str]]) -> Iterator[str]:
-    """Yield ``name:line: sentence`` in the order of the file, the first of many and the count of the rest."""
-    ordered = sorted(lines)
-    yield from (f"{name}:{line}: {sentence}" for line, sentence in ordered[:SHOWN])
-    if len(ordered) > SHOWN:
-        yield f"{name}: and {len(ordered) - SHOWN} more lines like these"
 
 
 @dataclass(frozen=True)
@@ -110,6 +77,9 @@ def number_text(old: str, value: float, decimals: int) -> str:
     """Return ``value`` with as many decimals as ``old`` shows, or more; ``old`` itself if it says the same."""
     shown = len(old.partition(".")[2]) if "." in old and "e" not in old.lower() else 0
     places = max(decimals, shown)
+    if old.startswith("'"):  # a whole number in bits or hexadecimal digits
+        base = 2 if old[1] in "Bb" else 16
+        return old if int(old[2:-1], base) == value else f"{value:.0f}"
     if old and abs(float(old) - value) < 0.5 * 10.0**-places:
         return old
     text = f"{value:.{places}f}"
