@@ -10,9 +10,9 @@ from planner.cli.terminal import Json, Output, Screen, Seed, check_folder, error
 from planner.common.errors import NoSolutionError
 from planner.common.files import write_text
 from planner.common.units import MM
-from planner.identification.calibration import Calibration, Metrics, ResidualDiagnosis
-from planner.identification.document import document_content
+from planner.identification.calibration import Calibration
 from planner.identification.pipeline import FitSettings
+from planner.model.identification_document import Metrics
 from planner.runs.traces import import_run
 from planner.runs.writer import run_text, save_run
 from planner.workflow.compensation import CompensationOptions, compensate
@@ -22,22 +22,22 @@ from planner.workflow.plan_reading import simulate_plan
 NAMED = 3  # rivals that are listed by name
 
 
-def identification_summary(found: Calibration, left: ResidualDiagnosis, folder: Path) -> None:
+def identification_summary(found: Calibration, folder: Path) -> None:
     """Say in a few lines how far off the robot is before and after, and why."""
     wide = 2 + max(26, *(len(s.name) for s in found.stages))
     fitted = sum(e.identifiable for e in found.estimates)
     lines = [
-        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split_by)}, "
-        f"{100 * found.hold_out:.0f} % held out at a time, {fitted} parameters",
+        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split.by)}, "
+        f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
         f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
         + (f"{'validation: mean':>20}" if _has_validation(found) else ""),
     ]
     for stage in found.stages:
         lines.append(f"  {stage.name:<{wide}}{_metrics_row(stage.held_out)} mm" + _mean_text(stage.validation))
-    if found.traced is not None:
-        lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.traced.findings]
-        lines += [] if found.traced.findings else ["  found       nothing beyond noise that the catalogue can name"]
-    lines.append(f"  left        {left.sentence}")
+    if found.tried is not None:
+        lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
+        lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
+    lines.append(f"  left        {found.diagnosis.sentence}")
     lines += [f"  note        {w}" for w in found.warnings]
     lines.append(
         f"  written to  {folder}: identification.json, residuals.csv, report.html" + _robot_files(found, folder)
@@ -117,13 +117,11 @@ def identify_command(
         )
         write_identification(done, output, stages)
     if as_json:
-        print_json(document_content(done.calibration, done.left))
+        print_json(done.content())
     else:
-        identification_summary(done.calibration, done.left, output)
-    if done.calibration.problems:
-        raise NoSolutionError(
-            "the fit failed its own checks, no robot was written: " + "; ".join(done.calibration.problems)
-        )
+        identification_summary(done, output)
+    if done.problems:
+        raise NoSolutionError("the fit failed its own checks, no robot was written: " + "; ".join(done.problems))
 
 
 def import_command(

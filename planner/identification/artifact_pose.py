@@ -1,6 +1,6 @@
 """Pose of the gauge's frame: as the cell declares it, and as fitted."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,7 +9,8 @@ from planner.cell.cell import Cell
 from planner.cell.places import placed_frame
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
-from planner.identification.calibration import Calibration
+from planner.identification.least_squares import Fit
+from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPoint, Vector
 
 # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
@@ -53,59 +54,44 @@ def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
     return float(np.linalg.norm(setup.p_BG[0] - p)), float(turn)
 
 
-@dataclass(frozen=True)
-class GaugeFrames:
-    """The gauge after the fit.
-
-    Attributes:
-        fixtures: (name, p_BX (3,) [m]) of a length gauge.
-        places: (name, p_BG (3,) [m], roll, pitch, yaw (3,) [rad] about the base's fixed axes) of trackers and plates.
-        points: (name, p_FM (3,) [m]) of the targets on the tool.
-        zero: what the bar reads beyond its length [m]; only a length gauge has it.
-    """
-
-    fixtures: tuple[tuple[str, Array], ...]
-    places: tuple[tuple[str, Array, Array], ...]
-    points: tuple[tuple[str, Array], ...]
-    zero: float | None
-
-
-def gauge_frames(calibration: Calibration) -> GaugeFrames:
+def gauge_frames(fit: Fit) -> GaugeFrames:
     """Compose what was known or placed before the fit with the corrections that the fit found."""
-    setup = calibration.fit.model.setup
-    error = dict(zip(calibration.fit.model.names, map(float, calibration.fit.errors), strict=True))
-    framed = setup.gauge.frees_base
-    points = tuple(
-        (name, setup.p_FM[t] + _shift(error, _label("map", name), "xyz")) for t, name in enumerate(setup.point_names)
-    )
+    setup, error = fit.model.setup, dict(zip(fit.model.names, map(float, fit.errors), strict=True))
+    framed, places = setup.gauge.frees_base, range(len(setup.place_names))
     return GaugeFrames(
         fixtures=tuple(
-            (name, setup.p_BX[s] + _shift(error, _label("fixture", name), "xyz"))
-            for s, name in enumerate(setup.place_names)
+            FixturePosition(name=n, position=_triple(setup.p_BX[s] + _shift(error, "fixture", n)))
+            for s, n in enumerate(setup.place_names)
             if not framed
         ),
-        places=() if not framed else tuple(_place(setup, s, error) for s in range(len(setup.place_names))),
-        points=points,
+        places=tuple(_place(setup, s, error) for s in places) if framed else (),
+        tool=tuple(
+            ToolPoint(name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)))
+            for t, n in enumerate(setup.point_names)
+        ),
         zero=setup.zero + error.get("zero", 0.0) if setup.gauge.has_zero else None,
     )
 
 
-def _place(setup: MeasurementSetup, s: int, error: dict[str, float]) -> tuple[str, Array, Array]:
+def _place(setup: MeasurementSetup, s: int, error: dict[str, float]) -> PlacePose:
     """The base's corrections stand before the robot, so the gauge's frame is what they leave of it: C⁻¹ · T_BG."""
     name = setup.place_names[s]
-    label = _label("base", name)
-    chain = setup.chain
-    R_C, p_C = np.eye(3), _shift(error, label, "xyz")
-    for t in chain.transforms[3:N_BASE_TRANSFORMS]:
-        angle = error.get(f"{label}_r{'xyz'[t.axis]}", 0.0)
+    R_C, p_C = np.eye(3), _shift(error, "base", name)
+    for t in setup.chain.transforms[3:N_BASE_TRANSFORMS]:
+        angle = error.get(f"{_label('base', name)}_r{'xyz'[t.axis]}", 0.0)
         R_C = R_C @ Rotation.from_rotvec(angle * np.eye(3)[t.axis]).as_matrix()
-    R_BG = R_C.T @ setup.R_BG[s]
-    return name, R_C.T @ (setup.p_BG[s] - p_C), np.asarray(Rotation.from_matrix(R_BG).as_euler("xyz"))
+    rpy = Rotation.from_matrix(R_C.T @ setup.R_BG[s]).as_euler("xyz")
+    return PlacePose(name=name, position=_triple(R_C.T @ (setup.p_BG[s] - p_C)), rpy=_triple(rpy))
 
 
 def _label(what: str, name: str) -> str:
     return f"{what}_{name}" if name else what
 
 
-def _shift(error: dict[str, float], label: str, axes: str) -> Array:
-    return np.array([error.get(f"{label}_{axis}", 0.0) for axis in axes])
+def _shift(error: dict[str, float], what: str, name: str) -> Array:
+    return np.array([error.get(f"{_label(what, name)}_{axis}", 0.0) for axis in "xyz"])
+
+
+def _triple(values: Array) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

@@ -9,8 +9,8 @@ from planner.cell.file import FIRST_POINT
 from planner.common.determinism import even_positions
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
-from planner.identification.artifact_pose import declared_pose_warnings
-from planner.identification.calibration import Calibration, Estimate, Metrics, TracingResult, error_size
+from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
+from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -21,8 +21,18 @@ from planner.identification.cross_validation import Split, finer_split, number_p
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit
+from planner.identification.residual_tests import diagnose_residual
 from planner.identification.stages import FitContext, FittedStage
 from planner.identification.validation import new_frames
+from planner.model.identification_document import (
+    Estimate,
+    HoldOut,
+    Metrics,
+    RejectedEffect,
+    Unexplained,
+    WithinGroups,
+    error_size,
+)
 from planner.runs.run import Run
 
 LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
@@ -115,7 +125,7 @@ def assess_fit(
     bench: FitContext,
     cell: Cell,
     validation: Run | None,
-    traced: TracingResult | None,
+    traced: TracingResult,
     notes: Sequence[str] = (),
 ) -> Calibration:
     """Judge the last stage and put everything together; of a long run it is fitted once more, to all of it."""
@@ -123,42 +133,61 @@ def assess_fit(
     if len(run) > len(stages[-1].fit.problem):
         last = stages[-1]
         stages = [*stages[:-1], bench.fitted(last.stage.name, last.fit.model, last.fit, whole=True)]
-    found = stages[-1].fit
+    found, last_stage = stages[-1].fit, stages[-1].stage
     known = set(free.whole.names)
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + consider_covariance(found, free.held)
     expected = workspace_error(cell, run, found, covariance)
-    table = estimate_parameters(whole, found, free.dropped, covariance)
+    inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
+    table = estimate_parameters(whole, found, free.dropped, covariance, inner)
+    condition = _condition(found)
+    diagnosis = diagnose_residual(found, run.continuous, last_stage.train.rms)
     return Calibration(
-        run=run,
-        split_by=parts.by,
-        hold_out=1.0 / parts.folds,
+        schema_="edbb-identification/1",
+        robot=found.model.setup.robot.name,
+        n_samples=len(run),
         n_groups=parts.groups,
-        within=_within(run, parts, found),
+        split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_within(run, parts, found)),
         stages=tuple(s.stage for s in stages),
-        fit=found,
-        dropped=free.dropped,
         estimates=table,
-        covariance=covariance,
-        correlation_time=time,
-        condition_number=_condition(found),
-        noise_floor=_noise_floor(run, stages[-1].stage.residual),
+        degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
+        findings=traced.findings,
+        limits=traced.limits,
+        rejected=tuple(RejectedEffect(name=name, because=why) for name, why in traced.rejected),
+        tried=traced.tried,
+        unexplained=Unexplained(
+            structured=diagnosis.structured,
+            along=tuple(t.along for t in diagnosis.found),
+            rms=last_stage.held_out.rms,
+            structured_rms=diagnosis.rms,
+            note=diagnosis.sentence,
+        ),
+        noise_floor=_noise_floor(run, last_stage.residual),
         workspace_error=expected,
-        traced=traced,
+        condition_number=condition if np.isfinite(condition) else None,
+        correlation_time=time,
+        frames=gauge_frames(found),
         problems=find_problems(table, stages, found),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
-            *workspace_warning(expected, stages[-1].stage.held_out, found.model.width),
+            *workspace_warning(expected, last_stage.held_out, found.model.width),
         ),
+        run=run,
+        fit=found,
+        dropped=free.dropped,
+        covariance=covariance,
+        diagnosis=diagnosis,
     )
 
 
-def _within(run: Run, parts: Split, found: Fit) -> Metrics | None:
+def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
     """Errors of the last stage where single poses are held out, for a run that is split by something coarser."""
     finer = finer_split(run, parts)
-    return None if finer is None else Metrics.of(predict_held_out(found, finer).residual, finer.fold)
+    if finer is None:
+        return None
+    return WithinGroups(held_out=Metrics.of(predict_held_out(found, finer).residual, finer.fold))
 
 
 def _fitted_there(parts: Split, last: FittedStage) -> list[str]:

@@ -1,31 +1,39 @@
-"""Every parameter with nominal, value and uncertainty, and the units in which files and pages give them."""
+"""Every parameter with nominal, value and uncertainty."""
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 
 from planner.cell.setup import MeasurementSetup
-from planner.common.units import DEG, MM, Array
+from planner.common.units import Array
 from planner.design.observability.identifiability import DroppedParameter
 from planner.effects.parameters import Parameter
-from planner.identification.calibration import Calibration, Estimate
 from planner.identification.least_squares import Fit
+from planner.model.identification_document import Estimate
 from planner.model.model import Model
 
 ABSORBED_SHARE = 0.02  # part of a left-out parameter's direction, per prior size, below which nobody need hear of it
 
 
 def estimate_parameters(
-    whole: Model, fit: Fit, dropped: tuple[DroppedParameter, ...], covariance: Array
+    whole: Model,
+    fit: Fit,
+    dropped: tuple[DroppedParameter, ...],
+    covariance: Array,
+    inner: Mapping[str, float] | None = None,
 ) -> tuple[Estimate, ...]:
-    """Return every parameter of ``whole``, fitted or not."""
+    """Return every parameter of ``whole``, fitted or not.
+
+    ``inner``: by its name, the value of an effect's inner number (frequency, time constant) that the search came to,
+    about which the fit moves it; it stands as the parameter's nominal.
+    """
     std = dict(zip(fit.model.names, np.sqrt(np.diag(covariance)), strict=True))
     error = dict(zip(fit.model.names, fit.errors, strict=True))
     reasons = {d.name: d.because for d in dropped}
     size = dict(zip(whole.names, whole.prior, strict=True))
     out = []
     for p in whole.parameters:
-        start = _nominal(whole.setup, p)
+        start = _nominal(whole.setup, p) + (inner or {}).get(p.name, 0.0)
         out.append(
             Estimate(
                 name=p.name,
@@ -60,29 +68,3 @@ def _nominal(setup: MeasurementSetup, p: Parameter) -> float:
         point = [n for n in range(len(setup.point_names)) if p.name.startswith(f"map_{setup.point_names[n]}_")]
         return float(setup.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
     return setup.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0
-
-
-FILE_UNITS = {"m": ("mm", 1 / MM), "rad": ("deg", 1 / DEG), "rad/rad": ("urad/rad", 1e6)}
-
-
-def file_unit(unit: str) -> tuple[str, float]:
-    """Return the unit in which files give a value of the SI ``unit``, and the factor to it: mm, deg, urad/Nm, um/N."""
-    if unit in FILE_UNITS:
-        return FILE_UNITS[unit]
-    if unit.startswith(("m/", "rad/")):
-        return f"u{unit}", 1e6
-    return unit, 1.0
-
-
-def displayed_estimates(calibration: Calibration) -> tuple[Estimate, ...]:
-    """Return all parameters, an effect's inner number (frequency, time constant) with its whole value.
-
-    The fit moves it about the value that the search came to; that one stands as its nominal.
-    """
-    traced = calibration.traced
-    found = () if traced is None else traced.findings
-    about = {f"{f.effect}, {f.on}, {f.inner_name}": f.inner for f in found if f.inner is not None}
-    return tuple(
-        e if (start := about.get(e.name)) is None else replace(e, nominal=start, value=e.value + start)
-        for e in calibration.estimates
-    )

@@ -8,7 +8,7 @@ from planner.common.errors import InputError
 from planner.design.free_parameters import COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import TRACEABLE_READINGS, assess_fit, too_few_text
-from planner.identification.calibration import Calibration, Metrics
+from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import choose_parameters
 from planner.identification.least_squares import Fit
@@ -24,6 +24,7 @@ from planner.identification.stages import (
     nominal_stage,
 )
 from planner.identification.validation import validate_fit
+from planner.model.identification_document import Metrics
 from planner.model.model import Model
 from planner.runs.run import Run
 
@@ -85,7 +86,7 @@ def identify(
         stages, free = add_stage_if_gain(
             stages, free, choose_parameters(cell, setup, run, (COMPLIANCE,)), COMPLIANCE, bench
         )
-    return assess_fit(stages, free, bench, cell, validation, None, notes)
+    return assess_fit(stages, free, bench, cell, validation, TracingResult(), notes)
 
 
 def _check_size(bench: FitContext, model: Model) -> None:

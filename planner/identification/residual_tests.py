@@ -14,10 +14,10 @@ from scipy.stats import f as fisher
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.identification.calibration import Calibration, ResidualDiagnosis, ResidualTest
+from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_poses
-from planner.identification.least_squares import MEDIAN_RMS
+from planner.identification.least_squares import MEDIAN_RMS, Fit
 from planner.identification.problem import FitProblem
 from planner.identification.residual_alternatives import joint_columns, other_columns
 
@@ -154,14 +154,12 @@ class ResidualBattery:
         return len(self.names)
 
 
-def diagnose_residual(calibration: Calibration) -> ResidualDiagnosis:
-    """Test the whitened residual of the last stage for structure."""
-    c = calibration
-    which = even_positions(len(c.run), TESTED_SAMPLES)
-    problem = c.fit.problem.take(which)
-    rest = ProjectedResidual.of(problem, c.fit.errors, c.run.continuous)
-    tests = build_battery(problem, rest, c.run.continuous)
-    return NO_DIAGNOSIS if tests is None else run_battery(rest, tests, c.run.continuous, c.stages[-1].train.rms)
+def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
+    """Test the whitened residual of a fit for structure; ``rms`` [m] is its size, ``moving``: of a continuous run."""
+    problem = fit.problem.take(even_positions(len(fit.problem), TESTED_SAMPLES))
+    rest = ProjectedResidual.of(problem, fit.errors, moving)
+    tests = build_battery(problem, rest, moving)
+    return NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
 
 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:

@@ -7,11 +7,12 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
-from planner.identification.calibration import Metrics, Stage, TracingResult
+from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters, parameters_of_groups
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
+from planner.model.identification_document import Metrics, Stage
 from planner.model.model import Model
 from planner.runs.run import Run
 
@@ -56,14 +57,14 @@ def fit_stage(
         residual, held_residual = _over_all(found, run, held.shift, split)
     effects = tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in ("gauge", "geometry"))
     stage = Stage(
-        name,
-        effects,
-        len(model.parameters),
-        Metrics.of(residual),
-        Metrics.of(held_residual, split.fold),
-        judge(found),
-        residual,
-        held_residual,
+        name=name,
+        effects=effects,
+        parameters=len(model.parameters),
+        train=Metrics.of(residual),
+        held_out=Metrics.of(held_residual, split.fold),
+        validation=judge(found),
+        residual=residual,
+        held_residual=held_residual,
     )
     return FittedStage(stage, found, held.refitted)
 

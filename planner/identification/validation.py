@@ -8,10 +8,10 @@ from planner.cell.setup import MeasurementSetup
 from planner.effects.basis import ONE, Times
 from planner.effects.parameters import ParameterMove
 from planner.effects.phi_keys import depends_on_run
-from planner.identification.calibration import Metrics
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge
+from planner.model.identification_document import Metrics
 from planner.model.model import Model
 from planner.runs.run import Run
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_mm
-from planner.identification.calibration import error_size
+from planner.model.identification_document import error_size
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, PlotVariable, error_along, error_by_pose
 from planner.report.chart import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart

@@ -8,10 +8,9 @@ import numpy as np
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.effects.context import Context
-from planner.identification.artifact_pose import GaugeFrames, gauge_frames
-from planner.identification.calibration import Calibration, ResidualDiagnosis, Stage, error_size
-from planner.identification.residual_tests import diagnose_residual
+from planner.identification.calibration import Calibration
 from planner.kinematics.bar_geometry import bar_state
+from planner.model.identification_document import Stage, error_size
 
 LOOKED_SAMPLES = 20_000  # samples of a long run that means are taken over
 EFFECT_SAMPLES = 1_500  # samples that single effects are drawn from
@@ -33,7 +32,6 @@ class CalibrationFacts:
     """A calibration with all that the report works out of it."""
 
     calibration: Calibration
-    known: ResidualDiagnosis | None = None
 
     @property
     def before(self) -> Stage:
@@ -44,16 +42,6 @@ class CalibrationFacts:
     def after(self) -> Stage:
         """The last stage."""
         return self.calibration.stages[-1]
-
-    @cached_property
-    def left(self) -> ResidualDiagnosis:
-        """What the tests of the residual say, unless that was known."""
-        return self.known or diagnose_residual(self.calibration)
-
-    @cached_property
-    def frames(self) -> GaugeFrames:
-        """Where the gauge stands."""
-        return gauge_frames(self.calibration)
 
     @cached_property
     def looked_samples(self) -> np.ndarray:

@@ -11,8 +11,8 @@ from plotly.offline import get_plotlyjs
 
 from planner.common.files import write_bytes, write_text
 from planner.common.units import to_deg, to_mm
-from planner.identification.calibration import Calibration, Estimate, Metrics, ResidualDiagnosis, error_size
-from planner.identification.estimates import displayed_estimates
+from planner.identification.calibration import Calibration
+from planner.model.identification_document import Estimate, Metrics, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_text import (
@@ -78,7 +78,6 @@ def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
     """Set all texts of the report."""
     c = told.calibration
     stages = tuple(_stage(told, k) for k in range(len(c.stages)))
-    estimates = displayed_estimates(c)
     return CalibrationPage(
         title=f"Calibration of {c.fit.model.setup.robot.title}",
         about=_about(c),
@@ -91,18 +90,18 @@ def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
         loop=finding_texts(told),
         limits=limit_table(told),
         rejected=rejected_effects(told),
-        traced=c.traced is not None,
+        traced=c.tried is not None,
         validated=any(s.validation is not None for s in c.stages),
         warnings=(*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         held_out=held_out_text(c),
         noise=noise_text(told),
-        left=told.left.sentence,
+        left=c.diagnosis.sentence,
         trials=tuple(
-            (t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in sorted(told.left.trials, key=lambda t: t.p_value)
+            (t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in sorted(c.diagnosis.trials, key=lambda t: t.p_value)
         ),
         moved=_most_moved(told),
-        parameters=tuple(_parameter(told, e) for e in estimates if e.identifiable),
-        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in estimates if not e.identifiable),
+        parameters=tuple(_parameter(told, e) for e in c.estimates if e.identifiable),
+        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable),
         pairs=correlation_text(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
         outliers=tuple(_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]),
         outliers_more=max(0, len(c.fit.outliers) - OUTLIERS),
@@ -122,7 +121,7 @@ def _about(c: Calibration) -> str:
 def _facts(told: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = told.calibration, told.before.held_out, told.after.held_out
-    several = GROUP_NAMES[c.split_by][0]
+    several = GROUP_NAMES[c.split.by][0]
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {_mm(c.noise_floor)} mm"
     return (
         ("before, mean", f"{_mm(before.mean)} mm", f"largest {_mm(before.largest)} mm"),
@@ -130,7 +129,11 @@ def _facts(told: CalibrationFacts) -> tuple[Row, ...]:
         ("anywhere, rms", f"{_mm(c.workspace_error)} mm", "expected by the covariance"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
-        ("condition", significant_text(c.condition_number), "of the rows, scaled"),
+        (
+            "condition",
+            significant_text(np.inf if c.condition_number is None else c.condition_number),
+            "of the rows, scaled",
+        ),
         ("outliers", count_text(len(c.fit.outliers)), floor),
     )
 
@@ -210,14 +213,16 @@ def _outlier(c: Calibration, k: int) -> Row:
 
 def _gauge(told: CalibrationFacts) -> tuple[Row, ...]:
     """Where the gauge stands: (what, position or angles)."""
-    f = told.frames
-    several = len(f.points) > 1
-    rows = [(f"fixture {n}".strip(), f"{_triple(to_mm(p))} mm in the base frame") for n, p in f.fixtures]
-    for n, p, rpy in f.places:
-        rows.append((f"frame of the gauge {n}".strip(), f"{_triple(to_mm(p))} mm in the base frame"))
-        rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(rpy), 4)} deg"))
-    for n, p in f.points:
-        rows.append((f"tool point {n}" if several else "tool point", f"{_triple(to_mm(p))} mm in the flange frame"))
+    f = told.calibration.frames
+    rows = [(f"fixture {x.name}".strip(), f"{_triple(to_mm(x.position))} mm in the base frame") for x in f.fixtures]
+    for place in f.places:
+        rows.append(
+            (f"frame of the gauge {place.name}".strip(), f"{_triple(to_mm(place.position))} mm in the base frame")
+        )
+        rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(place.rpy), 4)} deg"))
+    for point in f.tool:
+        what = f"tool point {point.name}" if len(f.tool) > 1 else "tool point"
+        rows.append((what, f"{_triple(to_mm(point.p_FM))} mm in the flange frame"))
     if f.zero is not None:
         rows.append(("zero of the bar", f"{float(to_mm(f.zero)):.4f} mm"))
     return tuple(rows)
@@ -250,12 +255,8 @@ def calibration_pngs(calibration: Calibration) -> dict[str, bytes]:
     return _prints(draw_calibration_charts(CalibrationFacts(calibration)))
 
 
-def write_calibration_report(
-    calibration: Calibration, folder: Path, left: ResidualDiagnosis | None = None
-) -> list[Path]:
+def write_calibration_report(calibration: Calibration, folder: Path) -> list[Path]:
     """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
-
-    ``left`` is what the tests of its residual say, where they were made before.
 
     Returns:
         What was written, the page first.
@@ -263,7 +264,7 @@ def write_calibration_report(
     Raises:
         InputError: the folder does not exist, or may not be written.
     """
-    told = CalibrationFacts(calibration, left)
+    told = CalibrationFacts(calibration)
     drawn = draw_calibration_charts(told)
     prints = _prints(drawn)
     write_text(folder / "report.html", _page(told, drawn, prints))

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array, to_mm
-from planner.identification.calibration import Calibration, DetectionLimit, Estimate, Finding
-from planner.identification.estimates import file_unit
+from planner.identification.calibration import Calibration
+from planner.kinematics.calibration_tables import file_unit, si_unit
+from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
 from planner.report.formatting import count_text, significant_text
@@ -38,7 +39,8 @@ def display_unit(unit: str, size: float) -> tuple[str, float]:
 def estimate_unit(e: Estimate) -> tuple[str, float]:
     """Return how a parameter is written: mm and degrees for the geometry, small units for effects."""
     if e.group in ("gauge", "geometry"):
-        return display_unit(e.unit, e.std or 0.0) if e.unit == "s" else file_unit(e.unit)
+        unit = file_unit(e.unit)
+        return display_unit(e.unit, e.std or 0.0) if e.unit == "s" else (unit, 1 / si_unit(unit)[1])
     return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
 
 
@@ -47,8 +49,7 @@ LISTED_PARAMETERS = 8  # parameters of one effect that are listed
 
 def declared_effects_text(c: Calibration) -> tuple[str, ...]:
     """Say one sentence for each effect of the last stage that no tracing brought, with its values."""
-    found = () if c.traced is None else c.traced.findings
-    traced = {f"{f.effect}, {f.on}" for f in found}
+    traced = {f.name for f in c.findings}
     return tuple(_sentence(c, kind) for kind in c.stages[-1].effects if kind not in traced and ", " not in kind)
 
 
@@ -87,12 +88,12 @@ def headline_text(told: CalibrationFacts) -> tuple[str, ...]:
         return (
             "No robot was calibrated: the fit failed its own checks.",
             (
-                f"It leaves a mean error of {millimetres(after.mean)} on {GROUP_NAMES[c.split_by][0]} that it never"
+                f"It leaves a mean error of {millimetres(after.mean)} on {GROUP_NAMES[c.split.by][0]} that it never"
                 " saw; that says nothing of the robot, only of the fit."
             ),
         )
     out = [
-        f"Mean error {millimetres(before.mean)} → {millimetres(after.mean)} on {GROUP_NAMES[c.split_by][0]} that the"
+        f"Mean error {millimetres(before.mean)} → {millimetres(after.mean)} on {GROUP_NAMES[c.split.by][0]} that the"
         " fit never saw."
     ]
     factor = before.mean / max(after.mean, 1e-300)
@@ -126,15 +127,15 @@ def _fell(before: float, after: float) -> str:
 
 def held_out_text(c: Calibration) -> str:
     """Say how samples were kept from the fit that predicts them."""
-    several, whole = GROUP_NAMES[c.split_by]
-    folds = round(1 / c.hold_out)
+    several, whole = GROUP_NAMES[c.split.by]
+    folds = round(1 / c.split.hold_out)
     out = (
         f"Held out were {whole}: {count_text(c.n_groups)} {several} in {folds} parts; each part "
         f"was predicted by a fit to the other {folds - 1}. The spread is that of the rms over the parts."
     )
-    if c.within is not None:
+    if c.split.within is not None:
         out += f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
-        out += f"error is {millimetres(c.within.mean)}."
+        out += f"error is {millimetres(c.split.within.held_out.mean)}."
     return out
 
 
@@ -218,14 +219,14 @@ def finding_texts(told: CalibrationFacts) -> tuple[FindingText, ...]:
 
 def findings_summary(told: CalibrationFacts) -> Row:
     """Say what was fitted by name, what was found and what would have been, for the first sheet."""
-    traced, named = told.calibration.traced, declared_effects_text(told.calibration)
-    if traced is None:
+    c, named = told.calibration, declared_effects_text(told.calibration)
+    if c.tried is None:
         return named
-    first = sorted(traced.findings, key=lambda f: -f.held_out_gain)[:MOST_NAMED]
-    found = [_capital(f.note) + _or(f.rivals) + "." for f in traced.findings if f in first] or [NOTHING_FOUND]
-    if len(first) < len(traced.findings):
-        found.append(f"And {len(traced.findings) - len(first)} more that bring less.")
-    return (*named, *found, *detection_text(traced.limits))
+    first = sorted(c.findings, key=lambda f: -f.gain)[:MOST_NAMED]
+    found = [_capital(f.note) + _or(f.rivals) + "." for f in c.findings if f in first] or [NOTHING_FOUND]
+    if len(first) < len(c.findings):
+        found.append(f"And {len(c.findings) - len(first)} more that bring less.")
+    return (*named, *found, *detection_text(c.limits))
 
 
 def detection_text(limits: Iterable[DetectionLimit]) -> Row:
@@ -248,7 +249,7 @@ def _evidence(told: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
     lines = [
         (
             f"Size {_size(f)}. Chance of so large an effect where there is none, corrected for the "
-            f"{count_text(_tried(told))} alternatives that were tried: {_chance(f.log_p)}."
+            f"{count_text(told.calibration.tried or 0)} alternatives that were tried: {_chance(f.log_p)}."
         ),
         (
             f"Held-out error {millimetres(before)} → {millimetres(after)} (rms) when it was added{along}; "
@@ -264,11 +265,10 @@ def _size(f: Finding) -> str:
     out = f"{_pair(f.value * factor, f.std * factor)} {unit}"
     if f.inner is None:
         return out
-    unit, factor = display_unit(f.inner_unit or "", f.inner)
-    inner = (
-        significant_text(f.inner * factor, 4) if f.inner_std is None else _pair(f.inner * factor, f.inner_std * factor)
-    )
-    return f"{out}, {f.inner_name} {inner} {unit}"
+    value, std = f.inner.value, f.inner.std
+    unit, factor = display_unit(f.inner.unit, value)
+    inner = significant_text(value * factor, 4) if std is None else _pair(value * factor, std * factor)
+    return f"{out}, {f.inner.name} {inner} {unit}"
 
 
 def _pair(value: float, std: float) -> str:
@@ -297,23 +297,16 @@ def _chance(log_p: float) -> str:
     return f"10^{ten:.0f}" if ten < -4 else significant_text(float(np.exp(log_p)), 2)
 
 
-def _tried(told: CalibrationFacts) -> int:
-    traced = told.calibration.traced
-    return 0 if traced is None else traced.tried
-
-
 def rejected_effects(told: CalibrationFacts) -> tuple[Row, ...]:
     """List what was tried in full and not kept, and why; each only once."""
-    traced = told.calibration.traced
-    return () if traced is None else tuple(dict.fromkeys(traced.rejected))[:MOST_REJECTED]
+    return tuple(dict.fromkeys((r.name, r.because) for r in told.calibration.rejected))[:MOST_REJECTED]
 
 
 def limit_table(told: CalibrationFacts) -> LimitTable:
     """Set the detection limits: effects by joints."""
-    traced = told.calibration.traced
     n = told.calibration.run.samples.q.shape[1]
     rows: dict[str, list[tuple[str, DetectionLimit]]] = {}
-    for limit in () if traced is None else traced.limits:
+    for limit in told.calibration.limits:
         place, _, by = limit.on.partition(" by ")
         rows.setdefault(f"{limit.effect} by {by}" if by else limit.effect, []).append((place, limit))
     joints = tuple(f"joint {j + 1}" for j in range(n))

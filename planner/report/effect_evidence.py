@@ -9,7 +9,7 @@ from planner.common.units import Array, to_mm
 from planner.effects.basis import ONE
 from planner.effects.context import Context
 from planner.effects.parameters import Parameter
-from planner.identification.calibration import Finding, Stage
+from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
 from planner.report.chart import BLACK, BLUE, GREY, ORANGE, RED, Chart, Panel, Series
@@ -39,7 +39,7 @@ class FindingStep:
     @property
     def inner(self) -> str:
         """Name of the parameter that moves the effect's inner number."""
-        return f"{self.what}, {self.finding.inner_name}"
+        return f"{self.what}, {self.finding.inner.name}" if self.finding.inner else ""
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,12 @@ def finding_steps(told: CalibrationFacts) -> tuple[FindingStep, ...]:
     """Return the findings with their stages, in the order in which they came."""
     c = told.calibration
     out = list[tuple[int, FindingStep]]()
-    for f in () if c.traced is None else c.traced.findings:
-        what = f"{f.effect}, {f.on}"
-        without = [k for k, s in enumerate(c.stages) if what not in s.effects]
+    for f in c.findings:
+        without = [k for k, s in enumerate(c.stages) if f.name not in s.effects]
         first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
         before = c.stages[max(first - 1, 0)]
         replaced = not set(before.effects) <= set(c.stages[-1].effects)
-        out.append((first, FindingStep(f, f"found_{len(out) + 1}", what, before, c.stages[first], replaced)))
+        out.append((first, FindingStep(f, f"found_{len(out) + 1}", f.name, before, c.stages[first], replaced)))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
 
 

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from planner.effects.effect import Effect
-from planner.identification.calibration import DetectionLimit
+from planner.model.identification_document import DetectionLimit
 from planner.tracing.score_test import LEAST_SHARE, ScoreTest, score_effects
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE
 
@@ -32,7 +32,8 @@ def detection_limits(shade: ScoreTest, entries: Sequence[Effect], tried: int) ->
         worst[s.entry.name] = max(worst.get(s.entry.name, 0.0), float(size))
     for e in entries:
         if worst.get(e.name, np.inf) <= e.largest:  # beyond that no arm has it: the run says nothing of it
-            yield DetectionLimit(e.kind, e.on, worst[e.name], e.make(_sample_values(e)[0])[0].unit)
+            unit = e.make(_sample_values(e)[0])[0].unit
+            yield DetectionLimit(effect=e.kind, on=e.on, size=worst[e.name], unit=unit)
 
 
 def _sample_values(entry: Effect) -> list[float | None]:

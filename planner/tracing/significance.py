@@ -7,10 +7,10 @@ from scipy.stats import f as f_distribution
 
 from planner.common.units import Array
 from planner.effects.nonparametric import GEAR_CURVE
-from planner.identification.calibration import Metrics
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.stages import FitContext, error_reduction, fitted_samples, held_out_improvement
+from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.state import FittedEffect, SearchState
 

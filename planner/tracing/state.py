@@ -9,10 +9,10 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Effect
 from planner.effects.parameters import Parameter
-from planner.identification.calibration import Stage
 from planner.identification.least_squares import ROUGHLY_CONVERGED, Fit, solve, subset_size
 from planner.identification.problem import FitProblem
 from planner.identification.stages import FitContext, FittedStage, fit_stage
+from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.auxiliary_parameters import (
     COMPLIANCE,

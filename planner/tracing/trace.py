@@ -5,8 +5,9 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect
-from planner.identification.calibration import Finding, TracingResult
+from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
+from planner.model.identification_document import Finding, InnerNumber, log10_p, p_value
 from planner.tracing.detection_limits import detection_limits
 from planner.tracing.gear_curve import GEAR_CURVE_KIND as CURVE
 from planner.tracing.gear_curve import dominant_waves
@@ -100,25 +101,24 @@ def _finding(found: SearchResult, held: FittedEffect, gain: float, others: tuple
     # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
     std = value * np.sqrt(wide / max(float(sizes @ np.linalg.solve(root @ root.T, sizes)), 1e-300))
     signed = value if len(which) > 1 else float(sizes[0])
-    inner = held.entry.inner
-    name = held.slope_name
-    spread = None
+    inner, name, spread = None, held.slope_name, None
     if name in last.fit.model.names:
         row = last.fit.solution.root(last.fit.problem.prior)[last.fit.model.names.index(name)]
         spread = float(np.linalg.norm(row) * np.sqrt(wide))
+    if held.inner is not None and (number := held.entry.inner) is not None:
+        inner = InnerNumber(name=number.name, value=held.inner, std=spread, unit=number.unit)
     unit = held.entry.make(held.inner)[0].unit
+    log_p = wald_log_p(last, held, found.tried, wide)
     return Finding(
         effect=base_kind(held.entry.kind),
         on=held.entry.on,
         value=signed,
         std=std,
         unit=unit,
-        inner_name=inner.name if inner else None,
-        inner=held.inner,
-        inner_std=spread,
-        inner_unit=inner.unit if inner else None,
-        log_p=wald_log_p(last, held, found.tried, wide),
-        held_out_gain=gain,
+        inner=inner,
+        p_value=p_value(log_p),
+        log10_p=log10_p(log_p),
+        gain=gain,
         rivals=others,
         note=describe_effect(held.entry, signed, std, unit, held.inner, spread, sizes),
     )

@@ -1,8 +1,7 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,9 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
-from planner.identification.calibration import Calibration, ResidualDiagnosis
-from planner.identification.document import document_text
+from planner.identification.calibration import Calibration
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.residual_table import residuals_csv
-from planner.identification.residual_tests import diagnose_residual
 from planner.instruments.accuracy.precision import check_mastering
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
@@ -28,19 +25,6 @@ from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import draft_folder, move_all
 
 
-@dataclass(frozen=True)
-class Identification:
-    """What was identified, and the cell that it stands in."""
-
-    cell: Cell
-    calibration: Calibration
-
-    @cached_property
-    def left(self) -> ResidualDiagnosis:
-        """What the tests of the residual say."""
-        return diagnose_residual(self.calibration)
-
-
 def identify_runs(
     runs: Sequence[Path],
     cell: str,
@@ -49,7 +33,7 @@ def identify_runs(
     validate: Path | None = None,
     settings: FitSettings | None = None,
     tracing: bool = True,
-) -> Identification:
+) -> Calibration:
     """Identify the robot of one or more measured runs.
 
     With ``tracing`` what the geometry leaves is traced to its causes. With a plan its validation poses are kept out of
@@ -70,8 +54,7 @@ def identify_runs(
             if each is not None:
                 check_unit(each, where)
     with stages.stage("identification") as progress:
-        found = identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
-    return Identification(where, found)
+        return identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
 
 
 def _with_mastering_warnings(cell: Cell, run: Run, paths: Sequence[Path]) -> Run:
@@ -124,7 +107,7 @@ def _check_places(run: Run, path: Path, plan: PlanFile) -> None:
                 )
 
 
-def write_identification(done: Identification, folder: Path, stages: Stages) -> list[Path]:
+def write_identification(found: Calibration, folder: Path, stages: Stages) -> list[Path]:
     """Write ``identification.json``, ``residuals.csv``, ``report.html`` and, where the fit may be used, the robot.
 
     A fit that failed its own checks is reported with the reasons, but no robot is written.
@@ -132,11 +115,10 @@ def write_identification(done: Identification, folder: Path, stages: Stages) -> 
     # plotting: other commands start quicker without
     from planner.report.calibration_report import write_calibration_report
 
-    found = done.calibration
     with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "identification.json", document_text(found, done.left))
+        write_text(draft / "identification.json", found.to_json())
         write_text(draft / "residuals.csv", residuals_csv(found))
-        write_calibration_report(found, draft, done.left)
+        write_calibration_report(found, draft)
         if not found.problems:
             _write_robot(found, draft)
         if found.problems:

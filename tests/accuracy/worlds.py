@@ -12,9 +12,7 @@ import tests.generator.catalogue as catalogue
 import tests.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.calibrated_robot import calibrated_files
-from planner.identification.document import document_text
 from planner.identification.pipeline import identify
-from planner.identification.residual_tests import diagnose_residual
 from planner.runs.loader import load_run
 from tests.generator.arm import Arm
 from tests.generator.benches import BALLS_MM, BENCHES
@@ -111,7 +109,7 @@ def calibrated(folder, gauge="trical"):
     found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"))
     for name, text in (
         *calibrated_files(found),
-        ("identification.json", document_text(found, diagnose_residual(found))),
+        ("identification.json", found.to_json()),
     ):
         (folder / name).write_text(text)
     return folder / "robot.toml"

@@ -115,8 +115,8 @@ def tried(task: Task) -> Outcome:
         start = time.process_time()
         found = identify(measured, cell, tracer=trace)
         spent = time.process_time() - start
-    assert found.traced is not None
-    names = [(f.effect, f.on, f.rivals, f.note, f.log_p) for f in found.traced.findings]
+    assert found.tried is not None
+    names = [(f.effect, f.on, f.rivals, f.note, f.log_p) for f in found.findings]
     effects = run.truth.effects
     planted = tuple(_planted(run, e, [(f"{k}, {on}", rivals) for k, on, rivals, _, _ in names]) for e in effects)
     given = tuple(
@@ -128,7 +128,7 @@ def tried(task: Task) -> Outcome:
         task,
         planted,
         given,
-        found.traced.rejected,
+        tuple((r.name, r.because) for r in found.rejected),
         found.stages[-1].held_out.rms,
         next(s for s in found.stages if s.name == "geometry").held_out.rms,
         run.oracle(folds)[1],

@@ -9,12 +9,11 @@ import pytest
 import tests.generator.catalogue as catalogue
 import tests.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.artifact_pose import gauge_frames
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
-from planner.identification.calibration import Metrics
 from planner.identification.covariance import workspace_warning
 from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
+from planner.model.identification_document import Metrics
 from planner.runs.loader import load_runs
 from tests.generator.benches import BENCHES
 from tests.generator.course import course
@@ -52,7 +51,7 @@ def _judged(gauge, poses, seed):
     scene = course(arm, bench, "tracker", q, truth, np.random.default_rng(1), frozenset())
     x = scene.points(total(truth.of_arm(arm), catalogue.motions(scene, truth.effects)))
     p, R = robot.flange(q)
-    left = aligned(x, p + R @ gauge_frames(fit).points[0][1])
+    left = aligned(x, p + R @ fit.frames.tool[0].p_FM)
     return float((left**2).sum(axis=1).mean()), fit.workspace_error
 
 

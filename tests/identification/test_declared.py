@@ -114,7 +114,7 @@ def test_the_declared_effect_is_a_stage_behind_the_geometry_and_is_not_sought_ag
     assert [s.name for s in found.stages[:4]] == ["nominal", "frames", "geometry", "joint compliance"]
     assert [s.parameters for s in found.stages[:4]] == [0, 6, 26, 31]
     assert all("joint compliance" in s.effects for s in found.stages[3:])
-    assert "joint compliance" not in {f.effect for f in found.traced.findings} | {m.effect for m in found.traced.limits}
+    assert "joint compliance" not in {f.effect for f in found.findings} | {m.effect for m in found.limits}
 
 
 def test_predicted_and_found_standard_deviations_agree():

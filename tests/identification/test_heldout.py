@@ -176,7 +176,7 @@ def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
     place = np.arange(len(run)) * 5 // len(run)
     run = replace(run, samples=replace(run.samples, place=place), places=("p", "q", "r", "s", "t"))
     c = identify(run, cell)
-    assert c.split_by == "placement"
+    assert c.split.by == "placement"
     parts = split_run(run)
     held = predict_held_out(c.fit, parts)
     assert {n.split("_")[1] for n in held.refitted} == {"p", "q", "r", "s", "t"}

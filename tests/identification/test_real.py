@@ -42,7 +42,9 @@ def stage(c: Calibration, name: str):
 
 
 def printed(what: str, c: Calibration) -> None:
-    print(f"\n{what}: {len(c.run)} samples, held out by {c.split_by} ({c.n_groups} groups, {c.hold_out:.0%} a fold)")
+    print(
+        f"\n{what}: {len(c.run)} samples, held out by {c.split.by} ({c.n_groups} groups, {c.split.hold_out:.0%} a fold)"
+    )
     for s in c.stages:
         line = f"  {s.name:18s} {s.parameters:3d} parameters  held out"
         line += f" rms {s.held_out.rms / MM:.4f} ± {s.held_out.spread / MM:.4f} mean {s.held_out.mean / MM:.4f} mm"
@@ -84,7 +86,7 @@ def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     assert len(share) == 10  # the clock steps back nine times
     assert any("steps back 9 times" in w for w in ur10.warnings)
     assert np.sort(share)[-1] > 0.85
-    assert ur10.split_by == "block"
+    assert ur10.split.by == "block"
     assert np.all(np.diff(split_run(ur10.run).group) >= 0)
     assert ur10.noise_floor is None  # no pose is measured twice: no block knows another's poses
 

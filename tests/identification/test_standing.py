@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.identification.artifact_pose import gauge_frames
 from planner.identification.pipeline import identify
 from tests.identification.test_declared import cell, made
 
@@ -32,7 +31,7 @@ def test_the_bases_errors_count_from_the_cells_place():
     by_mm = np.array([1.5, -2.0, 0.7])
     here, there = identify(run, cell()), identify(run, moved(by_mm))
     assert np.allclose(base_mm(there) - base_mm(here), by_mm, atol=1e-4)
-    place, again = (gauge_frames(found).places[0] for found in (here, there))
+    place, again = (found.frames.places[0] for found in (here, there))
     assert np.allclose(place[1], again[1], atol=1e-8)
     assert np.allclose(place[2], again[2], atol=1e-8)
     turn = Rotation.from_euler("XYZ", [next(e.value for e in here.estimates if e.name == f"base_r{x}") for x in "xyz"])

@@ -121,7 +121,7 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     assert set(np.unique(np.round(whole.samples.force))) == {0, 125, 250, 375, 500, 625}
     assert any("taken as no pull" in w for w in whole.warnings)
     paths = [folder / "free.csv", tmp_path / "averaged.csv"]
-    found = identify_runs(paths, str(folder / "cell.toml"), quiet(), settings=FitSettings(), tracing=False).calibration
+    found = identify_runs(paths, str(folder / "cell.toml"), quiet(), settings=FitSettings(), tracing=False)
     assert found.stages[-1].name == "joint compliance"
     assert {"zero", "zero_loaded"} <= {e.name for e in found.estimates}  # one for each bar
     assert found.stages[-1].held_out.rms < 0.1 * found.stages[-2].held_out.rms

@@ -108,12 +108,12 @@ def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
 
 
 def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
-    worse = replace(c, stages=(*c.stages[:2], replace(c.stages[1], name="geometry")))
+    worse = c.model_copy(update={"stages": (*c.stages[:2], c.stages[1].model_copy(update={"name": "geometry"}))})
     assert "brought nothing" in " ".join(headline_text(CalibrationFacts(worse)))
 
 
 def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
-    bad = replace(c, problems=("joint 9 came out odd", "the fit is worse than nothing"))
+    bad = c.model_copy(update={"problems": ("joint 9 came out odd", "the fit is worse than nothing")})
     assert "→" in " ".join(headline_text(CalibrationFacts(c)))
     said = headline_text(CalibrationFacts(bad))
     assert said[0] == "No robot was calibrated: the fit failed its own checks."
@@ -127,7 +127,7 @@ def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
 
 def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
-    bad = replace(c, problems=("joint 9 came out <b>odd</b>",))
+    bad = c.model_copy(update={"problems": ("joint 9 came out <b>odd</b>",)})
     assert refusal_text(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
     html = calibration_report_html(bad)
     body = html[html.index("<body>") :]
@@ -192,7 +192,7 @@ def test_pairs_in_words_hold() -> None:
 
 def test_outliers_are_listed(c: Calibration) -> None:
     named = build_calibration_page(
-        CalibrationFacts(replace(c, fit=replace(c.fit, outliers=np.array([4, 17]))))
+        CalibrationFacts(c.model_copy(update={"fit": replace(c.fit, outliers=np.array([4, 17]))}))
     ).outliers
     assert [r[0] for r in named] == ["5", "18"]
     assert float(named[0][3]) == pytest.approx(1e3 * abs(c.stages[-1].residual[4, 0]), rel=6e-3)

@@ -9,11 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.identification.artifact_pose import gauge_frames
-from planner.identification.calibration import Calibration, error_size
-from planner.identification.document import IdentificationDocument, document_content, document_text
+from planner.identification.calibration import Calibration
 from planner.identification.residual_table import residuals_csv
-from planner.identification.residual_tests import diagnose_residual
+from planner.model.identification_document import Identification, error_size
 from tests.report.calibrated import calibrated
 
 CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
@@ -29,7 +27,7 @@ def c(request: pytest.FixtureRequest) -> Calibration:
 
 
 def test_keys_are_the_contracts(c: Calibration) -> None:
-    content = document_content(c, diagnose_residual(c))
+    content = c.content()
     assert content.keys() >= KEYS
     assert content["schema"] == "edbb-identification/1"
     assert content["robot"] == "comau-nj130"
@@ -46,7 +44,7 @@ def test_keys_are_the_contracts(c: Calibration) -> None:
 
 
 def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
-    content = document_content(c, diagnose_residual(c))
+    content = c.content()
     factor = {"mm": 1e3, "deg": 180 / math.pi, "urad/Nm": 1e6}
     for p, e in zip(content["parameters"], c.estimates, strict=True):
         assert p["unit"] == {"m": "mm", "rad": "deg", "rad/Nm": "urad/Nm"}[e.unit]
@@ -61,31 +59,31 @@ def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
 
 
 def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
-    text = document_text(c, diagnose_residual(c))
-    assert text == document_text(c, diagnose_residual(c))
+    text = c.to_json()
+    assert text == c.to_json()
     data = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
-    read = IdentificationDocument.model_validate(data)
+    read = Identification.model_validate(data)
     assert read.n_samples == len(c.run)
-    assert [p.name for p in read.parameters] == [e.name for e in c.estimates]
+    assert [p.name for p in read.estimates] == [e.name for e in c.estimates]
 
 
 def test_condition_without_end_is_null() -> None:
-    c = replace(calibrated("edbb_static", 90), condition_number=math.inf, noise_floor=None)
-    assert document_content(c, diagnose_residual(c))["condition_number"] is None
-    assert document_content(c, diagnose_residual(c))["noise_floor_mm"] is None
+    c = calibrated("edbb_static", 90).model_copy(update={"condition_number": math.inf, "noise_floor": None})
+    assert c.content()["condition_number"] is None
+    assert c.content()["noise_floor_mm"] is None
 
 
 def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
     """With the gauge put where the frames say, and its parameters at zero, the residuals stay what they are."""
-    frames, model, setup = gauge_frames(c), c.fit.model, c.fit.model.setup
-    moved = replace(setup, p_FM=np.array([p for _, p in frames.points]))
+    frames, model, setup = c.frames, c.fit.model, c.fit.model.setup
+    moved = replace(setup, p_FM=np.array([x.p_FM for x in frames.tool]))
     if frames.fixtures:
-        moved = replace(moved, p_BX=np.array([p for _, p in frames.fixtures]), zero=frames.zero)
+        moved = replace(moved, p_BX=np.array([x.position for x in frames.fixtures]), zero=frames.zero)
     else:
         moved = replace(
             moved,
-            p_BG=np.array([p for _, p, _ in frames.places]),
-            R_BG=np.array([_rpy(a) for _, _, a in frames.places]),
+            p_BG=np.array([x.position for x in frames.places]),
+            R_BG=np.array([_rpy(x.rpy) for x in frames.places]),
         )
     gauge = np.array([p.group == "gauge" for p in model.parameters])
     errors = np.where(gauge, 0.0, c.fit.errors)
@@ -122,16 +120,16 @@ def test_residuals_read_back(c: Calibration) -> None:
 
 def test_degrees_of_freedom_are_those_of_the_readings() -> None:
     c = calibrated("edbb_static", 90)
-    dof = document_content(c, diagnose_residual(c))["degrees_of_freedom"]
+    dof = c.content()["degrees_of_freedom"]
     fitted = sum(e.identifiable for e in c.estimates)
     assert len(c.run) - fitted <= dof < len(c.run) - 0.7 * fitted
     long = calibrated("edbb_continuous", 5000)
-    assert document_content(long, diagnose_residual(long))["degrees_of_freedom"] < 5000 / long.correlation_time
+    assert long.content()["degrees_of_freedom"] < 5000 / long.correlation_time
 
 
 def test_what_is_left_reads_as_the_tests_say() -> None:
     c = calibrated("edbb_static", 160, 1e-4)
-    unexplained = document_content(c, diagnose_residual(c))["unexplained"]
+    unexplained = c.content()["unexplained"]
     assert unexplained["structured"] is True
     assert "joint 4" in unexplained["along"]
     assert 0 < unexplained["structured_rms_mm"] < 1.05 * unexplained["rms_mm"]

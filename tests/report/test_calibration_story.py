@@ -1,7 +1,6 @@
 """The loop in file and report: findings with their units, evidence that fits the truth, limits, the first sheet."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,10 +10,9 @@ import pytest
 import tests.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
-from planner.identification.calibration import Calibration, DetectionLimit
-from planner.identification.document import IdentificationDocument, document_content
+from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
-from planner.identification.residual_tests import diagnose_residual
+from planner.model.identification_document import DetectionLimit, Identification, log10_p, p_value
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import build_calibration_page
 from planner.report.calibration_text import detection_text, display_unit
@@ -24,6 +22,7 @@ from planner.tracing.trace import trace
 from tests.generator.arm import Arm
 from tests.generator.kinds import Effect
 from tests.generator.truth import draw_truth
+from tests.report.calibrated import calibrated
 
 RIPPLE, WAVES = 6e-5, 24.738  # [rad], waves a turn of joint 3
 PLAY = 8e-5  # [rad] of joint 2
@@ -48,8 +47,8 @@ def told(c: Calibration) -> CalibrationFacts:
 
 
 def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
-    content = document_content(c, diagnose_residual(c))
-    IdentificationDocument.model_validate(content)
+    content = c.content()
+    Identification.model_validate(content)
     by_place = {(f["effect"], f["on"]): f for f in content["findings"]}
     ripple, play = by_place["gear ripple", "joint 3"], by_place["backlash", "joint 2"]
     for f, size in ((ripple, RIPPLE), (play, PLAY)):
@@ -72,21 +71,22 @@ def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
 
 
 def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
-    assert c.traced is not None
-    sure = replace(c.traced, findings=(replace(c.traced.findings[0], log_p=-math.inf),))
-    found_one = document_content(replace(c, traced=sure), diagnose_residual(c))["findings"][0]
+    assert c.tried is not None
+    chance = {"p_value": p_value(-math.inf), "log10_p": log10_p(-math.inf)}
+    sure = c.model_copy(update={"findings": (c.findings[0].model_copy(update=chance),)})
+    found_one = sure.content()["findings"][0]
     assert found_one["log10_p"] is None
     assert 0 <= found_one["p_value"] < 1e-300
 
 
 def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
-    content = document_content(c, diagnose_residual(c))
+    content = c.content()
     assert content["tried"] > 100
     limits = {(x["effect"], x["on"]): x for x in content["limits"]}
     assert ("backlash", "joint 2") not in limits
     assert limits["backlash", "joint 3"]["unit"] == "deg"
     assert 0 < limits["backlash", "joint 3"]["size"] < math.degrees(1e-3)
-    untraced = document_content(replace(c, traced=None), diagnose_residual(c))
+    untraced = calibrated("edbb_static", 90).content()
     assert untraced["findings"] == []
     assert untraced["limits"] == []
     assert untraced["tried"] is None
@@ -120,8 +120,8 @@ def test_play_shows_on_both_sides(told: CalibrationFacts) -> None:
 def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calibration) -> None:
     """The stage before had another effect in this one's place: it is drawn as what is left with it taken out again."""
     geometry, *_, last = c.stages[2:]
-    rival = replace(geometry, name="gauge lag, gauge", effects=("gauge lag, gauge",))
-    changed = CalibrationFacts(replace(c, stages=(*c.stages[:3], rival, last)))
+    rival = geometry.model_copy(update={"name": "gauge lag, gauge", "effects": ("gauge lag, gauge",)})
+    changed = CalibrationFacts(c.model_copy(update={"stages": (*c.stages[:3], rival, last)}))
     for step in finding_steps(changed):
         assert step.replaced
         assert step.before.name == rival.name
@@ -147,7 +147,9 @@ def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> N
 
 def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
     sizes = (3e-5, 4.5e-5, 0.4)
-    limits = [DetectionLimit("backlash", f"joint {j + 1}", size, "rad") for j, size in enumerate(sizes)]
+    limits = [
+        DetectionLimit(effect="backlash", on=f"joint {j + 1}", size=size, unit="rad") for j, size in enumerate(sizes)
+    ]
     assert detection_text(limits) == ("Would have been seen 95 times in 100: backlash of 2 joints above 45 µrad.",)
     assert detection_text(limits[2:]) == ()
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 import tests.generator.catalogue as catalogue
-from planner.identification.artifact_pose import gauge_frames
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.kinematics.robot_reader import load_robot
 from tests.generator.course import course
@@ -51,7 +50,7 @@ def validated(calibration, measured, more=()):
             (Path(folder) / name).write_text(text)
         robot = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml")))
     p, R = robot.flange(q)
-    return Errors(in_frame(p + R @ gauge_frames(calibration).points[0][1], x))
+    return Errors(in_frame(p + R @ calibration.frames.tool[0].p_FM, x))
 
 
 def nominal(measured, more=()):

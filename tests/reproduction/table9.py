@@ -46,8 +46,7 @@ class Row:
     @property
     def found(self):
         """What was traced, in words."""
-        traced = self.calibration.traced
-        return () if traced is None else tuple(f.note for f in traced.findings)
+        return tuple(f.note for f in self.calibration.findings)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from planner.identification.residual_tests import (
     ProjectedResidual,
     ResidualBattery,
     build_battery,
-    diagnose_residual,
     pose_groups,
     run_battery,
 )
@@ -42,7 +41,7 @@ def looked_at(problem: FitProblem, c: Calibration) -> tuple[ProjectedResidual, R
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
 def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
-    left = diagnose_residual(calibrated(*case))
+    left = calibrated(*case).diagnosis
     assert left.trials
     assert not left.structured
     assert left.rms == 0.0
@@ -120,14 +119,14 @@ def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
 
 
 def test_a_wave_of_one_joint_is_found_there() -> None:
-    left = diagnose_residual(calibrated("edbb_static", 160, 1e-4))
+    left = calibrated("edbb_static", 160, 1e-4).diagnosis
     assert left.structured
     assert "joint 4" in [t.along for t in left.found]
     assert all(t.p_value < SIGNIFICANCE for t in left.found)
 
 
 def test_too_small_a_run_says_so() -> None:
-    left = diagnose_residual(calibrated("edbb_static", 34))
+    left = calibrated("edbb_static", 34).diagnosis
     assert not left.trials
     assert not left.structured
     assert "too few" in left.sentence

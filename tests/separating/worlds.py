@@ -13,8 +13,6 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.pose_selection import select_poses
-from planner.identification.calibration import ResidualDiagnosis
-from planner.identification.document import document_text
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
@@ -83,12 +81,12 @@ def identified(made):
 
 def named(calibration):
     """Findings and their rivals."""
-    return [(f"{f.effect}, {f.on}", f.rivals) for f in calibration.traced.findings]
+    return [(f"{f.effect}, {f.on}", f.rivals) for f in calibration.findings]
 
 
 def written(calibration, path):
     """The identification's file."""
-    path.write_text(document_text(calibration, ResidualDiagnosis((), (), 0.0, "")))
+    path.write_text(calibration.to_json())
     return path
 
 

@@ -10,7 +10,7 @@ from tests.tracing.worlds import calibrated, effect, names, run
 def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
     found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)
     assert names(found) == ["gear error curve, joint 3"]
-    assert "waves of" in found.traced.findings[0].note
+    assert "waves of" in found.findings[0].note
     geometry = next(s for s in found.stages if s.name == "geometry")
     noise = found.fit.problem.whitener.covariance(slice(None))
     floor = np.sqrt(np.einsum("nii->n", noise).mean())
@@ -47,16 +47,16 @@ def test_gears_that_all_run_unevenly_are_found_together_where_no_single_one_show
     assert {f"gear error curve, joint {j}" for j in knots} <= set(names(found))
     geometry = next(s for s in found.stages if s.name == "geometry")
     assert found.stages[-1].held_out.rms < 0.25 * geometry.held_out.rms
-    for f in found.traced.findings:  # each for itself, though they came in together
-        assert f.held_out_gain > 0
-    assert len({f.held_out_gain for f in found.traced.findings}) == len(found.traced.findings)
+    for f in found.findings:  # each for itself, though they came in together
+        assert f.gain > 0
+    assert len({f.gain for f in found.findings}) == len(found.findings)
 
 
 def test_a_pure_tone_stays_a_tone():
     found = calibrated((effect("reducer-ripple", 3, 2e-4, frequency=9.37, phase=1.0),), seed=4)
     assert names(found) == ["gear ripple, joint 3"]
-    f = found.traced.findings[0]
-    assert abs(f.inner - 9.37) < 4 * f.inner_std
+    f = found.findings[0]
+    assert abs(f.inner.value - 9.37) < 4 * f.inner.std
 
 
 def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
@@ -65,7 +65,7 @@ def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
     for seed in (2, 4, 6):
         found = calibrated((planted,), seed=seed, size=300)
         right += names(found) == ["warm-up, joint 2"] * 2
-        fast, slow = sorted(f.inner for f in found.traced.findings)
+        fast, slow = sorted(f.inner.value for f in found.findings)
         assert 200 < fast < 450
         assert 1500 < slow < 6400
     assert right >= 2
@@ -76,6 +76,6 @@ def test_what_has_no_name_is_described_and_taken_out(seed, share):
     """Hoses that pull at one joint by another's angle: no entry of the catalogue does that."""
     found = calibrated((effect("hose-drag", 2, share=share, by=4.0, knots=6.0, seed=7.0),), seed=seed)
     assert names(found) == ["unnamed, joint 2 by joint 4"]
-    assert "no name" in found.traced.findings[0].note
+    assert "no name" in found.findings[0].note
     geometry = next(s for s in found.stages if s.name == "geometry")
     assert found.stages[-1].held_out.rms < 0.75 * geometry.held_out.rms

@@ -10,7 +10,7 @@ from tests.tracing.worlds import arm, calibrated, effect, names
 def test_what_is_the_same_is_named_as_a_rival():
     """A clock that runs late and joints that run behind are one and the same to first order."""
     found = calibrated((effect("gauge-lag", 0, share=3.0),), build="edbb_continuous", logs=(), size=4000)
-    first = found.traced.findings[0]
+    first = found.findings[0]
     both = {f"{first.effect}, {first.on}", *first.rivals}
     assert {"gauge lag, gauge", "servo lag, all joints"} <= both
 
@@ -18,7 +18,7 @@ def test_what_is_the_same_is_named_as_a_rival():
 def test_what_is_not_the_same_is_no_rival():
     found = calibrated((effect("backlash-approach", 3, share=3.0),), seed=2)
     assert names(found) == ["backlash, joint 3"]
-    assert set(found.traced.findings[0].rivals) <= {"hysteresis, joint 3"}, "play that lets go at once is the same"
+    assert set(found.findings[0].rivals) <= {"hysteresis, joint 3"}, "play that lets go at once is the same"
 
 
 def found_at(times, seeds):
@@ -27,7 +27,7 @@ def found_at(times, seeds):
     for seed in seeds:
         joint = 1 + seed // 2 % 5
         clean = calibrated((), seed=seed, size=150)
-        limit = next(x for x in clean.traced.limits if (x.effect, x.on) == ("backlash", f"joint {joint}"))
+        limit = next(x for x in clean.limits if (x.effect, x.on) == ("backlash", f"joint {joint}"))
         found = calibrated((effect("backlash-approach", joint, times * limit.size),), seed=seed, size=150)
         hits += f"backlash, joint {joint}" in names(found)
     return hits
@@ -44,7 +44,7 @@ def test_nothing_is_added_to_a_clean_run(shape):
         found = calibrated((), seed=seed, noise=Noise(shape=shape), logs=("direction", "temperature", "command"))
         assert names(found) == []
         assert found.stages[-1].name == "geometry"
-        assert found.traced.limits
+        assert found.limits
 
 
 def test_compliances_are_named_where_the_links_weigh_other_than_stated():
@@ -53,7 +53,7 @@ def test_compliances_are_named_where_the_links_weigh_other_than_stated():
     planted = tuple(effect("joint-compliance", j, size) for j in (2, 3))
     found = calibrated(planted, seed=6)
     assert sorted(names(found)) == ["joint compliance, joint 2", "joint compliance, joint 3"]
-    for f in found.traced.findings:
+    for f in found.findings:
         assert abs(f.value - size) < 4 * f.std
         assert f.std < 0.3 * size
 
@@ -62,7 +62,7 @@ def test_two_waves_of_one_joint_are_two_findings():
     waves = tuple(effect("reducer-ripple", 3, share=3.0, frequency=f, phase=0.3) for f in (5.3, 12.1))
     found = calibrated(waves, seed=8)
     assert names(found) == ["gear ripple, joint 3"] * 2
-    assert sorted(f.inner for f in found.traced.findings) == pytest.approx([5.3, 12.1], abs=0.15)
+    assert sorted(f.inner.value for f in found.findings) == pytest.approx([5.3, 12.1], abs=0.15)
 
 
 def test_held_out_error_reaches_that_of_a_fit_without_the_effect():
@@ -72,4 +72,4 @@ def test_held_out_error_reaches_that_of_a_fit_without_the_effect():
     geometry = next(s for s in found.stages if s.name == "geometry")
     assert geometry.held_out.rms > 2 * clean.stages[-1].held_out.rms
     gain = geometry.held_out.rms - found.stages[-1].held_out.rms
-    assert np.isclose(found.traced.findings[0].held_out_gain, gain, rtol=0.05)  # noise and prior sizes stay
+    assert np.isclose(found.findings[0].gain, gain, rtol=0.05)  # noise and prior sizes stay

@@ -42,17 +42,17 @@ def test_the_score_is_what_a_refit_gains(kind):
 @pytest.mark.parametrize(("seed", "frequency"), [(2, 7.31), (4, 18.9), (6, 4.2)])
 def test_the_frequency_of_a_ripple_comes_out_with_its_uncertainty(seed, frequency):
     found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=frequency, phase=1.0),), seed=seed)
-    first = found.traced.findings[0]
+    first = found.findings[0]
     assert (first.effect, first.on) == ("gear ripple", "joint 3")
-    assert abs(first.inner - frequency) < 3.5 * first.inner_std
-    assert 1e-4 < first.inner_std < 0.2
+    assert abs(first.inner.value - frequency) < 3.5 * first.inner.std
+    assert 1e-4 < first.inner.std < 0.2
 
 
 def test_the_size_comes_out_with_its_uncertainty():
     z = []
     for seed in (2, 4, 6):
         found = calibrated((effect("backlash-approach", 2, 8e-5),), seed=seed)
-        first = found.traced.findings[0]
+        first = found.findings[0]
         assert (first.effect, first.on) == ("backlash", "joint 2")
         z.append((abs(first.value) - 8e-5) / first.std)
     assert np.abs(z).max() < 4

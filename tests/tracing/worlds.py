@@ -44,4 +44,4 @@ def effect(kind, joint, size=0.0, share=None, **inner):
 
 
 def names(found):
-    return [f"{f.effect}, {f.on}" for f in found.traced.findings]
+    return [f"{f.effect}, {f.on}" for f in found.findings]

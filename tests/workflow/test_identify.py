@@ -268,8 +268,8 @@ def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     found = identify_runs([tmp_path / "run.csv"], str(tmp_path / "cell.toml"), Stages(lambda *_: None), plan)
     aside = np.isin(run.samples.pose, range(31, 35))
     assert 200 < aside.sum() < len(run) / 4
-    calibration = found.calibration
+    calibration = found
     assert len(calibration.run) == len(run) - aside.sum()
-    assert calibration.split_by == "stretch"
+    assert calibration.split.by == "stretch"
     stages = {s.name: s.validation.rms for s in calibration.stages}
     assert stages["geometry"] < 0.02e-3 < 0.2e-3 < stages["frames"]

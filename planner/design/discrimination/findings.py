@@ -3,15 +3,10 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.schema import read_json, validate
-from planner.common.units import MM
-from planner.kinematics.calibration_tables import si_unit
 
 JOINTS = (
     "joint compliance",
@@ -79,64 +74,6 @@ def check_effect_name(name: str, n_joints: int, where: str) -> None:
                 raise InputError(f"{where}: '{name}': the robot has {part}s 1 to {most}")
 
 
-class FilePart(BaseModel):
-    """A part of ``identification.json``: what is needed here is checked, the rest is passed over."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class InnerPart(FilePart):
-    """The number inside an effect."""
-
-    value: float
-    unit: str
-
-
-class FindingPart(FilePart):
-    """One finding."""
-
-    effect: str
-    on: str
-    value: float
-    unit: str
-    rivals: tuple[str, ...]
-    inner: InnerPart | None = None
-
-
-class ParameterPart(FilePart):
-    """One parameter of the fit."""
-
-    name: str
-    value: float
-    unit: str
-
-
-class ErrorPart(FilePart):
-    """Errors of a set of samples."""
-
-    rms_mm: float = Field(gt=0)
-
-
-class StagePart(FilePart):
-    """One stage of the fit: errors of its own samples, and of those that it never saw."""
-
-    train: ErrorPart
-    held_out: ErrorPart
-
-
-class IdentificationPart(FilePart):
-    """The keys of ``identification.json`` that are read here."""
-
-    schema_: Literal["edbb-identification/1"] = Field(alias="schema")
-    robot: str
-    n_samples: int = Field(gt=0)
-    degrees_of_freedom: float = Field(ge=1)
-    correlation_time: float = Field(default=1.0, gt=0)
-    stages: tuple[StagePart, ...] = Field(min_length=1)
-    parameters: tuple[ParameterPart, ...]
-    findings: tuple[FindingPart, ...]
-
-
 @dataclass(frozen=True)
 class IdentifiedEffect:
     """A finding of the identification.
@@ -166,19 +103,19 @@ class IdentificationResult:
         path: of the file.
         found: its findings.
         values: of all parameters by name, in SI units.
-        part: the file.
+        document: the file.
     """
 
     path: Path
     found: tuple[IdentifiedEffect, ...]
     values: dict[str, float]
-    part: IdentificationPart
+    document: Identification
 
     def noise(self, width: int) -> float:
         """Noise [m] of one of the ``width`` numbers of a reading: the last stage's error, with what the fit took."""
-        last, readings = self.part.stages[-1], self.part.n_samples * width / self.part.correlation_time
-        taken = np.sqrt(max(readings / self.part.degrees_of_freedom, 1.0))
-        return float(min(last.train.rms_mm * taken, last.held_out.rms_mm) * MM / np.sqrt(width))
+        d, last = self.document, self.document.stages[-1]
+        taken = np.sqrt(max(d.n_samples * width / d.correlation_time / d.degrees_of_freedom, 1.0))
+        return float(min(last.train.rms * taken, last.held_out.rms) / np.sqrt(width))
 
 
 def read_identification(path: Path, robot: str, n_joints: int) -> IdentificationResult:
@@ -187,28 +124,24 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
     Raises:
         InputError: no identification, one of another robot, one without rivals, or an effect that there is none of.
     """
-    part = validate(read_json(path), IdentificationPart, str(path))
+    part = Identification.read(path)
+    if not min(part.stages[-1].train.rms, part.stages[-1].held_out.rms) > 0:
+        raise InputError(f"{path}: 'stages' number {len(part.stages)}: 'rms_mm' must be greater than 0")
     if part.robot != robot:
         raise InputError(f"{path}: identifies the robot '{part.robot}', but the cell's is '{robot}'")
     if not any(f.rivals for f in part.findings):
         what = "its findings have no rivals" if part.findings else "it has no findings"
         raise InputError(f"{path}: there is nothing to separate, {what}: plan without --separate")
     for k, f in enumerate(part.findings, start=1):
-        for name in (f"{f.effect}, {f.on}", *f.rivals):
+        for name in (f.name, *f.rivals):
             check_effect_name(name, n_joints, f"{path}: 'findings' number {k}")
-    found = tuple(_read_finding(path, f) for f in part.findings)
-    values = {p.name: p.value * _si_factor(path, p.unit) for p in part.parameters}
-    return IdentificationResult(path, found, values, part)
-
-
-def _read_finding(path: Path, f: FindingPart) -> IdentifiedEffect:
-    inner = None if f.inner is None else f.inner.value * _si_factor(path, f.inner.unit)
-    rivals = tuple(dict.fromkeys(strip_number(r) for r in f.rivals))
-    return IdentifiedEffect(strip_number(f"{f.effect}, {f.on}"), f.value * _si_factor(path, f.unit), inner, rivals)
-
-
-def _si_factor(path: Path, unit: str) -> float:
-    try:
-        return si_unit(unit)[1]
-    except ValueError as err:
-        raise InputError(f"{path}: unit '{unit}': {err}") from err
+    found = tuple(
+        IdentifiedEffect(
+            strip_number(f.name),
+            f.value,
+            None if f.inner is None else f.inner.value,
+            tuple(dict.fromkeys(strip_number(r) for r in f.rivals)),
+        )
+        for f in part.findings
+    )
+    return IdentificationResult(path, found, {e.name: e.value for e in part.estimates}, part)

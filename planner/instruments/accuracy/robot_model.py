@@ -12,14 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.schema import read_json, validate
-from planner.common.units import DEG, MM, Array, from_deg, from_mm, to_deg, to_mm
+from planner.common.units import DEG, MM, Array, to_deg, to_mm
 from planner.gauges.placement.frames import place_points
 from planner.identification.calibrated_robot import CalibratedRobot
-from planner.identification.document import IdentificationDocument, PlaceSection
 from planner.instruments.accuracy.reference_frame import NestFrame, TrackerRegistration, nest_frame
 from planner.kinematics.robot import Loads, Robot
 from planner.kinematics.robot_reader import load_robot
+from planner.model.identification_document import Identification, PlacePose
 from planner.runs.run import Run
 
 RESULTS = "identification.json"
@@ -64,7 +63,7 @@ def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others
         raise InputError(f"{model}: is a model of {robot.name}, but {cell.path} has the robot {cell.robot.name}")
     robot, notes = _with_tool_load(cell, robot)
     path = (model if model.is_dir() else model.parent) / RESULTS
-    found = validate(read_json(path), IdentificationDocument, str(path)) if path.is_file() else None
+    found = Identification.read(path) if path.is_file() else None
     if found is not None and found.robot != robot.name:
         raise InputError(f"{path}: is the identification of {found.robot}, but {model} is a model of {robot.name}")
     stand, by_nests = (None, True) if found is None else _fitted_frame(cell, found, frame)
@@ -103,9 +102,7 @@ def _with_tool_load(cell: Cell, robot: Robot) -> tuple[Robot, list[str]]:
     return replace(robot, loads=here), [] if same else [note]
 
 
-def _fitted_frame(
-    cell: Cell, found: IdentificationDocument, frame: TrackerRegistration
-) -> tuple[NestFrame | None, bool]:
+def _fitted_frame(cell: Cell, found: Identification, frame: TrackerRegistration) -> tuple[NestFrame | None, bool]:
     """Where the calibration has the nests' frame, ``None`` if unsaid, and whether as that of the artifact."""
     nominal = nest_frame(cell)
     tracker = NestFrame(nominal.R_BW @ frame.R_WG, nominal.R_BW @ frame.p_WG + nominal.p_BW)
@@ -132,9 +129,9 @@ def _frame_notes(cell: Cell, stand: NestFrame) -> list[str]:
     ]
 
 
-def _frame_of_place(place: PlaceSection) -> NestFrame:
-    R = Rotation.from_euler("xyz", from_deg(place.rpy_deg)).as_matrix()
-    return NestFrame(np.asarray(R), np.asarray(from_mm(place.position_mm)))
+def _frame_of_place(place: PlacePose) -> NestFrame:
+    R = Rotation.from_euler("xyz", place.rpy).as_matrix()
+    return NestFrame(np.asarray(R), np.array(place.position))
 
 
 def _frames_agree(a: NestFrame, b: NestFrame, near: float) -> bool:
@@ -142,10 +139,10 @@ def _frames_agree(a: NestFrame, b: NestFrame, near: float) -> bool:
     return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < TURNED
 
 
-def _reflector(cell: Cell, found: IdentificationDocument) -> Array:
+def _reflector(cell: Cell, found: Identification) -> Array:
     """The reflector in the flange: as fitted, where the calibration measured the same point of the tool."""
-    nominal = {p.name: p.nominal for p in found.parameters}
+    nominal = {p.name: p.nominal for p in found.estimates}
     there = [nominal.get(f"map_{axis}", np.nan) for axis in "xyz"]
-    if len(found.frames.tool) == 1 and np.allclose(there, to_mm(cell.tool.p_FM), rtol=0, atol=to_mm(SAME)):
-        return np.asarray(from_mm(found.frames.tool[0].map_mm))
+    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=SAME):
+        return np.array(found.frames.tool[0].p_FM)
     return cell.tool.p_FM

@@ -11,7 +11,6 @@ from planner.cell.setup import Targets
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
 from planner.effects.parameters import compliance_parameters
-from planner.identification.calibration import Estimate
 from planner.identification.covariance import correlation_time
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import identifiable_subset
@@ -20,6 +19,7 @@ from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
 from planner.instruments.loaded.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
+from planner.model.identification_document import Estimate
 from planner.model.model import Model
 from planner.runs.loader import join_runs
 from planner.runs.run import Readings, Run, Samples

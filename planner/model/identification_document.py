@@ -1,0 +1,371 @@
+"""``identification.json``: what an identification found, in SI units in memory, in mm and degrees in the file."""
+
+import json
+from math import exp, inf, isfinite, log
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetPydanticSchema,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core.core_schema import any_schema
+
+from planner.common.schema import read_json, validate
+from planner.common.units import DEG, MM, Array
+from planner.kinematics.calibration_tables import file_unit, si_unit
+
+Vector = tuple[float, float, float]
+KEYS = {
+    "schema_": "schema",
+    "rms": "rms_mm",
+    "mean": "mean_mm",
+    "largest": "max_mm",
+    "spread": "spread_mm",
+    "structured_rms": "structured_rms_mm",
+    "estimates": "parameters",
+    "gain": "held_out_gain",
+    "noise_floor": "noise_floor_mm",
+    "workspace_error": "known_anywhere_mm",
+    "position": "position_mm",
+    "rpy": "rpy_deg",
+    "p_FM": "map_mm",
+    "zero": "zero_mm",
+}
+"""Field of a section and its key in the file, where they differ."""
+SCALES = {"_mm": MM, "_deg": DEG, "held_out_gain": MM}  # by the end of a key
+DIGITS = 9  # significant ones: what lies below differs with the order of a sum
+LEAST_LOG_P = -700.0  # logarithm of the smallest chance that JSON's numbers hold without loss
+OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
+"""Of a field that the file does not hold and pydantic does not look into."""
+NO_RESIDUAL = np.empty((0, 0))
+
+
+def _scale(key: str) -> float:
+    return next((scale for end, scale in SCALES.items() if key.endswith(end)), 1.0)
+
+
+def _times(value: object, factor: float) -> object:
+    """Scale a number or a list of numbers; what is neither is left to the check of its type."""
+    if isinstance(value, list | tuple):
+        return [_times(v, factor) for v in value]
+    return value if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else value * factor
+
+
+class DocumentSection(BaseModel):
+    """A part of the document; keys of the file that are unknown here are passed over."""
+
+    model_config = ConfigDict(frozen=True, populate_by_name=True, alias_generator=lambda name: KEYS.get(name, name))
+    in_unit: ClassVar[tuple[str, ...]] = ()
+    """Fields in the section's ``unit``, which is an SI unit in memory."""
+    if_any: ClassVar[tuple[str, ...]] = ()
+    """Fields that the file leaves out where they are ``None``."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, data: object) -> object:
+        if not isinstance(data, dict):
+            return data
+        out = {key: _times(value, _scale(key)) for key, value in data.items()}
+        if cls.in_unit and isinstance(data.get("unit"), str):
+            out["unit"], factor = si_unit(data["unit"])
+            out |= {key: _times(out[key], factor) for key in cls.in_unit if key in out}
+        return out
+
+    @model_serializer(mode="wrap")
+    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        out = {k: _times(v, 1 / _scale(k)) for k, v in handler(self).items() if v is not None or k not in self.if_any}
+        if self.in_unit:
+            out["unit"] = file_unit(str(out["unit"]))
+            out |= {key: _times(out[key], 1 / si_unit(str(out["unit"]))[1]) for key in self.in_unit}
+        return out
+
+
+class Metrics(DocumentSection):
+    """Root mean square, mean and largest error of a set of samples [m]; ``spread`` of the rms over the folds [m]."""
+
+    if_any = ("spread_mm",)
+    rms: float
+    mean: float = 0.0
+    largest: float = 0.0
+    spread: float | None = None
+
+    @classmethod
+    def of(cls, residual: Array, fold: np.ndarray | None = None) -> "Metrics":
+        """Judge residuals (n, r) [m]; a probe's orientation is left aside."""
+        size = error_size(residual)
+        spread = None
+        if fold is not None:
+            square = np.bincount(fold, size**2) / np.bincount(fold)
+            spread = float(np.std(np.sqrt(square), ddof=1)) if len(square) > 1 else None
+        return cls(
+            rms=float(np.sqrt((size**2).mean())), mean=float(size.mean()), largest=float(size.max()), spread=spread
+        )
+
+
+def error_size(residual: Array) -> Array:
+    """Length of each sample's error (n,) [m] of residuals (n, r)."""
+    return np.asarray(np.linalg.norm(residual[:, :3], axis=1))
+
+
+class WithinGroups(DocumentSection):
+    """The last stage's errors where single poses are held out, beside those of whole sessions, placements or blocks."""
+
+    held_out: Metrics
+
+
+class HoldOut(DocumentSection):
+    """How samples were held out: in whole groups ``by`` pose, session …, the share ``hold_out`` of them at a time."""
+
+    if_any = ("within",)
+    by: str
+    hold_out: float
+    within: WithinGroups | None = None
+
+
+class Stage(DocumentSection):
+    """One stage of the fit and its errors.
+
+    Attributes:
+        name: ``nominal``, ``frames``, ``geometry``, or the effect that was added.
+        effects: all effects in the model at this stage.
+        parameters: how many were fitted.
+        train, held_out, validation: the errors; ``validation`` only where a second run was given.
+        residual, held_residual: of every sample, (n, r) [m, rad]; not in the file.
+    """
+
+    if_any = ("validation",)
+    name: str
+    effects: tuple[str, ...] = ()
+    parameters: int = 0
+    train: Metrics
+    held_out: Metrics
+    validation: Metrics | None = None
+    residual: Annotated[Array, OnlyInMemory] = Field(default=NO_RESIDUAL, exclude=True)
+    held_residual: Annotated[Array, OnlyInMemory] = Field(default=NO_RESIDUAL, exclude=True)
+
+
+class Estimate(DocumentSection):
+    """One parameter after the fit.
+
+    An interval about ``value`` is ``std`` times Student's t at the document's ``degrees_of_freedom``.
+
+    Attributes:
+        name, unit, what: as in the model.
+        value, nominal: of the elementary transform, the fixture, the reading, or a number inside an effect.
+        std: standard deviation; ``None`` where the data do not show the parameter.
+        identifiable: whether it was fitted.
+        absorbs: names of left-out parameters whose error it also carries.
+        because: why it was left out.
+        group: ``gauge``, ``geometry`` or the effect it belongs to.
+    """
+
+    in_unit = ("value", "nominal", "std")
+    if_any = ("because",)
+    name: str
+    value: float
+    nominal: float = 0.0
+    std: float | None = None
+    unit: str
+    identifiable: bool = True
+    absorbs: tuple[str, ...] = ()
+    because: str | None = None
+    what: str = ""
+    group: str = ""
+
+
+def p_value(log_p: float) -> float:
+    """Return the chance of this natural logarithm."""
+    return exp(max(log_p, LEAST_LOG_P))
+
+
+def log10_p(log_p: float) -> float | None:
+    """Return the common logarithm of the chance of this natural logarithm, ``None`` where it is not finite."""
+    return log_p / log(10) if isfinite(log_p) else None
+
+
+class InnerNumber(DocumentSection):
+    """The number inside an effect: a frequency, a time constant, a width."""
+
+    in_unit = ("value", "std")
+    name: str = ""
+    value: float
+    std: float | None = None
+    unit: str
+
+
+class Finding(DocumentSection):
+    """An effect that the run shows; its parameters are those of the group ``effect, on``.
+
+    Attributes:
+        effect, on: what and where, for instance ``gear ripple`` and ``joint 3``.
+        value, std, unit: size of the effect (length of its parameters' vector) and, its shape held, how well that is
+            known.
+        p_value: chance of so large an effect, corrected for everything that was tried.
+        log10_p: its logarithm, which runs out of digits later; then it is ``None``.
+        gain: fall of the rms error on held-out samples by this effect [m].
+        rivals: other effects that explain the same within uncertainty.
+        note: what a mechanic would say.
+        inner: the number inside it, where it has one.
+    """
+
+    in_unit = ("value", "std")
+    if_any = ("inner",)
+    effect: str
+    on: str
+    value: float
+    std: float = 0.0
+    unit: str
+    p_value: float = 0.0
+    log10_p: float | None = None
+    gain: float = 0.0
+    rivals: tuple[str, ...] = ()
+    note: str = ""
+    inner: InnerNumber | None = None
+
+    @property
+    def log_p(self) -> float:
+        """Natural logarithm of the chance."""
+        return -inf if self.log10_p is None else self.log10_p * log(10)
+
+    @property
+    def name(self) -> str:
+        """Effect and place, as the group of its parameters is called."""
+        return f"{self.effect}, {self.on}"
+
+
+class DetectionLimit(DocumentSection):
+    """The smallest size of an effect that was not found which this run would have shown in 95 of 100 cases."""
+
+    in_unit = ("size",)
+    effect: str
+    on: str
+    size: float
+    unit: str
+
+
+class RejectedEffect(DocumentSection):
+    """An effect that was tried in full and not kept."""
+
+    name: str
+    because: str
+
+
+class Unexplained(DocumentSection):
+    """What the model leaves on held-out samples, and along what it is not chance.
+
+    ``rms`` [m] is all that is left, to be compared with the noise floor; ``structured_rms`` the part of it that follows
+    what ``along`` names.
+    """
+
+    structured: bool = False
+    along: tuple[str, ...] = ()
+    rms: float = 0.0
+    structured_rms: float = 0.0
+    note: str = ""
+
+
+class FixturePosition(DocumentSection):
+    """Where a length gauge's fixture stands in the base frame of the calibrated robot [m]."""
+
+    name: str
+    position: Vector
+
+
+class PlacePose(FixturePosition):
+    """How a tracker's or plate's frame stands there; roll, pitch, yaw about the base's fixed axes [rad]."""
+
+    rpy: Vector
+
+
+class ToolPoint(DocumentSection):
+    """Where a measured point sits in the flange frame [m]."""
+
+    name: str
+    p_FM: Vector
+
+
+class GaugeFrames(DocumentSection):
+    """Where the gauge stands after the fit; ``zero`` [m] is what a bar reads beyond its length."""
+
+    if_any = ("zero_mm",)
+    fixtures: tuple[FixturePosition, ...] = ()
+    places: tuple[PlacePose, ...] = ()
+    tool: tuple[ToolPoint, ...] = ()
+    zero: float | None = None
+
+
+class Identification(DocumentSection):
+    """A robot identified from a run.
+
+    Attributes:
+        n_samples, n_groups: of the run, and the groups that are held out together.
+        stages: in order.
+        estimates: every parameter, seen or not.
+        degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
+        findings: effects that tracing found, in the order in which they were found.
+        limits: for every effect that was looked for and not found.
+        tried: number of effects and inner values that tracing looked at; ``None`` where nothing was traced.
+        noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
+        workspace_error: error of the tool to be expected over the whole workspace by the covariance [m], rms.
+        condition_number: of the rows per prior size; ``None`` where it is not finite.
+        correlation_time: how many samples are worth one.
+        problems: reasons not to use the result; empty when the fit passed its own checks.
+        warnings: what a person should know.
+    """
+
+    schema_: Literal["edbb-identification/1"]
+    robot: str
+    n_samples: int = Field(gt=0)
+    n_groups: int = 0
+    split: HoldOut = HoldOut(by="pose", hold_out=0.2)
+    stages: tuple[Stage, ...] = Field(min_length=1)
+    estimates: tuple[Estimate, ...]
+    degrees_of_freedom: float = Field(ge=1)
+    findings: tuple[Finding, ...]
+    limits: tuple[DetectionLimit, ...] = ()
+    rejected: tuple[RejectedEffect, ...] = ()
+    tried: int | None = None
+    unexplained: Unexplained = Unexplained()
+    noise_floor: float | None = None
+    workspace_error: float = 0.0
+    condition_number: float | None = None
+    correlation_time: float = Field(default=1.0, gt=0)
+    frames: GaugeFrames = GaugeFrames()
+    problems: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read ``identification.json``.
+
+        Raises:
+            InputError: with the first offending keys, what was found and what is allowed.
+        """
+        return validate(read_json(path), cls, str(path))
+
+    def content(self) -> dict[str, object]:
+        """Return what the file says, in the contract's keys and units."""
+        out = _rounded(self.model_dump(mode="json", by_alias=True))
+        assert isinstance(out, dict)
+        return out
+
+    def to_json(self) -> str:
+        """Return the text of ``identification.json``; the same calibration gives the same bytes."""
+        return json.dumps(self.content(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_rounded(v) for v in value]
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{DIGITS}g}") + 0.0 if isfinite(value) else None
