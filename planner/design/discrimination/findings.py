@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
+from planner.model.identification_document import Identification
 
 JOINTS = (
     "joint compliance",
