@@ -4,16 +4,20 @@ The posterior covariance C of all errors under prior and readings is that of a B
 takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the tool (Chaloner and Verdinelli 1995,
 Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.determinism import on_one_thread
+from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
+from planner.design.selection.certificate import ActiveSet, Dual, Pricing, generate_columns
+from planner.design.selection.matrix_forms import quadratic_form, sum_largest
+from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.undeclared_errors import ASSUMED, UndeclaredErrors, undeclared_errors
 
 
@@ -47,26 +51,25 @@ class BayesianPosterior:
         spread = np.einsum("ij,ij->i", white, white)
         return cls(white, weight, np.eye(white.shape[1]), shown, spread, float(np.trace(weight)))
 
-    @property
     def gains(self) -> Array:
         """How much each candidate would take off the mean square error, (n,) [m²]."""
         return np.asarray(self.shown / (1.0 + self.spread))
 
-    def loss(self, which: np.ndarray) -> Array:
-        """How much the mean square error would grow without each of the readings ``which``, (k,) [m²]."""
-        return np.asarray(self.shown[which] / (1.0 - self.spread[which]))
+    def order(self, chosen: np.ndarray) -> np.ndarray:
+        """Return positions in a chosen set, that first without which the mean square error would grow least."""
+        return np.argsort(self.shown[chosen] / (1.0 - self.spread[chosen]), kind="stable")
 
     def with_readings(self, which: np.ndarray) -> "BayesianPosterior":
         """Return what is known once the candidates ``which`` (k,) are measured as well."""
         out = replace(self)
         for k in which:
-            out.add(int(k))
+            out.change(int(k))
         return out
 
-    def add(self, k: int, sign: int = 1) -> None:
-        """Take candidate ``k`` among the readings, or out of them where ``sign`` is −1."""
-        scale = sign / (1.0 + sign * self.spread[k])
-        seen = self.covariance @ self.white[k]
+    def change(self, candidate: int, sign: int = 1) -> None:
+        """Take a candidate among the readings, or out of them where ``sign`` is −1."""
+        scale = sign / (1.0 + sign * self.spread[candidate])
+        seen = self.covariance @ self.white[candidate]
         pull = self.weight @ seen
         size = float(seen @ pull)
         by, through = self.white @ seen, self.white @ (self.covariance @ pull)
@@ -77,32 +80,78 @@ class BayesianPosterior:
 
 
 STEPS = 10  # they bring the bound to a part in thirty of what more of them would prove
-POWER = (
-    0.8  # of a reading's gain in the step of its weight (multiplicative algorithm; Silvey, Titterington & Torsney 1978)
-)
+POWER = 0.8  # of a reading's gain in the step of its weight (Silvey, Titterington and Torsney 1978)
 START_SHARE = 0.7  # share of the weight that the given set starts with
+
+
+@dataclass(frozen=True)
+class ErrorTangent:
+    """The tangent of the mean square error trace(W (1 + Σ wᵢ aᵢᵀ aᵢ)⁻¹) at ``weights`` w (n,) of the readings.
+
+    The error is convex in w (Boyd and Vandenberghe 2004, 7.5.2), so that the tangent lies below it everywhere; over
+    weights in [0, 1] that sum to ``poses`` it is least at a corner, which is found by sorting.
+    """
+
+    weights: Array
+    weight: Array
+    poses: int
+    upper: ClassVar[bool] = False
+
+    def verify(self, rows: Array) -> float:
+        """Return the mean square error [m²] that any as many readings leave at least."""
+        gain = -self.prices(rows)
+        left = float((self.weight * self._covariance(rows)).sum())
+        return left - sum_largest(gain, self.poses) + float(gain @ self.weights)
+
+    def prices(self, rows: Array, active: Positions | None = None) -> Array:
+        """Return minus what each reading gains, (n,)."""
+        covariance = self._covariance(rows)
+        return -quadratic_form(rows, covariance @ self.weight @ covariance)
+
+    def _covariance(self, rows: Array) -> Array:
+        white = rows[:, 0]
+        return np.asarray(np.linalg.inv((white.T * self.weights) @ white + np.eye(white.shape[1])))
+
+
+@dataclass(frozen=True)
+class ErrorPricing(Pricing):
+    """Weights of all readings (multiplicative algorithm), rows (n, 1, P) and ``weight`` as in the posterior."""
+
+    weight: Array
+
+    def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
+        """Return the tangent at the weights as they are."""
+        return state, ErrorTangent(state.weights, self.weight, self.count), np.inf
+
+    def distance(self, relaxed: float, bound: float) -> float:
+        """Return infinity: every round is done."""
+        return relaxed
+
+    def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet:
+        """Give weight to readings that gain much."""
+        gain = -dual.prices(self.rows, state.active)
+        return ActiveSet(state.active, _cap_weights(state.weights * gain**POWER, self.count))
 
 
 def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
     """Return a lower bound of the error [m] that any ``len(chosen)`` candidates leave.
+
+    Two proofs, of which the better one counts: the tangent, and that n readings teach at most n directions, the error
+    along all others stays as it was before.
 
     Args:
         white: rows of the candidates in standard deviations of their readings per prior size, (m, P).
         weight: mean square error per squared errors in prior sizes, (P, P).
         chosen: a good set, from which the search starts, (n,) int.
     """
-    count, best = len(chosen), 0.0
+    count = len(chosen)
     w = np.full(len(white), (1 - START_SHARE) * count / len(white))
     w[chosen] += START_SHARE
-    for _ in range(STEPS):
-        covariance = np.linalg.inv((white.T * w) @ white + np.eye(white.shape[1]))
-        gain = np.einsum("ij,ij->i", white @ (covariance @ weight @ covariance), white)
-        corner = np.sort(gain)[-count:].sum()
-        best = max(best, float((weight * covariance).sum() - corner + gain @ w))
-        w = _cap_weights(w * gain**POWER, count)
+    pricing = ErrorPricing(white[:, None], count, "I", weight)
+    best = generate_columns(pricing, ActiveSet(np.arange(len(white)), w), 0.0, 0.0, STEPS).value
     size = np.sort(np.linalg.eigvalsh(weight))
     untaught = float(np.maximum(size[: max(len(size) - count, 0)], 0.0).sum())
-    return float(np.sqrt(max(best, untaught)))
+    return float(np.sqrt(max(best, untaught, 0.0)))
 
 
 def _cap_weights(wanted: Array, count: int) -> Array:
@@ -174,9 +223,10 @@ def select_bayesian_poses(
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
     begun = BayesianPosterior.before(white * _start_factors(unknown), weight)
     chosen = select_greedily(begun, min(poses or MOST, len(pool)), target, progress)
-    short = np.union1d(chosen, np.argsort(-begun.gains, kind="stable")[:SHORTLIST])
+    short = np.union1d(chosen, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     at = np.searchsorted(short, chosen)
-    chosen = short[exchange_by_gain(BayesianPosterior.before(white[short], weight).with_readings(at), at)]
+    known = BayesianPosterior.before(white[short], weight).with_readings(at)
+    chosen = short[exchange_singly(known, at, PASSES, known.order)]
     after = errors_after(white[chosen], weight)
     return BayesianDesign(unknown, chosen, after, bound_tool_error(white, weight, chosen), float(after[-1]))
 
@@ -203,17 +253,16 @@ def select_greedily(
     Returns:
         Positions of the candidates in the order in which they were taken, (k,) int.
     """
-    chosen: list[int] = []
     squares: list[float] = []
-    while len(chosen) < most and posterior.square > target**2 and not (target and _is_flat(squares)):
-        gains = posterior.gains
-        gains[chosen] = -1.0
-        chosen.append(int(np.argmax(gains)))
-        posterior.add(chosen[-1])
-        squares.append(posterior.square)
-        if progress is not None:
-            progress(len(chosen), most)
-    return np.array(chosen)
+
+    def stop(chosen: Sequence[int]) -> bool:
+        if chosen:
+            squares.append(posterior.square)
+            if progress is not None:
+                progress(len(chosen), most)
+        return posterior.square <= target**2 or (target > 0 and _is_flat(squares))
+
+    return add_greedily(posterior, most, stop)
 
 
 def _is_flat(squares: list[float]) -> bool:
@@ -222,30 +271,12 @@ def _is_flat(squares: list[float]) -> bool:
     return len(squares) >= FEWEST and squares[-1] > (1 - FLAT) ** 2 * squares[before - 1]
 
 
-def exchange_by_gain(posterior: BayesianPosterior, chosen: np.ndarray) -> np.ndarray:
-    """Give each of the chosen up for the candidate that leaves the smallest error, those that count least first."""
-    out = chosen.copy()
-    for _ in range(PASSES):
-        before = out.copy()
-        for k in np.argsort(posterior.loss(out), kind="stable"):
-            posterior.add(int(out[k]), -1)
-            gains = posterior.gains
-            gains[np.delete(out, k)] = -1.0
-            best = int(np.argmax(gains))
-            if gains[best] > gains[out[k]] * (1 + 1e-9):
-                out[k] = best
-            posterior.add(int(out[k]))
-        if np.array_equal(out, before):
-            break
-    return out
-
-
 def errors_after(white: Array, weight: Array) -> Array:
     """Return the error of the tool [m] after the first 1 … n readings of ``white`` (n, P), (n,)."""
     known = BayesianPosterior.before(white, weight)
     out = np.empty(len(white))
     for k in range(len(white)):
-        known.add(k)
+        known.change(k)
         out[k] = np.sqrt(max(known.square, 0.0))
     return out
 

@@ -19,10 +19,10 @@ from planner.design.free_parameters import (
 from planner.design.observability.identifiability import Identifiability, find_identifiable
 from planner.design.observability.information import Indices, all_indices, index_value
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.column_generation import certify_bound
 from planner.design.selection.d_optimal import EqualShares, detmax
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import BackgroundCurve
+from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.refinement import refine_off_grid
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld

@@ -10,7 +10,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
-from planner.design.selection.column_generation import certify_bound, price_core
+from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.session.course import round_angles

@@ -13,9 +13,9 @@ from planner.design.observability.identifiability import Identifiability
 from planner.design.observability.information import INDEX_RULES, Covariance, predict_covariance
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.column_generation import certify_bound
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import find_knee
+from planner.design.selection.index_search import exchange_poses
 from planner.model.model import Model
 
 GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers of poses, in parameters

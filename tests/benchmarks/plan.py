@@ -20,8 +20,8 @@ import numpy as np
 from planner.cell.reading import load_cell, shipped_cells
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
-from planner.design.selection.column_generation import certify_bound
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_bound import certify_bound
+from planner.design.selection.index_search import exchange_poses
 
 
 def run_plan(cell, folder, *words, threads="1"):

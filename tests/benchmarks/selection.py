@@ -20,10 +20,10 @@ import numpy as np
 import tests.observability.dh_arm as dh_arm
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import index_value
-from planner.design.selection.column_generation import certify_bound
 from planner.design.selection.d_optimal import detmax
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import compute_index_curve
+from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.pruning import prune_poses
 from planner.design.selection.refinement import refine_off_grid
 from tests.observability.dh_arm import NJ130

@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.design.candidates.pool import Funnel, PoseSet
 from planner.design.observability.information import predict_covariance
 from planner.design.pose_selection import identify_candidates
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_search import exchange_poses
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem

@@ -10,8 +10,8 @@ from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
 from planner.design.observability.information import all_indices
 from planner.design.pose_selection import PoseChoice, identify_candidates
-from planner.design.selection.exchange_search import exchange_poses
 from planner.design.selection.index_curves import compute_index_curve
+from planner.design.selection.index_search import exchange_poses
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
 from planner.motion.timing.trajectory import check_limits

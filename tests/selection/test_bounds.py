@@ -11,9 +11,8 @@ import tests.observability.dh_arm as dh_arm
 from planner.common.errors import InputError
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import INDEX_RULES, index_value
-from planner.design.selection.certificate import Dual, verify_dual
-from planner.design.selection.column_generation import certify_bound, check_certificate
-from planner.design.selection.exchange_search import exchange_poses
+from planner.design.selection.index_bound import IndexDual, certify_bound
+from planner.design.selection.index_search import exchange_poses
 from tests.observability.dh_arm import NJ130
 
 INDICES = list(INDEX_RULES)
@@ -105,7 +104,7 @@ def test_any_matrices_at_all_prove_nothing_wrong(kind):
     best = best_of_all(rows, 5, kind)
     for _ in range(200):
         X, Y = (a @ a.T if rng.random() < 0.7 else a for a in rng.standard_normal((2, 3, 3)))
-        assert not INDEX_RULES[kind].better(best, verify_dual(Dual(kind, 5, X, Y), rows))
+        assert not INDEX_RULES[kind].better(best, IndexDual(kind, 5, X, Y).verify(rows))
 
 
 @pytest.mark.parametrize("kind", INDICES)
@@ -113,21 +112,21 @@ def test_a_corrupted_certificate_is_caught(kind):
     rows = pool(8)
     certificate = certify_bound(rows, kind, 6)
     sense = -1 if INDEX_RULES[kind].maximise else 1
-    assert check_certificate(certificate, rows)
-    assert not check_certificate(replace(certificate, value=certificate.value * (1 + sense * 1e-6)), rows)
+    assert certificate.holds(rows)
+    assert not replace(certificate, value=certificate.value * (1 + sense * 1e-6)).holds(rows)
     bent = [replace(d, X=d.X + 0.3 * np.diag(np.arange(3)) * np.trace(d.X)) for d in certificate.duals]
-    assert not check_certificate(replace(certificate, duals=tuple(bent)), rows)
+    assert not replace(certificate, duals=tuple(bent)).holds(rows)
     broken = [replace(d, X=d.X * np.nan) for d in certificate.duals]
-    assert not check_certificate(replace(certificate, duals=tuple(broken)), rows)
+    assert not replace(certificate, duals=tuple(broken)).holds(rows)
     better_pool = np.concatenate([rows, 10 * rows[:6], 10 * np.roll(rows[:6], 1, axis=2)])
-    assert not check_certificate(certificate, better_pool) or kind == "O2"
+    assert not certificate.holds(better_pool) or kind == "O2"
 
 
 def test_the_only_set_is_its_own_certificate():
     rows = pool(9)
     certificate = certify_bound(rows, "O2", len(rows))
     assert certificate.value == index_value("O2", rows)
-    assert check_certificate(certificate, rows)
+    assert certificate.holds(rows)
     assert exchange_poses(rows, len(rows), certificate=certificate).gap == pytest.approx(0, abs=1e-9)
 
 

@@ -13,17 +13,17 @@ from planner.common.errors import InputError
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import INDEX_RULES, index_value
 from planner.design.selection.d_optimal import detmax
-from planner.design.selection.exchange_search import exchange_poses
-from planner.design.selection.index_curves import compute_index_curve, find_knee
-from planner.design.selection.pruning import prune_poses
-from planner.design.selection.refinement import refine_off_grid
-from planner.design.selection.swap_scores import (
+from planner.design.selection.index_criterion import (
     BarrierPotential,
-    Swap,
     SwapTable,
     information_after,
-    information_matrix,
 )
+from planner.design.selection.index_curves import compute_index_curve, find_knee
+from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.matrix_forms import information_matrix
+from planner.design.selection.pruning import prune_poses
+from planner.design.selection.refinement import refine_off_grid
+from planner.design.selection.search import Swap
 from tests.observability.dh_arm import NJ130
 
 INDICES = list(INDEX_RULES)
@@ -195,10 +195,13 @@ def test_too_few_poses_are_refused():
 
 _SCRIPT = """
 import hashlib, numpy as np
-from planner.design.selection import *
+from planner.design.selection.d_optimal import detmax
+from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.pruning import prune_poses
 rows = np.random.default_rng(0).standard_normal((3000, 1, 12)) * np.linspace(0.2, 2, 12)
-found = exchange(rows, 20, "O2", starts=2, steps=150)
-parts = [found.chosen, np.array(found.value), found.certificate.duals[0].X, prune(rows[:300], 20), detmax(rows, 20)]
+found = exchange_poses(rows, 20, "O2", starts=2, steps=150)
+parts = [found.chosen, np.array(found.value), found.certificate.duals[0].X]
+parts += [prune_poses(rows[:300], 20), detmax(rows, 20)]
 print(hashlib.sha256(b"".join(p.tobytes() for p in parts)).hexdigest())
 """
 

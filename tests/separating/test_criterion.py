@@ -10,14 +10,9 @@ import planner.identification.assessment as checks
 import planner.tracing.rivals as traced
 from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
 from planner.design.discrimination.power import ALIKE, EVIDENCE, discrimination_power
-from planner.design.discrimination.search import (
-    bound_criterion,
-    check_bound,
-    exchange_by_criterion,
-    sum_information,
-    swap_gains,
-)
+from planner.design.discrimination.search import bound_criterion, exchange_by_criterion
 from planner.design.pose_selection import TRACEABLE, warn_too_few_readings
+from planner.design.selection.matrix_forms import information_matrix
 
 OWN = np.arange(3)
 
@@ -37,7 +32,7 @@ def problem(count=14, readings=1, seed=0):
 
 
 def value(aim, rows):
-    return aim.value(sum_information(rows))
+    return aim.value(information_matrix(rows))
 
 
 @pytest.mark.parametrize("readings", [1, 2])
@@ -47,7 +42,7 @@ def test_noncentrality_is_what_least_squares_leave(readings):
     for q in questions:
         tall = rows[chosen].reshape(-1, 6)
         left = np.linalg.lstsq(tall[:, q.taken], tall @ q.signal, rcond=None)[1]
-        assert noncentrality(frame, sum_information(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
+        assert noncentrality(frame, information_matrix(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
 
 
 def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
@@ -55,7 +50,7 @@ def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
     sets = [np.arange(7), np.arange(7, 14), np.arange(3, 12)]
     by_hand = []
     for chosen in sets:
-        mass = sum_information(seen[chosen])
+        mass = information_matrix(seen[chosen])
         own = np.linalg.slogdet(rows[chosen, 0, :3].T @ rows[chosen, 0, :3])[1]
         by_hand.append(0.375 * sum(np.log(noncentrality(frame, mass, q)[0]) for q in questions) + 0.25 / 3 * own)
     values = [value(aim, seen[chosen]) for chosen in sets]
@@ -64,7 +59,7 @@ def test_the_criterion_is_the_mean_of_logarithms_up_to_a_constant():
 
 def test_slope_is_the_derivative():
     _, _, seen, _, aim = problem()
-    mass, rng = sum_information(seen[:9]), np.random.default_rng(1)
+    mass, rng = information_matrix(seen[:9]), np.random.default_rng(1)
     way = rng.standard_normal(mass.shape)
     way = (way + way.T) * 1e-6
     expected = (aim.value(mass + way) - aim.value(mass - way)) / 2
@@ -75,7 +70,7 @@ def test_slope_is_the_derivative():
 def test_changes_are_exact(readings):
     _, _, seen, _, aim = problem(readings=readings)
     inner, outer = seen[:8], seen[8:]
-    table = swap_gains(inner, outer, aim, sum_information(inner))
+    table = aim.swap_gains(inner, outer, information_matrix(inner))
     for i, j in ((0, 0), (3, 4), (7, 5)):
         swapped = np.concatenate([np.delete(inner, i, axis=0), outer[j : j + 1]])
         assert table[i, j] == pytest.approx(value(aim, swapped) - value(aim, inner), abs=1e-6)
@@ -90,14 +85,14 @@ def test_no_set_of_all_beats_the_bound_and_the_exchange_finds_the_best(seed):
     best = max(values.values())
     assert best <= found.value
     assert found.value - best < 0.35
-    assert check_bound(found, seen)
+    assert found.holds(seen)
     assert value(aim, seen[chosen]) == pytest.approx(best, abs=1e-6)
 
 
 def test_a_bound_that_promises_too_little_is_refused():
     _, _, seen, _, aim = problem()
     found = bound_criterion(seen, aim, 8, np.arange(8))
-    assert not check_bound(replace(found, value=found.value - 0.01), seen)
+    assert not replace(found, value=found.value - 0.01).holds(seen)
 
 
 def test_as_many_readings_are_asked_for_as_the_identification_wants():

@@ -1,4 +1,19 @@
-"""Coordinates in which the information of the whole pool is one: every comparison is then well conditioned."""
+"""The criterion DT: how well poses tell rivals apart, and, for a smaller part, how well they see everything else.
+
+With M the information of all columns (in the coordinates of :class:`PoolCoordinates`) over the chosen poses, a
+noncentrality is the sum of squares that is left of a truth's predicted readings, in noise variances, after the plan's
+own parameters and the rival took what they can: det M(own, rival, signal) / det M(own, rival), a Schur complement.
+
+    f(M) = (1 - k) mean over questions of log noncentrality + k / P log det M(own)
+
+is the compound of T- and D-optimality (Atkinson 2008, J. Stat. Plan. Inference 138: DT-optimum designs; T: Atkinson and
+Fedorov 1975, Biometrika 62). It is a sum of log determinants of blocks T'MT, with weights a of both signs, and concave,
+since a Schur complement is concave and grows with M. It grows by log c when M grows c-fold, so that for any M*
+
+    f(M) <= f(M*) + log <X, M>,   X = sum of a T (T'M*T)^-1 T',   <X, M*> = 1:  the certificate.
+
+M stands with a trace of the pool's own information (RIDGE), so that poses that miss a question have a value too.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +22,17 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.design.observability.information import r_factor
+from planner.design.selection.matrix_forms import pairwise_form, swap_log_ratios
 
 UNSEEN = 1e-8  # share of the largest singular value below which the pool does not see a direction
 ALONG = 1e-6  # the same for what some columns span
+OWN_SHARE = 0.25  # k: what is measured must still identify the robot
+RIDGE = 1e-8  # of the information of the whole pool
 
 
 @dataclass(frozen=True)
 class PoolCoordinates:
-    """New coordinates of the columns.
+    """Coordinates of the columns in which the information of the whole pool is one, so that all is well conditioned.
 
     Attributes:
         to: (P, p): rows of the pool times it have the information one.
@@ -42,12 +60,6 @@ class PoolCoordinates:
         size = np.linalg.norm(columns, axis=0)
         out, mu, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
         return np.asarray(out[:, mu > ALONG * mu[0]])
-
-
-OWN_SHARE = 0.25  # k: what is measured must still identify the robot
-
-
-RIDGE = 1e-8  # of the information of the whole pool
 
 
 @dataclass(frozen=True)
@@ -87,31 +99,32 @@ class LogDetTerm:
 
 @dataclass(frozen=True)
 class DTCriterion:
-    """A sum of log determinants."""
+    """A sum of log determinants; ``cap_factor`` and ``logarithmic`` as in the relaxation of pose selection."""
 
     terms: tuple[LogDetTerm, ...]
+    cap_factor: float = 1.0
+    logarithmic: bool = True
 
     def value(self, mass: Array) -> float:
         """The criterion at information ``mass`` (p, p)."""
-        total = 0.0
-        for term in self.terms:
-            total += term.weight * float(np.linalg.slogdet(term.of(mass))[1])
-        return total
+        return float(sum(term.weight * np.linalg.slogdet(term.of(mass))[1] for term in self.terms))
 
     def slope(self, mass: Array) -> Array:
         """Its derivative X (p, p)."""
-        out = np.zeros_like(mass)
-        for term in self.terms:
-            out += term.weight * (term.basis @ np.linalg.solve(term.of(mass), term.basis.T))
+        out = np.asarray(sum(weight * inverse for weight, inverse in self._inverses(mass)))
         return np.asarray((out + out.T) / 2)
 
-    def roots(self, mass: Array) -> list[tuple[float, Array]]:
-        """Weight of each term, and (p, k) a matrix that makes its T'MT one."""
-        out = []
-        for term in self.terms:
-            lower = np.linalg.cholesky(term.of(mass))
-            out.append((term.weight, np.linalg.solve(lower, term.basis.T).T))
-        return out
+    def curvature(self, rows: Array, mass: Array) -> Array:
+        """Minus its second derivative by the weights of ``rows`` (n, r, p), (n, n)."""
+        return np.asarray(sum(weight * pairwise_form(rows, inv, inv) for weight, inv in self._inverses(mass)))
+
+    def swap_gains(self, inner: Array, outer: Array, mass: Array) -> Array:
+        """Exact change, (n, m), when each of ``outer`` (m, r, p) takes the place of one of ``inner`` (n, r, p)."""
+        return np.asarray(sum(weight * swap_log_ratios(inner, outer, inv) for weight, inv in self._inverses(mass)))
+
+    def _inverses(self, mass: Array) -> list[tuple[float, Array]]:
+        """Weight and T (T'MT)^-1 T' (p, p) of each term."""
+        return [(t.weight, t.basis @ np.linalg.solve(t.of(mass), t.basis.T)) for t in self.terms]
 
 
 def noncentrality(

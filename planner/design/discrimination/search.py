@@ -1,201 +1,144 @@
-"""Exchange of poses for the discrimination criterion, and the certified bound on it.
+"""Poses that are best by the discrimination criterion, and the certified bound on it."""
 
-The relaxation is solved on a few hundred candidates by the interior-point method of the indices; the bound is proven
-afterwards over all candidates from the gradient alone, see :mod:`.criterion`."""
-
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from planner.common.determinism import Positions, round_significant
 from planner.common.units import Array
 from planner.design.discrimination.criterion import RIDGE, DTCriterion
+from planner.design.selection.certificate import ActiveSet, Certificate, Dual, Pricing, generate_columns
 from planner.design.selection.interior_point import solve_interior_point
-from planner.design.selection.relaxation import RelaxationProblem, interior_start, quadratic_form
+from planner.design.selection.matrix_forms import (
+    information_matrix,
+    project_semidefinite,
+    quadratic_form,
+    sum_largest,
+)
+from planner.design.selection.relaxation import ConcaveProblem
+from planner.design.selection.search import Swap, best_priced, descend, order_by_weight, search_starts
 
 _SAFE = 1e-9  # rounding in a sum of products
 _FIRST, _BATCH = 400, 150  # candidates at first, and those that come in each round
 _ROUNDS = 25
+_NEAR = 96  # candidates that are tried exactly, those with the best prices
+_BETTER = 1e-7  # gain below which a swap is none
+_STARTS = 3
 TOLERANCE = 2e-3
 
 
 @dataclass(frozen=True)
-class CriterionBound:
-    """A bound on the criterion's value.
+class TangentDual:
+    """The slope X (p, p) of the criterion at some information, and its value ``at`` that information."""
 
-    Attributes:
-        value: no set of ``poses`` candidates has more.
-        slope: X (P, P) that proves it, and ``at`` the criterion where it was taken.
-        support, weights: candidates of the relaxation, (k,), and their weights (sum = poses).
-        prices: <X, J'J> of every candidate, (n,).
-    """
-
-    value: float
-    poses: int
-    slope: Array
+    X: Array
     at: float
-    support: Positions
-    weights: Array
-    prices: Array
+    poses: int
+    upper: ClassVar[bool] = True
+
+    def verify(self, rows: Array) -> float:
+        """Return the bound that the tangent proves over all candidates."""
+        X = project_semidefinite(self.X)
+        top = sum_largest(np.maximum(quadratic_form(rows, X), 0.0), self.poses)
+        return self.at + float(np.log(top + RIDGE * float(np.trace(X)))) + _SAFE
+
+    def prices(self, rows: Array, active: Positions) -> Array:
+        """Return minus <X, J'J> of every candidate, (N,)."""
+        return -np.maximum(quadratic_form(rows, project_semidefinite(self.X)), 0.0)
 
 
 @dataclass(frozen=True)
-class DTRelaxation(RelaxationProblem):
-    """The relaxation in the scaled form of :mod:`planner.design.selection.relaxation`: min c - f(M(w)), w <= c."""
+class DTPricing(Pricing):
+    """The relaxation of the criterion ``aim`` over the candidates ``rows`` (N, r, p)."""
 
-    aim: DTCriterion = field(default_factory=lambda: DTCriterion(()))
+    aim: DTCriterion
 
-    def objective(self, z: Array) -> float:
-        """The value that is minimised."""
-        return float(np.sum(z)) / self.poses - self.aim.value(self.mass(z))
+    def first(self, start: Positions) -> ActiveSet:
+        """A choice, and what the whole pool prices best."""
+        price = quadratic_form(self.rows, self.aim.slope(np.eye(self.rows.shape[2])))
+        active = np.union1d(best_priced(price, self._width), start)
+        weights = np.full(len(active), 0.1)
+        weights[np.searchsorted(active, start)] += 1.0
+        return ActiveSet(active, weights)
 
-    def slope(self, z: Array, hessian: Array) -> Array:
-        """Gradient of the objective; its second derivative is added to ``hessian``."""
-        mass = self.mass(z)
-        for weight, root in self.aim.roots(mass):
-            seen = self.rows.reshape(-1, self.rows.shape[2]) @ root
-            products = (seen @ seen.T) ** 2
-            n, r = self.rows.shape[:2]
-            hessian += weight * (products if r == 1 else products.reshape(n, r, n, r).sum(axis=(1, 3)))
-        return np.asarray(1.0 / self.poses - quadratic_form(self.rows, self.aim.slope(mass)))
+    @property
+    def _width(self) -> int:
+        return max(_FIRST, 3 * self.count)
 
-
-def prove_bound(value: float, slope: Array, rows: Array, poses: int) -> tuple[float, Array]:
-    """Bound that a slope X at a point of value f* proves over all candidates, and their prices (n,)."""
-    mu, axes = np.linalg.eigh(slope)
-    slope = (axes * np.maximum(mu, 0.0)) @ axes.T
-    prices = np.maximum(quadratic_form(rows, slope), 0.0)
-    top = float(np.sum(np.partition(prices, len(prices) - poses)[len(prices) - poses :]))
-    return value + float(np.log(top + RIDGE * float(np.trace(slope)))) + _SAFE, prices
-
-
-def bound_criterion(rows: Array, aim: DTCriterion, poses: int, start: Positions) -> CriterionBound:
-    """Return a bound on the criterion of any ``poses`` of the candidates ``rows`` (n, r, P).
-
-    ``start``: a choice; the relaxation begins with it and what the whole pool prices best.
-    """
-    first = aim.slope(np.eye(rows.shape[2]))
-    active = np.union1d(_best_prices(quadratic_form(rows, first), max(_FIRST, 3 * poses)), start)
-    weights = np.full(len(active), 0.1)
-    weights[np.searchsorted(active, start)] += 1.0
-    best: CriterionBound | None = None
-    for _ in range(_ROUNDS):
-        problem = DTRelaxation("O1", rows[active], poses, len(active) > poses, aim)
-        z, _ = solve_interior_point(problem, interior_start(problem, weights), TOLERANCE / 3)
-        weights = z * (poses / np.sum(z))
+    def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
+        """Solve on the active candidates; weights sum to the number of poses."""
+        capped = len(state.active) > self.count
+        problem = ConcaveProblem(self.rows[state.active], self.count, capped, self.aim)
+        z, _ = solve_interior_point(problem, problem.start(state.weights), accuracy)
+        weights = z * (self.count / np.sum(z))
         mass = problem.mass(weights)
-        relaxed, slope = aim.value(mass), aim.slope(mass)
-        value, prices = prove_bound(relaxed, slope, rows, poses)
-        if best is None or value < best.value:
-            best = CriterionBound(value, poses, slope, relaxed, active, weights, prices)
-        limit = np.partition(prices[active], len(active) - poses)[len(active) - poses]
-        new = np.setdiff1d(_best_prices(np.where(prices > limit, prices, 0.0), _BATCH), active)
-        if best.value - relaxed < TOLERANCE or len(new) == 0 or len(active) >= len(rows):
-            break
-        stay = active[weights > 1e-4]
-        kept = np.union1d(stay, _best_prices(prices, max(_FIRST, 3 * poses)))
-        known = dict(zip(active.tolist(), weights.tolist(), strict=True))
+        dual = TangentDual(self.aim.slope(mass), self.aim.value(mass), self.count)
+        return ActiveSet(state.active, weights), dual, dual.at
+
+    def distance(self, relaxed: float, bound: float) -> float:
+        """In the logarithm."""
+        return bound - relaxed
+
+    def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet | None:
+        """Keep those with weight and the best priced ones; bring in others that are priced better than the limit."""
+        price = -dual.prices(self.rows, state.active)
+        limit = -np.partition(-price[state.active], self.count - 1)[self.count - 1]
+        new = np.setdiff1d(best_priced(np.where(price > limit, price, 0.0), _BATCH), state.active)
+        if len(new) == 0 or len(state.active) >= len(self.rows):
+            return None
+        kept = np.union1d(state.active[state.weights > 1e-4], best_priced(price, self._width))
+        known = dict(zip(state.active.tolist(), state.weights.tolist(), strict=True))
         active = np.union1d(kept, new)
-        weights = np.array([known.get(int(k), 1e-3) for k in active])
-    assert best is not None
-    return best
+        return ActiveSet(active, np.array([known.get(int(k), 1e-3) for k in active]))
 
 
-def check_bound(found: CriterionBound, rows: Array) -> bool:
-    """Verify a bound again, from its slope alone."""
-    return prove_bound(found.at, found.slope, rows, found.poses)[0] <= found.value + 1e-9
+def bound_criterion(rows: Array, aim: DTCriterion, poses: int, start: Positions) -> Certificate:
+    """Return a bound on the criterion of any ``poses`` of the candidates ``rows`` (N, r, p); ``start``: a choice."""
+    pricing = DTPricing(rows, poses, "DT", aim)
+    return generate_columns(pricing, pricing.first(start), TOLERANCE, TOLERANCE / 3, _ROUNDS)
 
 
-def _best_prices(prices: Array, count: int) -> Positions:
-    """The candidates with the highest prices, ascending."""
-    return np.sort(np.lexsort((np.arange(len(prices)), -round_significant(prices)))[:count])
+@dataclass(frozen=True)
+class DTSwaps:
+    """Swaps between the candidates ``rows`` (N, r, p); of those of one ``group`` (N,) only one is chosen."""
 
+    rows: Array
+    aim: DTCriterion
+    group: Positions
 
-_NEAR = 96  # candidates that are tried exactly, those with the best prices
-_SWAPS = 500
-_BETTER = 1e-7  # gain below which a swap is none
-_STARTS = 3
-
-
-def sum_information(rows: Array) -> Array:
-    """Sum of J'J over rows (n, r, P)."""
-    tall = rows.reshape(-1, rows.shape[2])
-    return np.asarray(tall.T @ tall)
+    def best_swap(self, chosen: Positions, outside: Positions) -> Swap | None:
+        """Return the swap that betters the criterion most, or None."""
+        rows, group = self.rows, self.group
+        mass = information_matrix(rows[chosen])
+        price = round_significant(quadratic_form(rows[outside], self.aim.slope(mass)))
+        likely = outside[np.lexsort((outside, -price))[:_NEAR]]
+        near = np.union1d(likely, outside[np.isin(group[outside], group[chosen])])
+        if len(near) == 0:
+            return None
+        gains = self.aim.swap_gains(rows[chosen], rows[near], mass)
+        gains[np.isin(group[near], group[chosen]) & (group[chosen][:, None] != group[near])] = -np.inf
+        out, into = np.unravel_index(int(np.argmax(round_significant(gains))), gains.shape)
+        return Swap(int(out), int(near[into])) if gains[out, into] >= _BETTER else None
 
 
 def exchange_by_criterion(
-    rows: Array, aim: DTCriterion, found: CriterionBound, start: Positions, seed: int, group: Positions
+    rows: Array, aim: DTCriterion, bound: Certificate, start: Positions, seed: int, group: Positions
 ) -> Positions:
     """Return the best set of as many candidates as ``start`` has, ascending.
 
-    Starts from ``start``, from the relaxation's heaviest candidates, and from some drawn by their weights. Of the
-    candidates of one ``group`` (N,) only one is taken.
+    Starts from the relaxation's heaviest candidates, from some drawn by their weights, and from ``start``.
     """
-    best, value = start, -np.inf
-    for turn in range(_STARTS + 1):
-        chosen = start if turn == _STARTS else _draw_by_weight(found, len(start), seed, turn, group)
+
+    def search(turn: int) -> tuple[Positions, float] | None:
+        chosen = start
+        if turn < _STARTS:
+            order = order_by_weight(bound.support, np.maximum(bound.weights, 1e-12), seed, turn)
+            first = np.sort(np.unique(group[order], return_index=True)[1])  # one of a group
+            chosen = np.sort(order[first[: len(start)]])
         if len(chosen) < len(start):
-            continue
-        chosen = descend_criterion(rows, aim, chosen, group)
-        new = aim.value(sum_information(rows[chosen]))
-        if new > value + _BETTER:
-            best, value = chosen, new
-    return np.sort(best)
+            return None
+        chosen = descend(DTSwaps(rows, aim, group), chosen, np.arange(len(rows)))
+        return chosen, aim.value(information_matrix(rows[chosen]))
 
-
-def descend_criterion(rows: Array, aim: DTCriterion, chosen: Positions, group: Positions) -> Positions:
-    """Take the best swap until there is none; of the candidates of one group (N,) only one is taken."""
-    for _ in range(_SWAPS):
-        mass = sum_information(rows[chosen])
-        prices = round_significant(quadratic_form(rows, aim.slope(mass)))
-        prices[chosen] = -np.inf
-        twins = np.setdiff1d(np.flatnonzero(np.isin(group, group[chosen])), chosen)
-        outside = np.lexsort((np.arange(len(rows)), -prices))[: min(_NEAR, len(rows) - len(chosen))]
-        near = np.union1d(outside, twins)
-        if len(near) == 0:
-            break
-        gains = swap_gains(rows[chosen], rows[near], aim, mass)
-        gains[np.isin(group[near], group[chosen]) & (group[chosen][:, None] != group[near])] = -np.inf
-        out, into = np.unravel_index(int(np.argmax(round_significant(gains))), gains.shape)
-        if gains[out, into] < _BETTER:
-            break
-        chosen = np.where(np.arange(len(chosen)) == out, near[into], chosen)
-    return chosen
-
-
-def swap_gains(inner: Array, outer: Array, aim: DTCriterion, mass: Array) -> Array:
-    """Exact change of the criterion, (n, m), when each of ``outer`` (m, r, P) takes the place of one of ``inner``.
-
-    A swap multiplies a determinant by det(I + C), C of 2 r rows made of products of the swapped rows (Sylvester).
-    """
-    n, m, r = len(inner), len(outer), inner.shape[1]
-    both = np.concatenate([inner, outer]).reshape((n + m) * r, -1)
-    total = np.zeros((n, m))
-    for weight, root in aim.roots(mass):
-        seen = (both @ root).reshape(n + m, r, -1)
-        flat = seen.reshape(-1, seen.shape[2])
-        cross = (flat[: n * r] @ flat[n * r :].T).reshape(n, r, m, r).transpose(0, 2, 1, 3)
-        own = np.einsum("nra,nsa->nrs", seen, seen)
-        if r == 1:
-            ratio = (1.0 - own[:n, 0]) * (1.0 + own[None, n:, 0, 0]) + cross[:, :, 0, 0] ** 2
-            total += weight * np.log(np.maximum(ratio, 1e-300))
-            continue
-        block = np.empty((n, m, 2 * r, 2 * r))
-        block[:, :, :r, :r] = np.eye(r) - own[:n, None]
-        block[:, :, :r, r:] = -cross
-        block[:, :, r:, :r] = cross.swapaxes(2, 3)
-        block[:, :, r:, r:] = np.eye(r) + own[None, n:]
-        total += weight * np.log(np.maximum(np.linalg.det(block), 1e-300))
-    return total
-
-
-def _draw_by_weight(found: CriterionBound, count: int, seed: int, turn: int, group: Positions) -> Positions:
-    """Take ``count`` of the relaxation's candidates, one a group: the heaviest first, later drawn by weight."""
-    weights = np.maximum(found.weights, 1e-12)
-    if turn == 0:
-        keys = round_significant(weights)
-    else:  # Efraimidis and Spirakis 2006: weighted sampling without replacement
-        keys = np.log(np.random.default_rng([seed, turn]).random(len(weights))) / weights
-    order = found.support[np.lexsort((found.support, -keys))]
-    first = np.sort(np.unique(group[order], return_index=True)[1])
-    return np.sort(order[first[:count]])
+    return search_starts(search, range(_STARTS + 1), lambda value, than: value > than + _BETTER)[0]

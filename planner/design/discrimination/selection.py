@@ -1,4 +1,4 @@
-"""``separate()``: choose the poses that tell the findings of an identification from their rivals."""
+"""The poses that tell the findings of an identification from their rivals."""
 
 from dataclasses import dataclass, replace
 
@@ -29,15 +29,10 @@ from planner.design.discrimination.predicted_readings import (
     candidate_visits,
 )
 from planner.design.discrimination.questions import QuestionSet, pose_questions
-from planner.design.discrimination.search import (
-    CriterionBound,
-    bound_criterion,
-    check_bound,
-    descend_criterion,
-    exchange_by_criterion,
-    sum_information,
-)
+from planner.design.discrimination.search import DTSwaps, bound_criterion, exchange_by_criterion
 from planner.design.pose_selection import PoseChoice
+from planner.design.selection.matrix_forms import information_matrix
+from planner.design.selection.search import descend
 from planner.runs.run import Samples
 
 ROUNDS = 3  # of choosing, and taking up the rivals that the chosen poses would bring up
@@ -62,19 +57,10 @@ class DiscriminatingChoice:
         model, first = self.choice.model, samples[0]
         sigma = self.scale * model.noise_of(first)
         rows = PredictedReadings(model, samples, np.asarray(sigma)).rows(self.asked.parameters)
-        now = pair_powers(self.asked, self.frame, sum_information(self.frame.rows(rows)))
+        now = pair_powers(self.asked, self.frame, information_matrix(self.frame.rows(rows)))
         sizes = {(p.finding, p.rival): size for p, size in zip(self.asked.pairs, now, strict=True)}
         told = (replace(t, noncentrality=s[0], power=s[1]) for t in self.separation.told for s in [sizes[t.pair]])
         return replace(self.separation, told=tuple(told))
-
-
-@dataclass(frozen=True)
-class _ChosenSet:
-    """Candidates, the criterion by which they were chosen, and its bound."""
-
-    places: Positions
-    aim: DTCriterion
-    bound: CriterionBound
 
 
 @on_one_thread
@@ -104,26 +90,28 @@ def select_discriminating_poses(
         )
     places = choice.chosen
     for _ in range(ROUNDS):
-        places = descend_criterion(rows, _make_criterion(frame, asked, open_), places, group)
+        places = descend(DTSwaps(rows, _make_criterion(frame, asked, open_), group), places, np.arange(len(rows)))
         asked, new = add_induced_rivals(sight, entries, asked, set(open_), places)
         if not new:
             break
         frame, rows = _pool_rows(sight, asked)
         open_ |= split_separable(asked, frame, rows, len(places), new)[0]
-    done = _search_set(rows, _make_criterion(frame, asked, open_), places, seed, group)
-    now, before = (pair_powers(asked, frame, sum_information(rows[k])) for k in (done.places, choice.chosen))
+    aim = _make_criterion(frame, asked, open_)
+    bound = bound_criterion(rows, aim, len(places), places)
+    places = exchange_by_criterion(rows, aim, bound, places, seed, group)
+    now, before = (pair_powers(asked, frame, information_matrix(rows[k])) for k in (places, choice.chosen))
     separation = Discrimination(
         _list_powers(asked, open_, now, before, other_ways),
         sentences,
-        len(done.places),
-        float(np.expm1(done.bound.value - done.aim.value(sum_information(rows[done.places])))),
-        check_bound(done.bound, rows),
+        len(places),
+        float(np.expm1(bound.value - aim.value(information_matrix(rows[places])))),
+        bound.verified,
         noise,
         choice.value,
     )
-    kept = _replace_poses(choice, pool, done.places % len(pool))
+    kept = _replace_poses(choice, pool, places % len(pool))
     if sides:
-        kept = replace(kept, approach=approach_signs(sight.samples[0].take(done.places), sides))
+        kept = replace(kept, approach=approach_signs(sight.samples[0].take(places), sides))
     return DiscriminatingChoice(kept, separation, asked, frame, scale)
 
 
@@ -152,11 +140,6 @@ def _make_criterion(frame: PoolCoordinates, asked: QuestionSet, open_: dict[int,
     named = np.array([asked.pairs[q.pair].named for q in questions])
     weights = np.where(named, 1.0, INDUCED_WEIGHT * min(1.0, named.sum() / max(1, (~named).sum())))
     return dt_criterion(frame, asked.own, questions, weights)
-
-
-def _search_set(rows: Array, aim: DTCriterion, start: Positions, seed: int, group: Positions) -> _ChosenSet:
-    found = bound_criterion(rows, aim, len(start), start)
-    return _ChosenSet(exchange_by_criterion(rows, aim, found, start, seed, group), aim, found)
 
 
 def _list_powers(

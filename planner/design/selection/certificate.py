@@ -1,53 +1,52 @@
-"""A proof that no set of the candidates does better than ``value``: a dual pair, checked afresh over all of them.
+"""The certified bound, for any criterion: relax, price in the candidates that violate the dual, verify over all.
 
-Each check is a short chain of inequalities that holds for *any* symmetric positive semidefinite X, Y, so a sloppy
-solver can only make the bound loose, never wrong. With x_i = <X, J_i'J_i>, y_i = <Y, J_i'J_i> and S any n candidates:
-
-    O2   kappa(S)^2 >= s tr X / tr Y   for the largest s with  sum of the n smallest (y_i - s x_i) >= 0, as
-         lmin(S) s tr X <= s sum_S x_i <= sum_S y_i <= lmax(S) tr Y
-    O3   lmin(S) <= sum_S x_i / tr X <= (sum of the n largest x_i) / tr X
-    O1   det(S)^(1/P) <= (sum of the n largest x_i) / (P det(X)^(1/P))          (arithmetic above geometric mean)
-    O5   sum over S of 1/mu >= (tr X^(1/3))^(3/2) / (sum of the n largest x_i)^(1/2)    (Hoelder)
-    O4   mu_r^2 / mu_1 = O3 / O2 <= bound(O3) / bound(O2)
-
-For sets of any size the n smallest become each single one (O2, and O1 per pose).
+A relaxation is solved on a few hundred active candidates; its dual is evaluated over the whole pool, the candidates
+that violate it most come in, and so on until bound and relaxation meet (column generation). The solver is not trusted:
+what counts is the dual, which proves its bound over all candidates by itself.
 """
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from planner.common.determinism import Positions
 from planner.common.units import Array, read_only
-from planner.design.selection.relaxation import quadratic_form
 
-_SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
+_MARGIN = 1e-12  # relative: a bound that is verified again comes out the same
 
 
-@dataclass(frozen=True)
-class Dual:
-    """The pair X, Y (P, P) that proves a bound on ``index`` for sets of ``poses`` candidates (None: any number)."""
+class Dual(Protocol):
+    """A proof that no set of candidates does better than some value."""
 
-    index: str
-    poses: int | None
-    X: Array
-    Y: Array
+    @property
+    def upper(self) -> bool:
+        """Whether the criterion is maximised, the bound an upper one."""
+
+    def verify(self, rows: Array) -> float:
+        """Return the bound that is proven over all candidates ``rows`` (N, r, P); the trivial one if none."""
+
+    def prices(self, rows: Array, active: Positions) -> Array:
+        """Return the reduced cost of every candidate, (N,): the lower, the more it is wanted."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A bound on an index over all sets of candidates.
+    """A bound on a criterion over all sets of candidates.
 
-    ``value``: no set does better (O2: not below, others: not above). ``kind``: "exactly n poses" or "any number of
-    poses". ``poses`` n or None; ``support`` the candidates with weight in the relaxation and ``weights`` theirs (sum n,
-    or 1 for any number); ``relaxed`` the relaxation's own optimum as far as solved, so that ``slack`` = how far, at
-    most, the bound is below the best that this relaxation can prove; ``duals`` what :func:`verify_dual` checks;
-    ``verified``
-    the outcome of that check over all ``candidates``; ``rounds`` of pricing.
+    Attributes:
+        index: name of the criterion.
+        value: no set does better.
+        poses: number of candidates in a set; ``None`` for any number.
+        support, weights: candidates with weight in the relaxation, (k,), and their weights (sum ``poses``, or 1).
+        relaxed: the relaxation's own optimum as far as solved.
+        duals: what proves the value: one dual, or two, of which the second's bound divides the first's.
+        verified: outcome of the check over all ``candidates``.
+        rounds: of pricing.
     """
 
     index: str
-    kind: str
     value: float
     poses: int | None
     support: Positions
@@ -59,77 +58,103 @@ class Certificate:
     candidates: int
 
     @property
+    def kind(self) -> str:
+        """For which sets it holds, in words."""
+        return "any number of poses" if self.poses is None else f"exactly {self.poses} poses"
+
+    @property
     def slack(self) -> float:
         """Relative distance between the relaxation's optimum and the proven value."""
         return abs(self.relaxed / self.value - 1.0)
 
+    def holds(self, rows: Array) -> bool:
+        """Verify again, from the duals alone, over all ``rows``: does ``value`` follow?"""
+        proven = [dual.verify(rows) for dual in self.duals]
+        value = proven[0] if len(proven) == 1 else proven[0] / proven[1]
+        margin = abs(self.value) * _MARGIN
+        follows = value <= self.value + margin if self.duals[0].upper else value >= self.value - margin
+        return bool(np.isfinite(value) and follows)
 
-def verify_dual(dual: Dual, rows: Array) -> float:
-    """Return the bound that a dual pair proves over all candidates ``rows`` (n, r, P); the trivial one if none.
 
-    O2: at least 1. Others: at most infinity. Matrices that are not positive semidefinite are first made so.
+@dataclass(frozen=True)
+class ActiveSet:
+    """Active candidates (K,), ascending, and their weights (K,); those that have just come in have next to none."""
+
+    active: Positions
+    weights: Array
+
+
+@dataclass(frozen=True)
+class Pricing(ABC):
+    """The relaxation of a criterion.
+
+    Attributes:
+        rows: of all candidates, (N, r, P).
+        poses: number of candidates in a set, or ``None`` for any number.
+        name: of the criterion.
+        negligible: share of the largest weight below which a candidate does not belong to the support.
     """
-    X, Y = _project_semidefinite(dual.X), _project_semidefinite(dual.Y)
-    x = np.maximum(quadratic_form(rows, X), 0.0)
-    if dual.index == "O2":
-        y = np.maximum(quadratic_form(rows, Y), 0.0)
-        return _condition_bound(x, y, float(np.trace(X)), float(np.trace(Y)), dual.poses)
-    top = _sum_largest(x, dual.poses) * (1.0 + _SAFE)
-    mu = np.maximum(np.linalg.eigvalsh(X), 0.0)
-    if dual.index == "O1":
-        share = top / (dual.poses or 1)
-        return float(np.sqrt(share / (len(mu) * np.exp(np.mean(np.log(mu)))))) if mu[0] > 0 else np.inf
-    if dual.index == "O3":
-        return float(np.sqrt(top / np.sum(mu))) if mu[-1] > 0 else np.inf
-    roots = float(np.sum(np.cbrt(mu)))
-    return float(np.sqrt(top) / roots**1.5) if roots > 0 else np.inf
+
+    rows: Array
+    poses: int | None
+    name: str
+    negligible: ClassVar[float] = 0.0
+
+    @property
+    def count(self) -> int:
+        """Number of poses, one for any number."""
+        return self.poses or 1
+
+    @abstractmethod
+    def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
+        """Solve on the active candidates: weights, dual, and the criterion at these weights."""
+
+    @abstractmethod
+    def distance(self, relaxed: float, bound: float) -> float:
+        """Distance between relaxation and bound, which is compared with the tolerance."""
+
+    @abstractmethod
+    def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet | None:
+        """Bring in the candidates that violate the dual most; ``None`` where none does."""
 
 
-def _project_semidefinite(matrix: Array) -> Array:
-    """The nearest positive semidefinite matrix; one with a number that is not finite becomes zero."""
-    if not np.all(np.isfinite(matrix)):
-        return np.zeros_like(matrix)
-    mu, axes = np.linalg.eigh((matrix + matrix.T) / 2)
-    return np.asarray((axes * np.maximum(mu, 0.0)) @ axes.T)
+def generate_columns(pricing: Pricing, state: ActiveSet, tolerance: float, accuracy: float, rounds: int) -> Certificate:
+    """Return the tightest bound of at most ``rounds`` rounds.
 
-
-def _sum_largest(values: Array, poses: int | None) -> float:
-    """Sum of the n largest, or the largest alone."""
-    count = poses or 1
-    return float(np.sum(np.partition(values, len(values) - count)[len(values) - count :]))
-
-
-def _condition_bound(x: Array, y: Array, trace_x: float, trace_y: float, poses: int | None) -> float:
-    if not (trace_x > 0 and trace_y > 0):
-        return 1.0
-    ratio = smallest_ratio(x, y, poses or 1)[0] * (1.0 - _SAFE)
-    holds = float(np.sum(_take_smallest(y - ratio * x, poses or 1))) >= 0.0
-    return max(1.0, float(np.sqrt(ratio * trace_x / trace_y))) if holds else 1.0
-
-
-def _take_smallest(values: Array, count: int) -> Array:
-    return np.asarray(np.partition(values, count - 1)[:count])
-
-
-def smallest_ratio(x: Array, y: Array, count: int) -> tuple[float, float]:
-    """Return the least sum_S y / sum_S x over sets S of ``count``, and the threshold on y - ratio x that S obeys.
-
-    Dinkelbach 1967: the ratio of the present minimiser of y - ratio x is the next ratio; it falls until it repeats.
+    Args:
+        pricing: the relaxation.
+        state: active candidates to begin with.
+        tolerance: distance between bound and relaxation at which pricing stops; the bound holds whatever it is.
+        accuracy: with which the first relaxation is solved.
+        rounds: at most.
     """
-    ratio = float(np.sum(y) / max(np.sum(x), np.finfo(float).tiny))
-    threshold = 0.0
-    for _ in range(100):
-        value = y - ratio * x
-        chosen = np.argpartition(value, count - 1)[:count]
-        threshold = float(np.max(value[chosen]))
-        below = float(np.sum(x[chosen]))
-        new = float(np.sum(y[chosen])) / below if below > 0 else np.inf
-        if not new < ratio * (1.0 - 1e-13):
+    best: tuple[Dual, float] | None = None
+    for turn in range(1, rounds + 1):
+        state, dual, relaxed = pricing.solve(state, accuracy)
+        value = dual.verify(pricing.rows)
+        if best is None or (value < best[1] if dual.upper else value > best[1]):
+            best = dual, value  # the tightest bound is the one that promises least
+        if pricing.distance(relaxed, best[1]) < tolerance or turn == rounds:
             break
-        ratio = new
-    return ratio, threshold
-
-
-def frozen_dual(index: str, poses: int | None, X: Array, Y: Array) -> Dual:
-    """Return a dual with read-only matrices."""
-    return Dual(index, poses, read_only(X), read_only(Y))
+        grown = pricing.grow(state, dual)
+        if grown is None:
+            break
+        settled = np.array_equal(grown.active, state.active)
+        accuracy = accuracy / 4 if settled else max(tolerance / 3, accuracy / 4)
+        state = grown
+    assert best is not None
+    held = state.weights > pricing.negligible * np.max(state.weights)
+    weights = state.weights[held] * (pricing.count / np.sum(state.weights[held]))
+    certificate = Certificate(
+        index=pricing.name,
+        value=best[1],
+        poses=pricing.poses,
+        support=state.active[held],
+        weights=read_only(weights),
+        relaxed=relaxed,
+        duals=(best[0],),
+        verified=False,
+        rounds=turn,
+        candidates=len(pricing.rows),
+    )
+    return replace(certificate, verified=certificate.holds(pricing.rows))

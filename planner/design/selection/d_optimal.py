@@ -1,4 +1,4 @@
-"""DETMAX: the D-optimal set (O1) by adding the best and dropping the worst pose, with excursions in size.
+"""D-optimal sets: DETMAX (O1), which adds the best and drops the worst pose with excursions in size, and augmentation.
 
 Source: Mitchell 1974. One addition or removal costs one pass over the candidates (rank-r update of the inverse and of
 every candidate's prediction variance), refreshed from scratch now and then. Fedorov's exchange has the last word.
@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from planner.common.determinism import Positions, first_maximum, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import Array
-from planner.design.selection.exchange_search import descend_swaps
-from planner.design.selection.swap_scores import BarrierPotential, information_matrix
+from planner.design.selection.index_criterion import BarrierPotential, PotentialCriterion
+from planner.design.selection.matrix_forms import information_matrix
+from planner.design.selection.search import add_greedily, descend, exchange_singly, search_starts
 
 _REFRESH = 50
+_GAIN = 1e-9  # of the logarithm of the determinant: less is rounding
+_PASSES = 100  # no augmentation was seen to take a tenth of it
 Mask = NDArray[np.bool_]
 
 
@@ -70,7 +73,7 @@ class _DOptimalSet:
         self.blocks = (self.rows @ self.inverse) @ np.swapaxes(self.rows, 1, 2)  # (N, r, r)
         self.logdet = float(np.linalg.slogdet(self.mass)[1])
 
-    def change(self, candidate: int, sign: int) -> None:
+    def change(self, candidate: int, sign: int = 1) -> None:
         """Add (sign 1) or remove (sign -1) one candidate."""
         row, eye = self.rows[candidate], np.eye(self.rows.shape[1])
         small = eye + sign * self.blocks[candidate]
@@ -98,8 +101,8 @@ class _DOptimalSet:
             self.change(int(candidate), -1)
         return self
 
-    def best(self, sign: int) -> int:
-        """The candidate whose addition gains, or whose removal loses, the most or the least determinant."""
+    def gains(self, sign: int = 1) -> Array:
+        """What each candidate's addition gains, or its removal (-1) loses, of the determinant; −inf if not allowed."""
         if self.rows.shape[1] == 1:
             gain = sign * self.blocks[:, 0, 0]
         else:
@@ -107,7 +110,7 @@ class _DOptimalSet:
         allowed = ~self.within if sign > 0 else self.within
         if self.share is not None:
             allowed = allowed & self.share.allows(self.within, sign)
-        return first_maximum(np.where(allowed, gain, -np.inf))
+        return np.where(allowed, gain, -np.inf)
 
 
 @on_one_thread
@@ -129,22 +132,19 @@ def detmax(
     scale = np.sqrt(np.mean(rows**2, axis=(0, 1)))
     white = rows / np.where(scale > 0, scale, 1.0)
     share = None if group is None else EqualShares.of(group, n)
-    best: Positions = np.zeros(0, dtype=np.intp)
-    best_value = -np.inf
-    for turn in range(starts):
+
+    def search(turn: int) -> tuple[Positions, float]:
         design = _greedy_start(white, n, share) if turn == 0 else _sample_start(white, n, seed + turn, share)
-        chosen, value = _search_excursions(design, n, excursion)
-        if value > best_value + 1e-9:
-            best, best_value = chosen, value
-    return np.sort(descend_swaps(white, best, np.arange(len(rows)), BarrierPotential("O1", 1.0), group))
+        return _search_excursions(design, n, excursion)
+
+    best, _ = search_starts(search, range(starts), lambda value, than: value > than + _GAIN)
+    return np.sort(descend(PotentialCriterion(white, BarrierPotential("O1", 1.0), group), best, np.arange(len(rows))))
 
 
 def _greedy_start(rows: Array, n: int, share: EqualShares | None) -> _DOptimalSet:
     """Add the most informative pose n times, from a faint prior that the last refresh takes away."""
     design = _DOptimalSet(rows, np.zeros(0, dtype=np.intp), 1e-6 * len(rows), share)
-    for _ in range(n):
-        design.change(design.best(1), 1)
-    return _DOptimalSet(rows, np.flatnonzero(design.within), _ridge(rows), share)
+    return _DOptimalSet(rows, np.sort(add_greedily(design, n)), _ridge(rows), share)
 
 
 def _sample_start(rows: Array, n: int, seed: int, share: EqualShares | None) -> _DOptimalSet:
@@ -171,10 +171,35 @@ def _search_excursions(design: _DOptimalSet, n: int, excursion: int) -> tuple[Po
             if not len(design.rows) > n + sign * length > 0:
                 continue
             for move in [sign] * length + [-sign] * length:
-                design.change(design.best(move), move)
-            if design.logdet > value + 1e-9:
+                design.change(first_maximum(design.gains(move)), move)
+            if design.logdet > value + _GAIN:
                 best, value, length = np.flatnonzero(design.within), design.logdet, 0
                 break
             design = design.at(best)
         length += 1
     return best, value
+
+
+@dataclass
+class _Augmentation:
+    """Information (P, P) so far, and that of each candidate, (M, P, P)."""
+
+    mass: Array
+    blocks: Array
+
+    def gains(self) -> Array:
+        """What each candidate would add to the logarithm of the determinant, (M,)."""
+        return np.asarray(np.linalg.slogdet(self.mass + self.blocks)[1] - np.linalg.slogdet(self.mass)[1])
+
+    def change(self, candidate: int, sign: int = 1) -> None:
+        """Add or remove one candidate."""
+        self.mass = self.mass + sign * self.blocks[candidate]
+
+
+def augment_design(base: Array, blocks: Array, count: int) -> Positions:
+    """Return the ``count`` blocks (M, P, P) that together with ``base`` (P, P) have a large determinant, ascending.
+
+    Greedily, then by exchange as long as any gains (Fedorov 1972).
+    """
+    design = _Augmentation(base, blocks)
+    return np.sort(exchange_singly(design, add_greedily(design, count), _PASSES))

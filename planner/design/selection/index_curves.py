@@ -17,8 +17,8 @@ from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.column_generation import certify_bound
-from planner.design.selection.exchange_search import PoseSelection, exchange_poses
+from planner.design.selection.index_bound import certify_bound
+from planner.design.selection.index_search import PoseSelection, exchange_poses
 
 _TOLERANCE = 5e-3
 _WIDTH = 4_000  # candidates by price: further down no swap was seen to help
@@ -103,7 +103,7 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
 
 
 class BackgroundCurve:
-    """Computes :func:`index_curve` in another process; the context ends that process if its caller fails.
+    """Computes :func:`compute_index_curve` in another process; the context ends that process if its caller fails.
 
     The process is a plain call of this module, not :mod:`multiprocessing`, so that scripts need no main guard.
 

@@ -32,7 +32,7 @@ def solve_interior_point(problem: RelaxationProblem, z: Array, tolerance: float)
     point = _PrimalDual(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
     for _ in range(_STEPS):
         gap, degree = _duality_gap(problem, point)
-        scale = 1.0 if problem.index == "O1" else abs(problem.objective(point.z))
+        scale = 1.0 if problem.logarithmic else abs(problem.objective(point.z))
         hessian, slope = _newton_system(problem, point)
         residual = slope - problem.pull(point.X) - problem.slack_pull(point.x, len(slope))
         if gap < tolerance * scale and np.max(np.abs(residual * point.z)) < tolerance * scale:
@@ -78,7 +78,7 @@ def _take_step(
         none = [np.zeros_like(S) for S in inverses]
         args = problem, point, (factor, scale), slope, inverses, slack
         dz, dX, dx = _newton_direction(*args, 0.0, none, np.zeros_like(slack))
-        dS, ds = problem.changes(dz), _slack_change(problem, dz)
+        dS, ds = problem.changes(dz), problem.slacks(dz)
         ahead = _PrimalDual(
             point.z + _primal_step_limit(problem, point.z, dz) * dz,
             *_advance_duals(point, dX, dx, _dual_step_limit(point, dX, dx)),
@@ -91,7 +91,7 @@ def _take_step(
     except np.linalg.LinAlgError:
         return None
     primal, dual = min(1.0, primal), min(1.0, dual)
-    if problem.index in ("O1", "O5"):  # a curved objective ties the two together
+    if problem.curved:  # a curved objective ties the two together
         primal = dual = min(primal, dual)
     if primal < 1e-8 and dual < 1e-8:
         return None
@@ -117,16 +117,12 @@ def _newton_direction(
     dz = scale * cho_solve(factor, scale * right)
     changes = problem.changes(dz)
     dX = [aim - X - _symmetrise(X @ dS @ S) for aim, X, dS, S in zip(aims, point.X, changes, inverses, strict=True)]
-    dx = wanted - point.x - point.x / slack * _slack_change(problem, dz)
+    dx = wanted - point.x - point.x / slack * problem.slacks(dz)
     return np.asarray(dz), dX, np.asarray(dx)
 
 
 def _symmetrise(matrix: Array) -> Array:
     return np.asarray((matrix + matrix.T) / 2)
-
-
-def _slack_change(problem: RelaxationProblem, dz: Array) -> Array:
-    return problem.slacks(dz)
 
 
 def _advance_duals(point: _PrimalDual, dX: list[Array], dx: Array, length: float) -> tuple[list[Array], Array]:

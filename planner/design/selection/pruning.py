@@ -12,8 +12,7 @@ from planner.common.determinism import Positions, on_one_thread, round_significa
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
-from planner.design.selection.relaxation import quadratic_form
-from planner.design.selection.swap_scores import information_matrix
+from planner.design.selection.matrix_forms import information_matrix, quadratic_form
 
 EXACT_FROM = 2_000
 """Larger pools are first thinned: a twelfth goes at a time, those with the least bounds, all judged at once."""

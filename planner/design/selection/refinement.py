@@ -13,14 +13,14 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
-from planner.design.selection.swap_scores import (
+from planner.design.selection.index_criterion import (
     BarrierPotential,
     SwapTable,
     eigenvalues,
-    index_of_information,
-    information_matrix,
+    index_of_rows,
     is_exact,
 )
+from planner.design.selection.matrix_forms import information_matrix
 
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _TRIALS = 24
@@ -66,13 +66,13 @@ def refine_off_grid(
         )
     rng = np.random.default_rng(seed)
     q, rows = q0.copy(), rows_of(q0, own)
-    before = _index_of_rows(rows, index)
+    before = index_of_rows(index, rows)
     best = q, rows, before
     for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
         reach = np.full(len(q), _REACH)
         for _ in range(rounds):
             q, rows, reach = _run_round(q, rows, reach, rows_of, valid, BarrierPotential(index, strength), rng)
-            value = _index_of_rows(rows, index)
+            value = index_of_rows(index, rows)
             if find_rule(index).better(value, best[2]):
                 best = q, rows, value
             if np.all(reach <= _SMALLEST):
@@ -80,10 +80,6 @@ def refine_off_grid(
         q, rows = best[0], best[1]
     moved = int(np.sum(np.any(best[0] != q0, axis=1)))
     return RefinedPoses(read_only(best[0]), read_only(best[1]), index, best[2], before, moved)
-
-
-def _index_of_rows(rows: Array, index: str) -> float:
-    return float(index_of_information(index, information_matrix(rows), len(rows)))
 
 
 def _run_round(
@@ -124,7 +120,7 @@ def _run_round(
 
 def _trial_gains(rows: Array, position: int, trials: Array, potential: BarrierPotential) -> Array:
     """Gain (T,) of the potential when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
-    if is_exact(rows, potential):
+    if is_exact(rows, potential.index):
         return np.asarray(SwapTable(rows, potential).of(trials, slice(position, position + 1))[0])
     mass = information_matrix(rows)
     mu = eigenvalues(mass)

@@ -1,33 +1,34 @@
-"""The convex relaxation of pose selection on a few hundred candidates.
+"""The convex relaxation of pose selection on a few hundred candidates, in the form that :mod:`.interior_point` solves.
 
 A weight w_i for each candidate takes the place of "chosen or not"; M(w) = sum_i w_i J_i'J_i. For a set of exactly n
 poses no weight may exceed c = sum(w) / n. All problems are scaled so that no equality is needed:
 
-    O2   min t                       subject to  I <= M(w) <= t I
-    O3   min c                       subject to  I <= M(w)
-    O1   min P c - log det M(w)
-    O5   min c + 2 tr M(w)^(-1/2)        each with 0 <= w, and w <= c for exactly n poses
+    O2             min t                    subject to  I <= M(w) <= t I
+    O3             min c                    subject to  I <= M(w)
+    any concave f  min k c - f(M(w))        each with 0 <= w, and w <= c for exactly n poses
 
-Solved by :mod:`.interior`. Source: Boyd and Vandenberghe 2004, 7.5 (experiment design as semidefinite programme).
+with f = log det M and k = P for O1, f = -2 tr M^(-1/2) and k = 1 for O5, and k = 1 for the discrimination of rivals.
+Source: Boyd and Vandenberghe 2004, 7.5 (experiment design as semidefinite programme).
 """
 
 from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from planner.common.units import Array
+from planner.design.selection.matrix_forms import pairwise_form, quadratic_form
 
 CAP_ROUNDS = 200  # of weights that start at their cap
 
 
 @dataclass(frozen=True)
-class RelaxationProblem:
+class _CappedWeights:
     """One relaxation on ``rows`` (K, r, P): ``poses`` as in c = sum(w) / poses, ``capped`` for exactly that many.
 
     The unknowns z are the weights (K,), followed by t for O2.
     """
 
-    index: str
     rows: Array
     poses: int
     capped: bool
@@ -37,45 +38,14 @@ class RelaxationProblem:
         """The number of active candidates K."""
         return len(self.rows)
 
+    def cap(self, z: Array) -> float:
+        """The cap c of the weights."""
+        return float(np.sum(z[: self.count])) / self.poses
+
     def mass(self, weights: Array) -> Array:
         """M(w), (P, P)."""
         tall = self.rows.reshape(-1, self.rows.shape[2])
         return np.asarray((tall * np.repeat(weights, self.rows.shape[1])[:, None]).T @ tall)
-
-    def matrices(self, z: Array) -> list[Array]:
-        """The matrices (P, P) that must be positive semidefinite at z: M - I, and t I - M for O2."""
-        if self.index not in ("O2", "O3"):
-            return []
-        mass, eye = self.mass(z[: self.count]), np.eye(self.rows.shape[2])
-        return [mass - eye] if self.index == "O3" else [mass - eye, z[-1] * eye - mass]
-
-    def changes(self, step: Array) -> list[Array]:
-        """The change of :meth:`matrices` along a step."""
-        if self.index not in ("O2", "O3"):
-            return []
-        mass = self.mass(step[: self.count])
-        return [mass] if self.index == "O3" else [mass, step[-1] * np.eye(len(mass)) - mass]
-
-    def pull(self, duals: list[Array]) -> Array:
-        """Adjoint of :meth:`changes`: <dA/dz_j, X> summed over the matrices, like z."""
-        if not duals:
-            return np.zeros(self.count)
-        lower = quadratic_form(self.rows, duals[0])
-        if self.index == "O3":
-            return lower
-        return np.append(lower - quadratic_form(self.rows, duals[1]), np.trace(duals[1]))
-
-    def coupling(self, inverses: list[Array], duals: list[Array]) -> Array:
-        """tr(A_i S^-1 A_j X) for all pairs of unknowns, summed over the matrices (S^-1 and X symmetric)."""
-        size, count = self.count + (self.index == "O2"), self.count
-        out = np.zeros((size, size))
-        for inverse, dual in zip(inverses, duals, strict=True):
-            out[:count, :count] += _pairwise(self.rows, inverse, dual)
-        if self.index == "O2":
-            both = inverses[1] @ duals[1]
-            out[:count, -1] = out[-1, :count] = -quadratic_form(self.rows, (both + both.T) / 2)
-            out[-1, -1] = np.trace(both)
-        return out
 
     def slacks(self, z: Array) -> Array:
         """What must not be negative beside the matrices: w, and c - w when capped."""
@@ -102,83 +72,202 @@ class RelaxationProblem:
             diagonal = diagonal + upper
         hessian[np.arange(count), np.arange(count)] += diagonal
 
+    def inner_weights(self, weights: Array) -> Array:
+        """Return weights (K,) near the given ones: some of each, none at its cap."""
+        w = 0.9 * weights + 0.1 * np.mean(weights)
+        if self.capped:
+            for _ in range(CAP_ROUNDS):
+                if np.max(w) < 0.97 * np.sum(w) / self.poses:
+                    break
+                w = np.minimum(w, 0.9 * np.sum(w) / self.poses) + 0.02 * np.mean(w)
+            else:  # hardly more rows than poses: only weights that are all alike keep from the cap
+                w = np.full(len(w), np.mean(w))
+        return np.asarray(w)
+
+
+@dataclass(frozen=True)
+class EigenvalueProblem(_CappedWeights):
+    """I <= M(w), for O3; with ``bounded`` M(w) <= t I as well, for O2."""
+
+    bounded: bool
+    curved: ClassVar[bool] = False
+    logarithmic: ClassVar[bool] = False
+
+    def start(self, weights: Array) -> Array:
+        """Return a strictly feasible z near the given weights, M above I."""
+        w = self.inner_weights(weights)
+        mu = np.linalg.eigvalsh(self.mass(w))
+        w = w * (1.5 / mu[0])
+        return np.append(w, 2.0 * mu[-1] / mu[0]) if self.bounded else w
+
+    def objective(self, z: Array) -> float:
+        """The value that is minimised: t for O2, c for O3."""
+        return float(z[-1]) if self.bounded else self.cap(z)
+
+    def slope(self, z: Array, hessian: Array) -> Array:
+        """Gradient of the objective, which is not curved."""
+        if self.bounded:
+            return np.append(np.zeros(self.count), 1.0)
+        return np.full(self.count, 1.0 / self.poses)
+
+    def matrices(self, z: Array) -> list[Array]:
+        """M - I, and t I - M for O2."""
+        mass, eye = self.mass(z[: self.count]), np.eye(self.rows.shape[2])
+        return [mass - eye, z[-1] * eye - mass] if self.bounded else [mass - eye]
+
+    def changes(self, step: Array) -> list[Array]:
+        """The change of :meth:`matrices` along a step."""
+        mass = self.mass(step[: self.count])
+        return [mass, step[-1] * np.eye(len(mass)) - mass] if self.bounded else [mass]
+
+    def pull(self, duals: list[Array]) -> Array:
+        """Adjoint of :meth:`changes`."""
+        lower = quadratic_form(self.rows, duals[0])
+        if not self.bounded:
+            return lower
+        return np.append(lower - quadratic_form(self.rows, duals[1]), np.trace(duals[1]))
+
+    def coupling(self, inverses: list[Array], duals: list[Array]) -> Array:
+        """tr(A_i S^-1 A_j X) for all pairs of unknowns, summed over the matrices."""
+        size, count = self.count + self.bounded, self.count
+        out = np.zeros((size, size))
+        for inverse, dual in zip(inverses, duals, strict=True):
+            out[:count, :count] += pairwise_form(self.rows, inverse, dual)
+        if self.bounded:
+            both = inverses[1] @ duals[1]
+            out[:count, -1] = out[-1, :count] = -quadratic_form(self.rows, (both + both.T) / 2)
+            out[-1, -1] = np.trace(both)
+        return out
+
+    def proof(self, z: Array, duals: list[Array]) -> tuple[Array, Array]:
+        """The duals of the matrices."""
+        return duals[0], duals[1] if self.bounded else np.zeros_like(duals[0])
+
+
+class ConcaveFunction(Protocol):
+    """A concave function f of the information matrix, which is to be as large as can be."""
+
+    @property
+    def cap_factor(self) -> float:
+        """Factor k of the cap in the objective."""
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether f grows by a constant when M grows by a factor; else f goes with the root of 1 / M."""
+
+    def value(self, mass: Array) -> float:
+        """f at the information ``mass`` (P, P); −inf where it is not positive definite."""
+
+    def slope(self, mass: Array) -> Array:
+        """Its derivative, (P, P)."""
+
+    def curvature(self, rows: Array, mass: Array) -> Array:
+        """Minus its second derivative by the weights of ``rows`` (K, r, P), (K, K)."""
+
+
+@dataclass(frozen=True)
+class ConcaveProblem(_CappedWeights):
+    """min k c - f(M(w)) for a concave f of the information."""
+
+    f: ConcaveFunction
+    curved: ClassVar[bool] = True
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the objective is a logarithm, of which a gap is compared as it is."""
+        return self.f.logarithmic
+
+    def start(self, weights: Array) -> Array:
+        """Return a strictly feasible z near the given weights."""
+        w = self.inner_weights(weights)
+        if self.f.logarithmic:
+            return np.asarray(w * (self.poses / np.sum(w)))
+        mu = np.linalg.eigvalsh(self.mass(w))  # the scale at which c = tr M^(-1/2)
+        return np.asarray(w * float(np.sum(mu**-0.5) * self.poses / np.sum(w)) ** (2 / 3))
+
     def objective(self, z: Array) -> float:
         """The value that is minimised."""
-        cap = float(np.sum(z[: self.count])) / self.poses
-        if self.index == "O2":
-            return float(z[-1])
-        if self.index == "O3":
-            return cap
-        mu = np.linalg.eigvalsh(self.mass(z))
-        if mu[0] <= 0:
-            return np.inf
-        return len(mu) * cap - float(np.sum(np.log(mu))) if self.index == "O1" else cap + 2 * float(np.sum(mu**-0.5))
+        return self.f.cap_factor * self.cap(z) - self.f.value(self.mass(z))
 
     def slope(self, z: Array, hessian: Array) -> Array:
         """Gradient of the objective; its second derivative is added to ``hessian``."""
-        if self.index == "O2":
-            return np.append(np.zeros(self.count), 1.0)
-        if self.index == "O3":
-            return np.full(self.count, 1.0 / self.poses)
-        mu, axes = np.linalg.eigh(self.mass(z))
-        if self.index == "O1":
-            inverse = (axes / mu) @ axes.T
-            hessian += _pairwise(self.rows, inverse, inverse)
-            return np.asarray(len(mu) / self.poses - quadratic_form(self.rows, inverse))
-        hessian += _root_curvature(self.rows, mu, axes)
-        return np.asarray(1.0 / self.poses - quadratic_form(self.rows, (axes * mu**-1.5) @ axes.T))
+        mass = self.mass(z)
+        hessian += self.f.curvature(self.rows, mass)
+        return np.asarray(self.f.cap_factor / self.poses - quadratic_form(self.rows, self.f.slope(mass)))
+
+    def matrices(self, z: Array) -> list[Array]:
+        """There are none."""
+        return []
+
+    changes = matrices
+
+    def pull(self, duals: list[Array]) -> Array:
+        """Nothing."""
+        return np.zeros(self.count)
+
+    def coupling(self, inverses: list[Array], duals: list[Array]) -> Array:
+        """Nothing."""
+        return np.zeros((self.count, self.count))
 
     def proof(self, z: Array, duals: list[Array]) -> tuple[Array, Array]:
-        """The matrices X, Y (P, P) that a certificate is made of (Y is zero but for O2)."""
-        size = self.rows.shape[2]
-        if duals:
-            return duals[0], duals[1] if self.index == "O2" else np.zeros((size, size))
-        mu, axes = np.linalg.eigh(self.mass(z))
-        return (axes * mu ** (-1.0 if self.index == "O1" else -1.5)) @ axes.T, np.zeros((size, size))
+        """The slope of f."""
+        slope = self.f.slope(self.mass(z))
+        return slope, np.zeros_like(slope)
 
 
-def quadratic_form(rows: Array, matrix: Array) -> Array:
-    """Return <matrix, J_i'J_i> (n,) for rows (n, r, P) and a symmetric matrix (P, P)."""
-    tall = rows.reshape(-1, rows.shape[2])
-    values = np.einsum("ij,ij->i", tall @ matrix, tall)
-    return np.asarray(values.reshape(len(rows), -1).sum(axis=1))
+RelaxationProblem = EigenvalueProblem | ConcaveProblem
 
 
-def _pairwise(rows: Array, left: Array, right: Array) -> Array:
-    """tr(left M_i right M_j) for all pairs, (K, K)."""
-    tall = rows.reshape(-1, rows.shape[2])
-    products = tall @ left @ tall.T
-    products *= products if right is left else tall @ right @ tall.T
-    r = rows.shape[1]
-    return np.asarray(products if r == 1 else products.reshape(len(rows), r, len(rows), r).sum(axis=(1, 3)))
+@dataclass(frozen=True)
+class LogDeterminant:
+    """f = log det M, for O1; ``cap_factor`` is the degree of the determinant."""
+
+    cap_factor: float
+    logarithmic: bool = True
+
+    def value(self, mass: Array) -> float:
+        """Return log det M."""
+        mu = np.linalg.eigvalsh(mass)
+        return float(np.sum(np.log(mu))) if mu[0] > 0 else -np.inf
+
+    def slope(self, mass: Array) -> Array:
+        """Return M^-1."""
+        mu, axes = np.linalg.eigh(mass)
+        return np.asarray((axes / mu) @ axes.T)
+
+    def curvature(self, rows: Array, mass: Array) -> Array:
+        """Return the pairwise products under M^-1."""
+        inverse = self.slope(mass)
+        return pairwise_form(rows, inverse, inverse)
 
 
-def _root_curvature(rows: Array, mu: Array, axes: Array) -> Array:
-    """Second derivative of 2 tr M^(-1/2), by divided differences in the eigenbasis (Daleckii and Krein)."""
-    # (l^-3/2 - m^-3/2) / (m - l), written in square roots so that equal eigenvalues need no care
-    root = np.sqrt(mu)
-    a, b = root[:, None], root[None, :]
-    kernel = (a * a + a * b + b * b) / ((a * b) ** 3 * (a + b))
-    turned = rows @ axes
-    pairs = np.einsum("kra,krb->kab", turned, turned) * np.sqrt(kernel)
-    flat = pairs.reshape(len(pairs), -1)
-    return np.asarray(flat @ flat.T)
+@dataclass(frozen=True)
+class RootTrace:
+    """f = -2 tr M^(-1/2), for O5."""
 
+    cap_factor: float = 1.0
+    logarithmic: bool = False
 
-def interior_start(problem: RelaxationProblem, weights: Array) -> Array:
-    """Return a strictly feasible z near the given weights: some of each, none at its cap, M above I."""
-    w = 0.9 * weights + 0.1 * np.mean(weights)
-    if problem.capped:
-        for _ in range(CAP_ROUNDS):
-            if np.max(w) < 0.97 * np.sum(w) / problem.poses:
-                break
-            w = np.minimum(w, 0.9 * np.sum(w) / problem.poses) + 0.02 * np.mean(w)
-        else:  # hardly more rows than poses: only weights that are all alike keep from the cap
-            w = np.full(len(w), np.mean(w))
-    if problem.index == "O1":
-        return np.asarray(w * (problem.poses / np.sum(w)))
-    mu = np.linalg.eigvalsh(problem.mass(w))
-    if problem.index == "O5":  # the scale at which c = tr M^(-1/2)
-        return np.asarray(w * float(np.sum(mu**-0.5) * problem.poses / np.sum(w)) ** (2 / 3))
-    w = w * (1.5 / mu[0])
-    return np.append(w, 2.0 * mu[-1] / mu[0]) if problem.index == "O2" else w
+    def value(self, mass: Array) -> float:
+        """Return -2 tr M^(-1/2)."""
+        mu = np.linalg.eigvalsh(mass)
+        return -2 * float(np.sum(mu**-0.5)) if mu[0] > 0 else -np.inf
+
+    def slope(self, mass: Array) -> Array:
+        """Return M^(-3/2)."""
+        mu, axes = np.linalg.eigh(mass)
+        return np.asarray((axes * mu**-1.5) @ axes.T)
+
+    def curvature(self, rows: Array, mass: Array) -> Array:
+        """By divided differences in the eigenbasis (Daleckii and Krein).
+
+        The kernel (l^-3/2 - m^-3/2) / (m - l) is written in square roots, so that equal eigenvalues need no care.
+        """
+        mu, axes = np.linalg.eigh(mass)
+        root = np.sqrt(mu)
+        a, b = root[:, None], root[None, :]
+        kernel = (a * a + a * b + b * b) / ((a * b) ** 3 * (a + b))
+        turned = rows @ axes
+        pairs = np.einsum("kra,krb->kab", turned, turned) * np.sqrt(kernel)
+        flat = pairs.reshape(len(pairs), -1)
+        return np.asarray(flat @ flat.T)

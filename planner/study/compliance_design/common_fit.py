@@ -7,10 +7,11 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.setup import setup_of
-from planner.common.determinism import first_maximum, on_one_thread
+from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.design.observability.information import predict_covariance
+from planner.design.selection.d_optimal import augment_design
 from planner.effects.parameters import compliance_parameters
 from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_torques
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
@@ -161,9 +162,6 @@ def has_same_tool(free_cell: Cell, cell: Cell) -> bool:
     return bool(same and np.isclose(one.mass, other.mass))
 
 
-BETTER = 1e-9  # of the logarithm of a determinant: less is rounding
-
-
 @on_one_thread
 def select_circles_beside(
     free_cell: Cell, q: Array, fixture: np.ndarray, cell: Cell, pool: Sequence[CirclePlace], count: int
@@ -184,34 +182,6 @@ def select_circles_beside(
     return augment_design(
         rows.T @ rows + np.eye(len(names)), np.array([_shared_information(p, names) for p in parts]), count
     )
-
-
-def augment_design(base: Array, blocks: Array, count: int) -> np.ndarray:
-    """Return the ``count`` blocks (M, P, P) that together with ``base`` (P, P) have a large determinant, ascending."""
-    chosen: list[int] = []
-    for _ in range(count):
-        chosen.append(_best_block(base + blocks[chosen].sum(axis=0), blocks, chosen)[0])
-    value = _log_det(base + blocks[chosen].sum(axis=0))
-    improved = count > 0
-    while improved:
-        improved = False
-        for k in range(count):
-            rest = chosen[:k] + chosen[k + 1 :]
-            other, gained = _best_block(base + blocks[rest].sum(axis=0), blocks, rest)
-            if gained > value + BETTER:
-                chosen[k], value, improved = other, gained, True
-    return np.sort(np.array(chosen, dtype=int))
-
-
-def _best_block(base: Array, blocks: Array, taken: Sequence[int]) -> tuple[int, float]:
-    size = np.linalg.slogdet(base + blocks)[1]
-    size[list(taken)] = -np.inf
-    best = first_maximum(size)
-    return int(best), float(size[best])
-
-
-def _log_det(matrix: Array) -> float:
-    return float(np.linalg.slogdet(matrix)[1])
 
 
 def _is_fixture_of_place(name: str) -> bool:

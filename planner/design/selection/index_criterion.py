@@ -1,4 +1,6 @@
-"""A smooth stand-in for an index, exact for swaps: barriers below the smallest and above the largest eigenvalue.
+"""The observability indices as criteria of an exchange: by a smooth stand-in for the index, and by the index itself.
+
+The stand-in has barriers below the smallest and above the largest eigenvalue, and its changes by swaps are exact.
 
 With information matrix M and eigenvalues lambda, the logarithm of kappa^2 is the least log(u / l) with
 l I <= M <= u I. The potential adds barriers to it,
@@ -18,12 +20,18 @@ import numpy as np
 from planner.common.determinism import Positions, round_significant
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
-from planner.design.selection.relaxation import quadratic_form
+from planner.design.selection.matrix_forms import information_matrix, quadratic_form, swap_log_ratios
+from planner.design.selection.search import Swap
 
 _LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}
 _UPPER = ("O2", "O4")
 _UPPER_SHARE = 0.15  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
 _NEWTON = 25
+_BLOCK = 2_000_000  # pairs scored at a time
+_TRIED = 48  # pairs whose eigenvalues are computed
+_GAIN = 1e-10  # below which a swap is none
+STRENGTHS = (0.1, 0.02, 0.003)
+"""Of the barriers, one after the other."""
 
 
 @dataclass(frozen=True)
@@ -90,24 +98,6 @@ def _solve_upper_shift(mu: Array, k: float, total: float) -> float:
     return 1.0 / at
 
 
-_BLOCK = 2_000_000  # pairs scored at a time
-_EXACT = 48  # pairs whose eigenvalues are computed
-
-
-@dataclass(frozen=True)
-class Swap:
-    """Position ``out`` in the chosen set and candidate ``into`` that takes its place."""
-
-    out: int
-    into: int
-
-
-def information_matrix(rows: Array) -> Array:
-    """Sum of J_i'J_i, (P, P), over rows (n, r, P)."""
-    tall = rows.reshape(-1, rows.shape[2])
-    return np.asarray(tall.T @ tall)
-
-
 def eigenvalues(mass: Array) -> Array:
     """Eigenvalues (..., P), ascending, of symmetric matrices (..., P, P)."""
     return np.asarray(np.linalg.eigvalsh(mass), dtype=float)
@@ -119,73 +109,37 @@ def index_of_information(kind: str, mass: Array, poses: int) -> Array:
     return find_rule(kind).of(mu, poses)
 
 
-def rank_swaps(
-    rows: Array,
-    chosen: Positions,
-    pool: Positions,
-    potential: BarrierPotential,
-    keep: int,
-    group: Positions | None = None,
-) -> tuple[list[Swap], Array]:
-    """Return the ``keep`` most promising swaps and their scores, best first.
+def index_of_rows(kind: str, rows: Array) -> float:
+    """Return the index of the poses with ``rows`` (n, r, P)."""
+    return float(index_of_information(kind, information_matrix(rows), len(rows)))
 
-    Scores are the exact change of the barrier (as a log) with one reading a pose, its first order otherwise. Swaps
-    between different groups of ``group`` (N,) come last.
-    """
-    if len(pool) == 0:
-        return [], np.zeros(0)
-    score = SwapTable(rows[chosen], potential)
-    width = max(1, _BLOCK // len(chosen))
-    scores, places = [], []
-    for k in range(0, len(pool), width):
-        table = score.of(rows[pool[k : k + width]])
-        if group is not None:
-            table[group[chosen][:, None] != group[pool[k : k + width]][None]] = -np.inf
-        best = np.argpartition(-table, min(keep, table.size - 1), axis=None)[:keep]
-        scores.append(table.ravel()[best])
-        out, into = np.unravel_index(best, table.shape)
-        places.append(np.stack([out, into + k], axis=1))
-    found, place = np.concatenate(scores), np.concatenate(places)
-    order = np.lexsort((place[:, 0], place[:, 1], -round_significant(found)))[:keep]
-    return [Swap(int(i), int(pool[j])) for i, j in place[order]], found[order]
+
+def is_exact(rows: Array, index: str) -> bool:
+    """Tell whether a swap's score is the exact change: one reading a pose, and an index made of determinants."""
+    return rows.shape[1] == 1 and index != "O5"
 
 
 class SwapTable:
     """Scores of swaps out of one chosen set ``inner`` (n, r, P)."""
 
     def __init__(self, inner: Array, potential: BarrierPotential) -> None:
-        self.inner, self.exact = inner, is_exact(inner, potential)
+        self.inner, self.exact = inner, is_exact(inner, potential.index)
         self.weights = potential.weights(inner.shape[2])
         self.mu, axes = np.linalg.eigh(information_matrix(inner))
         self.below, self.above = potential.inverses(self.mu, axes, *potential.shifts(self.mu))
 
     def of(self, outer: Array, members: slice = slice(None)) -> Array:
-        """Scores (n, N) of taking each of ``outer`` (N, r, P) for each of the chosen, or of a slice of them."""
+        """Scores (n, N) of taking each of ``outer`` (N, r, P) for each of the chosen, or of a slice of them.
+
+        The exact change of the barrier (as a log) where :func:`is_exact`, else its first order.
+        """
         m, k = self.weights
         inner = self.inner[members]
         if self.exact:
-            table = m * _log_ratio(inner[:, 0], outer[:, 0], self.below, 1.0)
-            return table if k == 0 else table + k * _log_ratio(inner[:, 0], outer[:, 0], self.above, -1.0)
+            table = m * swap_log_ratios(inner, outer, self.below)
+            return table if k == 0 else table + k * swap_log_ratios(inner, outer, self.above, -1.0)
         slope = m * self.below - k * self.above
         return np.asarray(quadratic_form(outer, slope)[None, :] - quadratic_form(inner, slope)[:, None])
-
-
-def is_exact(rows: Array, potential: BarrierPotential) -> bool:
-    """Tell whether the table is the exact change: one reading a pose, and an index made of determinants."""
-    return rows.shape[1] == 1 and potential.index != "O5"
-
-
-def _log_ratio(inner: Array, outer: Array, inverse: Array, sign: float) -> Array:
-    """Log of det(A + sign (v v' - u u')) / det(A) for u in ``inner``, v in ``outer``; very low outside the cone.
-
-    A rank-two change: (1 + s v'A^-1 v)(1 - s u'A^-1 u) + (u'A^-1 v)^2. Adding first shows that only one eigenvalue can
-    turn negative, so the sign of the ratio tells whether the matrix stays positive definite.
-    """
-    half = inner @ inverse
-    ratio = (half @ outer.T) ** 2
-    own = 1.0 - sign * np.sum(half * inner, axis=1)
-    ratio += np.outer(own, 1.0 + sign * np.einsum("ij,ij->i", outer @ inverse, outer))
-    return np.asarray(np.log(np.maximum(ratio, 1e-300, out=ratio), out=ratio))
 
 
 def information_after(rows: Array, chosen: Positions, swaps: list[Swap]) -> Array:
@@ -196,44 +150,75 @@ def information_after(rows: Array, chosen: Positions, swaps: list[Swap]) -> Arra
     return np.asarray(information_matrix(rows[chosen]) + change)
 
 
-def best_swap_by_potential(
-    rows: Array, chosen: Positions, pool: Positions, potential: BarrierPotential, group: Positions | None = None
-) -> Swap | None:
-    """The swap that betters the potential most, of those within a group if there are groups, or None."""
-    sure = is_exact(rows, potential)
-    if sure and potential.index == "O1":
-        pool = _prefilter(rows, chosen, pool)
-    swaps, scores = rank_swaps(rows, chosen, pool, potential, 1 if sure else _EXACT, group)
-    if group is not None:
-        kept = [k for k, s in enumerate(swaps) if group[chosen[s.out]] == group[s.into]]
-        swaps, scores = [swaps[k] for k in kept], scores[kept]
-    if sure:
-        return swaps[0] if swaps and scores[0] > 1e-10 else None
-    if not swaps:
+@dataclass(frozen=True)
+class PotentialCriterion:
+    """Swaps between candidates ``rows`` (N, r, P) by a potential; only within a group where ``group`` (N,) is given."""
+
+    rows: Array
+    potential: BarrierPotential
+    group: Positions | None = None
+
+    def best_swap(self, chosen: Positions, outside: Positions) -> Swap | None:
+        """Return the swap that betters the potential most, or None."""
+        rows, potential = self.rows, self.potential
+        exact = is_exact(rows, potential.index)
+        if exact and potential.index == "O1":
+            outside = self._prefilter(chosen, outside)
+        swaps, scores = self.rank_swaps(chosen, outside, 1 if exact else _TRIED)
+        if exact or not swaps:
+            return swaps[0] if swaps and scores[0] > _GAIN else None
+        mu = eigenvalues(information_matrix(rows[chosen]))
+        shifts = potential.shifts(mu)
+        after = potential.barrier(eigenvalues(information_after(rows, chosen, swaps)), *shifts)
+        gains = round_significant(after)
+        best = int(np.argmax(gains))
+        return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + _GAIN else None
+
+    def rank_swaps(self, chosen: Positions, outside: Positions, keep: int) -> tuple[list[Swap], Array]:
+        """Return the ``keep`` most promising swaps that are allowed and their scores, best first."""
+        if len(outside) == 0:
+            return [], np.zeros(0)
+        score = SwapTable(self.rows[chosen], self.potential)
+        width = max(1, _BLOCK // len(chosen))
+        scores, places = [], []
+        for k in range(0, len(outside), width):
+            part = outside[k : k + width]
+            table = score.of(self.rows[part])
+            if self.group is not None:
+                table[self.group[chosen][:, None] != self.group[part][None]] = -np.inf
+            best = np.argpartition(-table, min(keep, table.size - 1), axis=None)[:keep]
+            scores.append(table.ravel()[best])
+            out, into = np.unravel_index(best, table.shape)
+            places.append(np.stack([out, into + k], axis=1))
+        found, place = np.concatenate(scores), np.concatenate(places)
+        order = np.lexsort((place[:, 0], place[:, 1], -round_significant(found)))[:keep]
+        order = order[found[order] > -np.inf]
+        return [Swap(int(i), int(outside[j])) for i, j in place[order]], found[order]
+
+    def _prefilter(self, chosen: Positions, outside: Positions) -> Positions:
+        """Those that can gain determinant at all: by Cauchy-Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
+        inverse = np.asarray(np.linalg.inv(information_matrix(self.rows[chosen])), dtype=float)
+        return outside[quadratic_form(self.rows[outside], inverse) > np.min(quadratic_form(self.rows[chosen], inverse))]
+
+
+@dataclass(frozen=True)
+class IndexCriterion:
+    """Swaps by the index itself, of those that tight and wide barriers single out."""
+
+    rows: Array
+    index: str
+
+    def best_swap(self, chosen: Positions, outside: Positions) -> Swap | None:
+        """Return the best swap among those that the first barrier singles out that finds a better one, or None."""
+        index, now = find_rule(self.index), index_of_rows(self.index, self.rows[chosen])
+        for strength in STRENGTHS[::-1]:
+            potential = PotentialCriterion(self.rows, BarrierPotential(self.index, strength))
+            swaps, _ = potential.rank_swaps(chosen, outside, _TRIED)
+            if not swaps:
+                continue
+            mass = information_after(self.rows, chosen, swaps)
+            values = round_significant(index_of_information(self.index, mass, len(chosen)))
+            best = int(np.argmax(values) if index.maximise else np.argmin(values))
+            if (index.gap(now, float(values[best])) if index.maximise else now / values[best] - 1) > _GAIN:
+                return swaps[best]
         return None
-    mu = eigenvalues(information_matrix(rows[chosen]))
-    shifts = potential.shifts(mu)
-    gains = round_significant(potential.barrier(eigenvalues(information_after(rows, chosen, swaps)), *shifts))
-    best = int(np.argmax(gains))
-    return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + 1e-10 else None
-
-
-def _prefilter(rows: Array, chosen: Positions, pool: Positions) -> Positions:
-    """Candidates that can gain determinant at all: by Cauchy-Schwarz a swap multiplies it by at most 1 + d_j - d_i."""
-    inverse = np.asarray(np.linalg.inv(information_matrix(rows[chosen])), dtype=float)
-    return pool[quadratic_form(rows[pool], inverse) > np.min(quadratic_form(rows[chosen], inverse))]
-
-
-def best_swap_by_index(rows: Array, chosen: Positions, pool: Positions, potential: BarrierPotential) -> Swap | None:
-    """The swap that betters the index itself most, among those the potential finds most promising, or None."""
-    swaps, _ = rank_swaps(rows, chosen, pool, potential, _EXACT)
-    if not swaps:
-        return None
-    index = find_rule(potential.index)
-    now = float(index_of_information(potential.index, information_matrix(rows[chosen]), len(chosen)))
-    values = round_significant(
-        index_of_information(potential.index, information_after(rows, chosen, swaps), len(chosen))
-    )
-    best = int(np.argmax(values) if index.maximise else np.argmin(values))
-    better = index.gap(now, float(values[best])) > 1e-10 if index.maximise else now / values[best] - 1 > 1e-10
-    return swaps[best] if better else None

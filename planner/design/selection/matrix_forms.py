@@ -1,0 +1,65 @@
+"""Forms of candidate rows J (n, r, P) that every criterion is made of: information, prices, pairs, swaps."""
+
+import numpy as np
+
+from planner.common.units import Array
+
+
+def information_matrix(rows: Array) -> Array:
+    """Sum of J_i'J_i, (P, P), over rows (n, r, P)."""
+    tall = rows.reshape(-1, rows.shape[2])
+    return np.asarray(tall.T @ tall)
+
+
+def quadratic_form(rows: Array, matrix: Array) -> Array:
+    """Return <matrix, J_i'J_i> (n,) for rows (n, r, P) and a symmetric matrix (P, P)."""
+    tall = rows.reshape(-1, rows.shape[2])
+    values = np.einsum("ij,ij->i", tall @ matrix, tall)
+    return np.asarray(values.reshape(len(rows), -1).sum(axis=1))
+
+
+def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
+    """tr(left M_i right M_j) for all pairs of rows, (n, n), M_i = J_i'J_i."""
+    tall = rows.reshape(-1, rows.shape[2])
+    products = tall @ left @ tall.T
+    products *= products if right is left else tall @ right @ tall.T
+    r = rows.shape[1]
+    return np.asarray(products if r == 1 else products.reshape(len(rows), r, len(rows), r).sum(axis=(1, 3)))
+
+
+def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.0) -> Array:
+    """Log of det(A + sign (V'V - U'U)) / det(A), (n, m), for U in ``inner`` (n, r, P) and V in ``outer`` (m, r, P).
+
+    ``inverse`` is A^-1. A change of rank 2 r (Sylvester); for r = 1 it is (1 + s v'A^-1 v)(1 - s u'A^-1 u) +
+    (u'A^-1 v)^2. Adding first shows that only one eigenvalue can turn negative then, so the sign of the ratio tells
+    whether the matrix stays positive definite; the logarithm is very low where it does not.
+    """
+    (n, r, size), m = inner.shape, len(outer)
+    if r == 1:
+        u, v = inner[:, 0], outer[:, 0]
+        half = u @ inverse
+        ratio = (half @ v.T) ** 2
+        ratio += np.outer(1.0 - sign * np.sum(half * u, axis=1), 1.0 + sign * np.einsum("ij,ij->i", v @ inverse, v))
+    else:
+        half = inner @ inverse
+        cross = (half.reshape(n * r, size) @ outer.reshape(m * r, size).T).reshape(n, r, m, r).transpose(0, 2, 1, 3)
+        block = np.empty((n, m, 2 * r, 2 * r))
+        block[:, :, :r, :r] = np.eye(r) - sign * (half @ inner.swapaxes(1, 2))[:, None]
+        block[:, :, :r, r:] = -sign * cross
+        block[:, :, r:, :r] = sign * cross.swapaxes(2, 3)
+        block[:, :, r:, r:] = np.eye(r) + sign * (outer @ inverse @ outer.swapaxes(1, 2))[None]
+        ratio = np.linalg.det(block)
+    return np.asarray(np.log(np.maximum(ratio, 1e-300, out=ratio), out=ratio))
+
+
+def project_semidefinite(matrix: Array) -> Array:
+    """Return the nearest positive semidefinite matrix; one with a number that is not finite becomes zero."""
+    if not np.all(np.isfinite(matrix)):
+        return np.zeros_like(matrix)
+    mu, axes = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray((axes * np.maximum(mu, 0.0)) @ axes.T)
+
+
+def sum_largest(values: Array, count: int) -> float:
+    """Sum of the ``count`` largest of ``values``."""
+    return float(np.sum(np.partition(values, len(values) - count)[len(values) - count :]))
