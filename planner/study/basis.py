@@ -10,7 +10,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.observability.identifiability import Identifiability
-from planner.design.observability.information import INDEX_RULES, Covariance, predict_covariance
+from planner.design.observability.information import INDEX_RULES, Covariance, predict_covariance, rms_sensitivity
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound
@@ -41,6 +41,11 @@ class BoundedCurve:
     values: Array
     bounds: Array
     knee: int
+
+    @property
+    def scaling(self) -> str:
+        """Whether its columns are raw or in prior sizes, in words."""
+        return "unit-free" if self.scaled else "raw"
 
     @property
     def at_knee(self) -> float:
@@ -145,6 +150,23 @@ class StudyBasis:
     chosen: np.ndarray
     predicted: Covariance
     noise: float
+
+    @property
+    def curve(self) -> BoundedCurve:
+        """The raw curve of the index that was asked for."""
+        return find_curve(self.curves, self.index, scaled=False)
+
+    @property
+    def absorbers(self) -> dict[str, list[str]]:
+        """For each kept parameter the dropped ones whose error it also carries."""
+        parts = [(d.name, {name for name, _ in d.direction}) for d in self.seen.dropped]
+        return {name: [dropped for dropped, carriers in parts if name in carriers] for name in self.seen.names}
+
+    @property
+    def effects(self) -> tuple[Array, Array]:
+        """What one prior size of each parameter changes a reading by, rms and largest, (P,) [m]."""
+        change = self.whole_rows * self.whole.prior
+        return rms_sensitivity(change), abs(change).max(axis=(0, 1))
 
 
 def compute_basis(cell: Cell, index: str, seed: int, say: BasisProgress) -> StudyBasis:

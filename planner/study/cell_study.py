@@ -1,4 +1,4 @@
-"""``study()``: every finding of the study, then its tables and pictures, written together."""
+"""Every finding of the study, then its tables and pictures, written together."""
 
 import json
 from collections.abc import Callable
@@ -6,35 +6,27 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-import planner.study.fixture_pictures as maps
-import planner.study.fixture_pictures as remedies
-import planner.study.pictures as pictures
-import planner.study.tables as tables
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.design.observability.information import find_rule
+from planner.report.matplotlib_backend import chart_png
 from planner.study.basis import compute_basis
 from planner.study.fixture_count import count_fixtures
+from planner.study.fixture_map_picture import draw_map
 from planner.study.fixture_places import map_fixture_places
+from planner.study.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_sensitivity
 from planner.study.summary import StudySummary
+from planner.study.tables import TABLES
 
-NAMES = (
-    "correlation.csv",
-    "fixture_map.csv",
-    "fixture_map.png",
-    "fixtures_needed.csv",
-    "fixtures_needed.png",
-    "identifiability.csv",
-    "identifiability.png",
-    "index_curve.csv",
-    "index_curve.png",
-    "sensitivity.csv",
-    "sensitivity.png",
-    "spectrum.csv",
-    "study.json",
-    "unseen.csv",
-)
+PICTURES: dict[str, Callable[[StudySummary], bytes]] = {
+    "fixture_map.png": lambda study: draw_map(study.places),
+    "fixtures_needed.png": lambda study: chart_png(draw_fixtures(study)),
+    "identifiability.png": lambda study: chart_png(draw_identifiability(study)),
+    "index_curve.png": lambda study: chart_png(draw_curves(study)),
+    "sensitivity.png": lambda study: chart_png(draw_sensitivity(study)),
+}
+NAMES = tuple(sorted((*TABLES, *PICTURES, "study.json")))
 
 
 def study_cell(
@@ -68,37 +60,13 @@ def study_cell(
         fixtures = count_fixtures(cell, places, start.noise, seed)
         summary = StudySummary(start, places, fixtures, NAMES)
         say("pictures", 0, 0)
-        files = _render_files(summary)
-    _write_files(folder, {name: files[name] for name in NAMES})
-    return summary
-
-
-def _render_files(summary: StudySummary) -> dict[str, bytes]:
-    start, places, fixtures = summary.basis, summary.places, summary.fixtures
-    texts = {
-        "correlation.csv": tables.correlation_csv(start),
-        "fixture_map.csv": tables.map_csv(places),
-        "fixtures_needed.csv": tables.fixtures_csv(fixtures, start.index),
-        "identifiability.csv": tables.identifiability_csv(start),
-        "index_curve.csv": tables.curves_csv(start),
-        "sensitivity.csv": tables.sensitivity_csv(start),
-        "spectrum.csv": tables.spectrum_csv(start),
-        "unseen.csv": tables.remedies_csv(fixtures),
-        "study.json": json.dumps(summary.content(), indent=1, ensure_ascii=False) + "\n",
-    }
-    return {name: text.encode() for name, text in texts.items()} | {
-        "identifiability.png": pictures.draw_identifiability(start),
-        "index_curve.png": pictures.draw_curves(start),
-        "sensitivity.png": pictures.draw_sensitivity(start),
-        "fixture_map.png": maps.draw_map(places),
-        "fixtures_needed.png": remedies.draw_fixtures(fixtures, start.index),
-    }
-
-
-def _write_files(folder: Path, files: dict[str, bytes]) -> None:
+        files = {name: table(summary).encode() for name, table in TABLES.items()}
+        files |= {name: picture(summary) for name, picture in PICTURES.items()}
+    files["study.json"] = (json.dumps(summary.content(), indent=1, ensure_ascii=False) + "\n").encode()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise InputError(f"{folder}: cannot be made ({err.strerror or err})") from err
-    for name, data in files.items():
-        write_bytes(folder / name, data)
+    for name in NAMES:
+        write_bytes(folder / name, files[name])
+    return summary

@@ -9,11 +9,10 @@ import numpy as np
 from planner.common.units import MM, UM, Array
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
-from planner.study.basis import StudyBasis, find_curve
+from planner.study.basis import StudyBasis
 from planner.study.fixture_count import FixtureCount
 from planner.study.fixture_places import FixtureMap, FixturePlace
 from planner.study.fixture_reach import find_stands
-from planner.study.tables import find_absorbers, prior_size_effects
 
 SCHEMA = "edbb-study/1"
 CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
@@ -31,7 +30,7 @@ class StudySummary:
     def text(self) -> str:
         """Return a few lines for the person."""
         b = self.basis
-        own = find_curve(b.curves, b.index, scaled=False)
+        own = b.curve
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
@@ -52,7 +51,7 @@ class StudySummary:
     def content(self) -> dict[str, Any]:
         """Return the findings as ``study.json`` holds them; all places in mm, index values raw (m, rad)."""
         b = self.basis
-        rms, most = prior_size_effects(b)
+        rms, most = b.effects
         return {
             "schema": SCHEMA,
             "robot": b.cell.robot.name,
@@ -63,7 +62,7 @@ class StudySummary:
             "poses": b.poses,
             "parameters": list(b.seen.names),
             "dropped": [{"name": d.name, "because": d.because} for d in b.seen.dropped],
-            "absorbs": {name: carried for name, carried in find_absorbers(b).items() if carried},
+            "absorbs": {name: carried for name, carried in b.absorbers.items() if carried},
             "predicted": [
                 {"name": p.name, "std": round_significant(std), "prior": round_significant(p.prior), "unit": p.unit}
                 for p, std in zip(b.model.parameters, b.predicted.std, strict=True)
@@ -72,9 +71,7 @@ class StudySummary:
                 n: {"rms": round_significant(r / UM), "max": round_significant(m / UM)}
                 for n, r, m in zip(b.whole.names, rms, most, strict=True)
             },
-            "curves": [
-                {"index": c.index, "scaling": "unit-free" if c.scaled else "raw", "bend": c.knee} for c in b.curves
-            ],
+            "curves": [{"index": c.index, "scaling": c.scaling, "bend": c.knee} for c in b.curves],
             "fixture_map": self._map(),
             "fixtures": self._fixtures(),
             "files": list(self.files),

@@ -1,4 +1,6 @@
-"""The study's pictures of other fixture places and of further fixtures."""
+"""The study's picture of other fixture places."""
+
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,12 +12,10 @@ from matplotlib.patches import Circle, Patch, Rectangle
 
 from planner.common.units import MM
 from planner.design.observability.information import INDEX_RULES
-from planner.report.chart import BLUE, GREY, RED
 from planner.report.matplotlib_backend import figure_png, print_style
-from planner.study.fixture_count import FixtureCount
 from planner.study.fixture_places import FixtureMap, FixturePlace
 from planner.study.fixture_reach import Status
-from planner.study.summary import CLEAR, format_number, format_place, improvement_percent
+from planner.study.summary import describe_best_place, format_number
 
 STATUS_LOOKS: dict[Status, tuple[str, str, str]] = {
     "blocked": ("no room for fixture or stand", "#9A9A9A", ""),
@@ -41,22 +41,8 @@ def draw_map(places: FixtureMap) -> bytes:
         _draw_upright(upright, places, colours)
         _draw_colour_bar(figure, [level, upright], places, colours)
         figure.legend(handles=_map_legend(places), loc="outside lower center", ncols=5)
-        figure.suptitle(_map_title(places), x=0.01, ha="left", fontsize=11)
+        figure.suptitle(fill(describe_best_place(places), 150), x=0.01, ha="left", fontsize=10)
         return figure_png(figure)
-
-
-def _map_title(places: FixtureMap) -> str:
-    best, present, index = places.best, places.present, places.index
-    if best is present:
-        return f"No place of the grid is better than the present one: {index} {format_number(present.value)}"
-    gain = improvement_percent(index, best.value, present.value)
-    side = "higher" if INDEX_RULES[index].maximise else "lower"
-    if abs(gain) < CLEAR:
-        return (
-            f"No place of the grid is clearly better than the present one: {index} {format_number(best.value)} at best"
-        )
-    values = f"{format_number(best.value)} instead of {format_number(present.value)}"
-    return f"A fixture at {format_place(best.p_BX)} would make {index} {abs(gain):.0f} % {side}: {values}"
 
 
 def _draw_cells(ax: Axes, places: list[FixturePlace], half: tuple[float, float], colours: ScalarMappable) -> None:
@@ -131,88 +117,3 @@ def _map_legend(places: FixtureMap) -> list[Line2D | Patch]:
         if status in used
     ]
     return [*marks, *patches]
-
-
-PALE = "#A6CEE3"
-
-
-def draw_fixtures(fixtures: FixtureCount, index: str) -> bytes:
-    """What each number of fixtures sees, and which remedy shows each parameter that stays unseen."""
-    unseen = [d.name for d in fixtures.steps[0].dropped]
-    with print_style():
-        figure = Figure(figsize=(11.5, max(3.8, 2.4 + 0.28 * len(unseen))), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=[1, 1.7])
-        _draw_steps(left, fixtures, index)
-        _draw_matrix(right, fixtures, unseen)
-        return figure_png(figure)
-
-
-def _draw_steps(ax: Axes, fixtures: FixtureCount, index: str) -> None:
-    steps = fixtures.steps
-    at, robot, seen = ([getattr(s, key) for s in steps] for key in ("fixtures", "robot_seen", "seen"))
-    gauge = [s.seen - s.robot_seen for s in steps]
-    lost = [s.parameters - s.seen for s in steps]
-    ax.bar(at, robot, width=0.6, color=BLUE, label="the robot's own")
-    if any(gauge):
-        ax.bar(at, gauge, bottom=robot, width=0.6, color=PALE, label="fixtures, tool, zero")
-    ax.bar(at, lost, bottom=seen, width=0.6, color="none", edgecolor=GREY, hatch="////", label="not seen")
-    for s in steps:
-        ax.text(
-            s.fixtures, s.parameters + 0.5, f"{index} {format_number(s.value)}", ha="center", va="bottom", fontsize=8.5
-        )
-        ax.annotate(str(s.robot_seen), (s.fixtures, s.robot_seen / 2), ha="center", va="center", color="white")
-    ax.set_xticks(at)
-    ax.set_ylim(0, 1.35 * max(s.parameters for s in steps))
-    ax.set(xlabel=f"number of fixtures (above the bars: {index} of the robot's own)", ylabel="parameters")
-    ax.set_title(_steps_title(fixtures, index))
-    ax.legend(loc="upper left", ncols=2, fontsize=8.5)
-
-
-def _steps_title(fixtures: FixtureCount, index: str) -> str:
-    steps = fixtures.steps
-    if fixtures.needed > 1:
-        return f"{fixtures.needed} fixtures see all that fixtures can show"
-    if len(steps) == 1:
-        return "One fixture, and no place for another"
-    values = f"{index} goes from {format_number(steps[0].value)} to {format_number(steps[1].value)}"
-    return f"A second fixture shows no more parameters;\n{values}"
-
-
-def _draw_matrix(ax: Axes, fixtures: FixtureCount, unseen: list[str]) -> None:
-    columns = _matrix_columns(fixtures)
-    never = {d.name for d in fixtures.never}
-    for y, name in enumerate(unseen):
-        for x, (_, shown) in enumerate(columns):
-            mark, colour, size = ("o", BLUE, 9) if name in shown else ("x", "#B5B5B5", 5)
-            ax.plot(x, y, mark, color=colour, markersize=size)
-        if name in never:
-            ax.axhspan(y - 0.45, y + 0.45, color=RED, alpha=0.12, linewidth=0)
-            ax.text(len(columns) - 0.46, y, "never", va="center", color=RED)
-    ax.set_xticks(range(len(columns)), [_wrap_text(head) for head, _ in columns], fontsize=8.5)
-    ax.set_yticks(range(len(unseen)), unseen)
-    ax.set_xlim(-0.5, max(len(columns), 1) - 0.5)
-    ax.set_ylim(max(len(unseen), 1) - 0.5, -0.5)
-    ax.spines[:].set_visible(False)
-    ax.tick_params(length=0)
-    hope = len(unseen) - len(never)
-    says = f"{hope} of the {len(unseen)} unseen parameters can be shown in some way (dots)"
-    ax.set_title(says if unseen else "Nothing stays unseen")
-
-
-def _matrix_columns(fixtures: FixtureCount) -> list[tuple[str, set[str]]]:
-    """Heads, and the parameters that each shows."""
-    out, shown = [], set[str]()
-    for step in fixtures.steps[1:]:
-        shown = shown | set(step.becomes)
-        out.append((f"{step.fixtures} fixtures", shown))
-    return out + [(r.name, set(r.shows)) for r in fixtures.remedies]
-
-
-def _wrap_text(text: str) -> str:
-    """Break a column's head over short lines."""
-    lines = [""]
-    for word in text.split():
-        if len(lines[-1]) + len(word) > 12:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    return "\n".join(lines).strip()
