@@ -216,6 +216,16 @@ class Cell:
         return lower, np.minimum(lower + turn, robot.q_upper)
 
     @property
+    def sampling_range(self) -> tuple[Array, Array]:
+        """Range that each joint is sampled in, both ends (N,) [rad]: narrowed to what the cable lets each axis do."""
+        lower, upper = self.joint_range
+        for axes, limit in self.cable.sums:
+            for a in axes:
+                lower[a] = max(lower[a], self.home[a] - limit)
+                upper[a] = min(upper[a], self.home[a] + limit)
+        return lower, upper
+
+    @property
     def unwound(self) -> "Cell":
         """The cell without the cable's twist along the bar, which counts from a mount pose that is not yet chosen."""
         return replace(self, cable=replace(self.cable, tool_about_bar=None))

@@ -51,6 +51,19 @@ class GaugeBody:
 
 
 @dataclass(frozen=True)
+class JointSamples:
+    """States at which a gauge may be able to read.
+
+    Attributes:
+        q: controller angles, (n, N) [rad].
+        stands_for: how many uniform joint samples, tested one by one, would have given as many.
+    """
+
+    q: Array
+    stands_for: int
+
+
+@dataclass(frozen=True)
 class PointTravel:
     """Bounds on how far a neighbourhood of joint states moves the measured point, one entry a neighbourhood.
 
@@ -260,6 +273,14 @@ class Gauge(ABC):
             )
 
     # ---- where it reads
+
+    def joint_sampler(self, cell: "Cell", fixture: int, seed: int) -> Callable[[int], JointSamples]:
+        """Return what draws joint states, as many as it is told; successive draws fill the gaps of those before."""
+        from scipy.stats import qmc  # costs most of a second, and few commands need it
+
+        lower, upper = cell.sampling_range
+        sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng(seed))
+        return lambda count: JointSamples(lower + sequence.random(count) * (upper - lower), count)
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:

@@ -1,22 +1,25 @@
-"""Margins and joint samples of a gauge that reads along the line from a place to the tool point."""
+"""Joint samples and margins of a gauge that reads along the line from a place to the tool point."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.cell.cell import Fixture
-from planner.cell.gauge import FilterStage, Gauge, PointTravel
+from planner.cell.cell import Cell, Fixture
+from planner.cell.gauge import FilterStage, Gauge, JointSamples, PointTravel
 from planner.common.units import Array
+from planner.gauges.shell import sample_shell, sobol_sequence
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
 class LineGauge(Gauge):
     """A gauge whose workspace is a spherical shell about a place, narrowed by a cone at either end."""
+
+    def joint_sampler(self, cell: Cell, fixture: int, seed: int) -> Callable[[int], JointSamples]:
+        """Draw states whose first joint brings the tool point into the shell."""
+        sequence = sobol_sequence(cell, seed)
+        return lambda count: sample_shell(cell, fixture, sequence.random(count))
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:

@@ -9,7 +9,6 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import STAGES, Workspace
 from planner.common.units import Array, read_only
-from planner.design.candidates.shell import sample_shell, sobol_sequence
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.pieces import coal_shape
@@ -127,9 +126,9 @@ def reach_poses(cell: Cell, place: Array, wanted: int, seed: int) -> FixtureReac
     workspace, world = Workspace(cell), CollisionWorld.from_cell(cell)
     if _is_stand_in_robot(cell, find_stands(present), world):
         return FixtureReach(np.empty((0, cell.robot.n_joints)), "blocked")
-    sequence, found, left = sobol_sequence(cell, seed), [], np.zeros(len(STAGES) + 1, int)
+    draw, found, left = cell.gauge.joint_sampler(cell, 0, seed), [], np.zeros(len(STAGES) + 1, int)
     for samples in ROUNDS:
-        q = sample_shell(cell, 0, sequence.random(samples)).q
+        q = draw(samples).q
         for k, stage in enumerate(STAGES):
             q = q[(workspace.stage(stage, q) > 0).all(axis=1)]
             left[k] += len(q)

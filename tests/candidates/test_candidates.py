@@ -7,7 +7,7 @@ from scipy import stats
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError, NoSolutionError
 from planner.design.candidates.pool import draw_candidates
-from planner.design.candidates.shell import sample_shell, sampling_box, sobol_sequence
+from planner.gauges.shell import sample_shell, sobol_sequence
 from planner.motion.collision.engines import CollisionWorld
 
 
@@ -48,7 +48,7 @@ def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
     sample = sample_shell(cell, 0, sobol_sequence(cell, 3).random(1 << 15))
-    lower, upper = sampling_box(cell)
+    lower, upper = cell.sampling_range
     blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
     length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)
     inside = blind[(length > cell.gauge.length_min) & (length < cell.gauge.length_max)]
@@ -74,7 +74,7 @@ def test_same_seed_same_candidates_other_seed_others():
 def test_the_papers_joint_grid(tmp_path):
     cell = cell_with(tmp_path, ("[plan]", "[plan]\ngrid_step_deg = 25"))
     pool = draw_candidates(cell, 100_000)
-    lower, upper = sampling_box(cell)
+    lower, upper = cell.sampling_range
     steps = (pool.q - (lower + upper) / 2) / np.deg2rad(25)
     assert np.allclose(steps * 2, np.round(steps * 2), atol=1e-9)  # whole or half steps from the middle
     assert 20 < len(pool) < pool.funnel.workspace < pool.funnel.joint_limits <= pool.funnel.sampled

@@ -13,7 +13,6 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.inverse_kinematics import ON, PointIk, retract_tool
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
-from planner.design.candidates.shell import sampling_box
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 
@@ -143,7 +142,7 @@ class _BallFilter:
 
     def draw(self, count: int, seed: int) -> tuple[Array, Array, BallFunnel]:
         """Draw until there are ``count``: poses at the ball, their approach poses (n, N) [rad], and what was left."""
-        lower, upper = sampling_box(self.cell)
+        lower, upper = self.cell.sampling_range
         sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng([seed, self.ball]))
         found: list[tuple[Array, Array]] = []
         funnel = BallFunnel()

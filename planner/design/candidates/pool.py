@@ -8,15 +8,17 @@ from typing import ClassVar
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.gauge import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
-from planner.common.errors import NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, read_only
-from planner.design.candidates.shell import ShellSample, grid_blocks, sample_shell, sobol_sequence
 from planner.motion.collision.engines import CollisionWorld, available_threads
 
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
 HOPELESS = 50_000  # states that all collide, after which no more are drawn
+GRID_BLOCK = 1 << 18
+LARGEST_GRID = 200_000_000
 CHUNK = 8192
 Progress = Callable[[int, int], None]
 
@@ -145,16 +147,37 @@ def _draw_for_fixture(
     return q[:count], funnel
 
 
-def _sample_rounds(cell: Cell, fixture: int, seed: int) -> Iterator[ShellSample]:
+def _sample_rounds(cell: Cell, fixture: int, seed: int) -> Iterator[JointSamples]:
     if cell.plan.grid_step is not None:
-        yield from grid_blocks(cell, cell.plan.grid_step)
+        yield from _grid_blocks(cell, cell.plan.grid_step)
         return
-    sequence = sobol_sequence(cell, seed)
+    draw = cell.gauge.joint_sampler(cell, fixture, seed)
     for k in range(ROUNDS):
-        yield sample_shell(cell, fixture, sequence.random(min(DRAWS[0] << k, DRAWS[1])))
+        yield draw(min(DRAWS[0] << k, DRAWS[1]))
 
 
-def _apply_filters(sample: ShellSample, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
+def _grid_blocks(cell: Cell, step: float) -> Iterator[JointSamples]:
+    """Yield the states of the equidistant joint grid with ``step`` [rad], centred in each joint's range, in blocks.
+
+    Raises:
+        InputError: the grid has more states than can be visited.
+    """
+    lower, upper = cell.sampling_range
+    counts = np.maximum(np.floor((upper - lower) / step + 1e-9).astype(int) + 1, 1)
+    total = int(np.prod(counts.astype(object)))
+    if total > LARGEST_GRID:
+        raise InputError(
+            f"plan.grid_step_deg = {np.rad2deg(step):g} gives {total:.3g} joint states; at most {LARGEST_GRID:.3g} can"
+            " be visited: take a wider step"
+        )
+    origin = (lower + upper) / 2 - (counts - 1) * step / 2
+    for start in range(0, total, GRID_BLOCK):
+        index = np.unravel_index(np.arange(start, min(start + GRID_BLOCK, total)), tuple(counts))
+        q: Array = origin + np.stack(index, axis=1) * step
+        yield JointSamples(q, len(q))
+
+
+def _apply_filters(sample: JointSamples, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
     """Apply the filters in order, the cheap ones first and in threads (numpy lets them run side by side)."""
     chunks = [sample.q[i : i + CHUNK] for i in range(0, len(sample.q), CHUNK)]
     with ThreadPoolExecutor(available_threads()) as threads:

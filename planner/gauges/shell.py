@@ -1,13 +1,16 @@
-"""Joint samples in the spherical shell of a bar: arcs of the first joint, or the EDBB paper's equidistant grid
-(2.1.3)."""
+"""Joint samples in the spherical shell about a place, with a density that stays known: uniform over joint space.
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+The first joint carries the measurement application point round a circle, so for any angles of the other joints
+the parts of the first axis that lie in the shell are arcs in closed form. Laid end to end, the arcs of all samples
+are one line on which equidistant points are as dense as uniform joint samples that were tested one by one.
+"""
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.gauge import JointSamples
 from planner.common.errors import InputError
 from planner.common.units import Array
 
@@ -16,32 +19,6 @@ if TYPE_CHECKING:
 
 
 PER_ARC = 4.0  # mean number of points on an arc that is not empty
-
-
-@dataclass(frozen=True)
-class ShellSample:
-    """States in the shell.
-
-    Attributes:
-        q: controller angles, (n, N) [rad].
-        stands_for: how many uniform joint samples, tested one by one, would have given as many.
-    """
-
-    q: Array
-    stands_for: int
-
-
-def sampling_box(cell: Cell) -> tuple[Array, Array]:
-    """Return the range that each joint is sampled in, both ends (N,) [rad].
-
-    One turn about home within the joint limits, narrowed to what the cable's budget lets each axis do.
-    """
-    lower, upper = cell.joint_range
-    for axes, limit in cell.cable.sums:
-        for a in axes:
-            lower[a] = max(lower[a], cell.home[a] - limit)
-            upper[a] = min(upper[a], cell.home[a] + limit)
-    return lower, upper
 
 
 def sobol_sequence(cell: Cell, seed: int) -> "qmc.Sobol":
@@ -57,7 +34,7 @@ def sobol_sequence(cell: Cell, seed: int) -> "qmc.Sobol":
     return qmc.Sobol(cell.robot.n_joints - 1, scramble=True, rng=np.random.default_rng(seed))
 
 
-def sample_shell(cell: Cell, fixture: int, points: Array) -> ShellSample:
+def sample_shell(cell: Cell, fixture: int, points: Array) -> JointSamples:
     """Bring low-discrepancy points into the shell of one fixture.
 
     Args:
@@ -66,25 +43,25 @@ def sample_shell(cell: Cell, fixture: int, points: Array) -> ShellSample:
         points: samples of all joints but the first in the unit cube, (m, N − 1).
     """
     cell = cell.at(fixture)
-    lower, upper = sampling_box(cell)
+    lower, upper = cell.sampling_range
     q = np.empty((len(points), cell.robot.n_joints))
     q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
     start, length = _arcs_in_shell(cell, fixture, q, lower[0], upper[0])
     return _sample_arcs(q, start, length, float(upper[0] - lower[0]))
 
 
-def _sample_arcs(q: Array, start: Array, length: Array, full: float) -> ShellSample:
+def _sample_arcs(q: Array, start: Array, length: Array, full: float) -> JointSamples:
     """Place equidistant points on the concatenated arcs (m, A) of the samples q (m, N)."""
     ends = np.cumsum(length.ravel())
     used = np.count_nonzero(length)
     if used == 0:
-        return ShellSample(q[:0], len(q))
+        return JointSamples(q[:0], len(q))
     spacing = ends[-1] / (PER_ARC * used)
     s = (np.arange(int(PER_ARC * used)) + 0.5) * spacing
     arc = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
     out = q[arc // length.shape[1]].copy()
     out[:, 0] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))
-    return ShellSample(out, max(len(out), round(len(q) * full / spacing)))
+    return JointSamples(out, max(len(out), round(len(q) * full / spacing)))
 
 
 def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: float) -> tuple[Array, Array]:
@@ -114,28 +91,3 @@ def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: floa
     start = np.maximum(starts[:, :, None] + turns, lower).reshape(len(q), -1)
     end = np.minimum(ends[:, :, None] + turns, upper).reshape(len(q), -1)
     return start, np.maximum(end - start, 0.0)
-
-
-GRID_BLOCK = 1 << 18
-LARGEST_GRID = 200_000_000
-
-
-def grid_blocks(cell: Cell, step: float) -> Iterator[ShellSample]:
-    """Yield the states of the equidistant joint grid with ``step`` [rad], centred in each joint's range, in blocks.
-
-    Raises:
-        InputError: the grid has more states than can be visited.
-    """
-    lower, upper = sampling_box(cell)
-    counts = np.maximum(np.floor((upper - lower) / step + 1e-9).astype(int) + 1, 1)
-    total = int(np.prod(counts.astype(object)))
-    if total > LARGEST_GRID:
-        raise InputError(
-            f"plan.grid_step_deg = {np.rad2deg(step):g} gives {total:.3g} joint states; at most {LARGEST_GRID:.3g} can"
-            " be visited: take a wider step"
-        )
-    origin = (lower + upper) / 2 - (counts - 1) * step / 2
-    for start in range(0, total, GRID_BLOCK):
-        index = np.unravel_index(np.arange(start, min(start + GRID_BLOCK, total)), tuple(counts))
-        q: Array = origin + np.stack(index, axis=1) * step
-        yield ShellSample(q, len(q))
