@@ -67,7 +67,8 @@ def test_its_own_keys_are_read_and_written(cell, tmp_path):
 def test_candidates_lie_where_it_reads(cell, pool):
     d = cell.map_position(pool.q)[:, 2] - 0.6
     assert len(pool) == 4000
-    assert (d > 5e-3).all() and (d < 25e-3).all()
+    assert (d > 5e-3).all()
+    assert (d < 25e-3).all()
     assert (cell.map_axis(pool.q)[:, 2] < -np.cos(np.deg2rad(40))).all()
 
 
