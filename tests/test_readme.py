@@ -15,8 +15,8 @@ from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.traces import import_run
 from planner.simulation.truth import read_truth
+from tests.command import edbb
 from tests.compensation.robots import bent
-from tests.workflow.conftest import edbb
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 TEXTS = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
@@ -30,6 +30,7 @@ def help_of(verb):
     return done.stdout
 
 
+@pytest.mark.long
 def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
     (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     path = tmp_path / "cell.toml"

@@ -19,6 +19,7 @@ def cell():
     return load_cell("kuka-kr6-r700/edbb")
 
 
+@pytest.mark.long
 def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
     """Robots with drawn errors, their tools' true positions laid on the nominal ones as well as can be (Kabsch)."""
     names, size = ("a1", "alpha2", "d4", "theta3", "map_x"), np.array([3e-5, 1e-4, 5e-5, 8e-5, 4e-5])

@@ -1,5 +1,7 @@
 """A small blind run, and the judge itself."""
 
+import pytest
+
 from tests.blind.plan import PARTS, tasks
 from tests.blind.table import table
 from tests.blind.trial import Outcome, Task, right, tried
@@ -27,6 +29,7 @@ def test_building_and_table_share_no_seed():
         assert {s % 2 for s in kept} == {1}
 
 
+@pytest.mark.long
 def test_few_blind_runs():
     """Half a dozen single effects, an arm with seven, and a clean run; even seeds."""
     kinds = ("encoder-twice", "backlash-approach", "joint-compliance", "gauge-sag", "coupling", "reducer-ripple")

@@ -1,24 +1,11 @@
 """The commands as a user runs them: plan, simulate, evaluate, export; the same bytes every time."""
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
 
 from tests.circular.conftest import ARC, cell_file
-
-
-def edbb(*words, threads="1"):
-    environment = {**os.environ, "OMP_NUM_THREADS": threads}
-    return subprocess.run(
-        [sys.executable, "-m", "planner.cli", *map(str, words)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=False,
-    )
+from tests.command import edbb
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +32,7 @@ def test_the_folder(folder):
     assert (one / "pictures" / "circle_1.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_same_bytes_on_two_threads(folder):
     assert edbb("plan", folder / "circular.toml", "-o", folder / "two", "--dialect", "krl", threads="2").returncode == 0
     for path in (p for p in (folder / "one").rglob("*") if p.is_file() and p.name != "timings.json"):

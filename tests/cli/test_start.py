@@ -9,7 +9,7 @@ from importlib import import_module
 import pytest
 
 from planner.cli.app import VERBS
-from tests.workflow.conftest import edbb
+from tests.command import edbb
 
 HEAVY = {"ompl", "fcl", "polars", "matplotlib", "plotly", "scipy.stats", "scipy.optimize"}
 LOADED = """

@@ -40,6 +40,7 @@ def full_fit(m, effects=()):
     return found.fun[: len(scene.t)] * m.noise_rms, found.x
 
 
+@pytest.mark.long
 def test_oracle_is_the_full_nonlinear_fit():
     of = arm("comau-nj130")
     effects = [

@@ -217,10 +217,10 @@ CASES = (
         40,
     ),
     Case(
-        "nj130-fixtures",
-        {"cell.toml": shipped("comau-nj130/paper")},
+        "kr6-fixtures",
+        {"cell.toml": shipped("kuka-kr6-r700/edbb", plan=FEW.replace("400", "1200"))},
         (
-            edbb("plan cell.toml -o out --poses 26 --fixtures 2 --dialect rapid"),
+            edbb("plan cell.toml -o out --poses 40 --fixtures 2 --dialect rapid"),
             edbb("simulate out/plan.json -o run.csv"),
         ),
         60,

@@ -28,6 +28,7 @@ SEEDS = range(10)
 SOFT = tuple(Effect("joint-compliance", j, 3e-5) for j in (2, 3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("gauge", "poses"), [("edbb_static", 60), ("tracker", 40)])
 def test_the_expected_error_is_that_of_calibrated_arms_at_poses_all_over(gauge, poses):
     """Ten arms with errors in everything and soft joints; few poses, so that there is something to be known badly."""

@@ -9,6 +9,8 @@ from planner.model.model import Model
 from tests.generator.truth import draw_errors
 from tests.identification.worlds import Trials, covered, declared, trials, world
 
+pytestmark = pytest.mark.long
+
 FITS = 1000  # a robot
 
 

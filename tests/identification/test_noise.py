@@ -6,6 +6,8 @@ import pytest
 from tests.generator.truth import Noise
 from tests.identification.worlds import covered, trials, world
 
+pytestmark = pytest.mark.long
+
 WRONG = {"joints a third of the data sheet's": Noise(3e-6, 4e-6), "gauge alone": Noise(5e-6, 1e-9)}
 
 

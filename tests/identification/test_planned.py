@@ -56,6 +56,7 @@ def test_plan_and_fit_have_the_same_rows_and_noise(reference):
     assert np.allclose(np.sqrt(white), plan.noise(w.q), rtol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reference", CELLS)
 def test_predicted_spread_is_the_spread_of_many_fits(reference):
     """Standard deviation of the estimates over 150 arms, each parameter, within what chance allows of the prediction.

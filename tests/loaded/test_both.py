@@ -85,6 +85,7 @@ def test_the_set_is_as_good_as_brute_force():
         assert value == pytest.approx(best)
 
 
+@pytest.mark.long
 def test_the_place_adds_more_than_others_do(folder):
     free, cell = load_unloaded_poses(folder / "plan.json"), load_cell(shared.CELL)
     pool = find_circle_places(cell, steps=(3, 2))

@@ -59,6 +59,7 @@ def test_the_deflection_is_that_of_the_world(errors, apart):
     assert np.abs(curves.deflection - predicted).max() < apart
 
 
+@pytest.mark.long
 def test_compliances_come_back_as_their_joint_chi_square_allows():
     truth, setup, curves = clean()
     total, misfit = [], []

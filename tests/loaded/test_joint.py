@@ -80,6 +80,7 @@ def fits(cell):
     return [fit_jointly(cell, *runs(np.random.default_rng([seed, 7])), noise()) for seed in range(SEEDS)]
 
 
+@pytest.mark.long
 def test_compliances_are_as_true_as_they_say(fits):
     """Joint chi-square of all six over the seeds; with the torques of the nominal pose it is far off."""
     total = []

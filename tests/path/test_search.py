@@ -6,6 +6,7 @@ import sys
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
@@ -156,6 +157,7 @@ with open({path!r}, "w") as out:
 """
 
 
+@pytest.mark.long
 def test_joining_is_silent_and_the_same_on_any_number_of_threads(tmp_path: os.PathLike[str]) -> None:
     answers = []
     for threads in "12":

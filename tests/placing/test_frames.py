@@ -41,6 +41,7 @@ class Truth:
         return max(np.linalg.norm(gap, axis=1).max(), turn, np.linalg.norm(found.p_FM - self.m, axis=1).max())
 
 
+@pytest.mark.long
 def test_two_hundred_stations_turned_in_any_way_are_found_from_points():
     wrong = []
     for seed in range(200):
@@ -51,6 +52,7 @@ def test_two_hundred_stations_turned_in_any_way_are_found_from_points():
     assert len(wrong) <= 2, wrong
 
 
+@pytest.mark.long
 def test_fifty_stations_and_probes_are_found_from_poses():
     wrong = []
     for seed in range(50):

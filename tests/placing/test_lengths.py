@@ -25,6 +25,7 @@ def off(found, m, X):
     return max(np.linalg.norm(found.p_BX - X, axis=-1).max(), np.linalg.norm(found.p_FM - m, axis=-1).max())
 
 
+@pytest.mark.long
 def test_two_hundred_runs_are_placed_from_nothing():
     wrong = []
     for seed in range(200):

@@ -33,6 +33,7 @@ class Truth:
         return max(np.abs(X - self.X).max(), np.abs(found.p_FM[0] - self.m).max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("balls", [1, 2, 4])
 def test_plates_are_found_in_two_hundred_runs(balls):
     wrong = []

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import pytest
 from scipy.stats import chi2
 
 from tests.reproduction.instruments import bar_run, identified, tracked
@@ -9,6 +10,8 @@ from tests.reproduction.judge import as_planted, validated
 from tests.reproduction.planned import of_bar
 from tests.reproduction.table9 import SIZE, Row
 from tests.reproduction.truth import hidden
+
+pytestmark = pytest.mark.long
 
 SESSION = (1, 1, 200, "tracing")
 

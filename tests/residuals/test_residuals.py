@@ -39,6 +39,7 @@ def looked_at(problem: FitProblem, c: Calibration) -> tuple[ProjectedResidual, R
     return rest, tests
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
 def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
     left = calibrated(*case).diagnosis
@@ -48,6 +49,7 @@ def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
     assert "chance" in left.sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tail", ["normal", "heavy"])
 def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
     rest, tests = looked_at(c.fit.problem, c)

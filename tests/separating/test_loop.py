@@ -9,6 +9,8 @@ import pytest
 from planner.runs.run import Samples
 from tests.separating.worlds import CALLED, again, blindly, first, identified, named, pool, separated
 
+pytestmark = pytest.mark.long
+
 SEEDS = (1, 2)
 
 

@@ -7,8 +7,8 @@ import pytest
 from planner.common.errors import InputError, NoSolutionError
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
+from tests.command import edbb
 from tests.separating.worlds import NJ, cell, pool, usual
-from tests.workflow.conftest import edbb
 
 
 def file(folder, *findings, robot=NJ):

@@ -15,9 +15,9 @@ from planner.design.observability.information import INDEX_RULES
 from planner.effects.catalogue import catalogue
 from planner.session.notes import MUCH, discrimination_notes
 from tests.catalogue.test_phis import everything
+from tests.command import edbb
 from tests.separating.test_refusals import LAG, file
 from tests.separating.worlds import NJ, cell, usual
-from tests.workflow.conftest import edbb
 
 SHAPES = {
     "a list": ("[1, 2]", "[1, 2]: an object { … } is needed"),

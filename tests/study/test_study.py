@@ -16,6 +16,7 @@ def test_every_file_is_there_and_nothing_else(done):
     assert sorted(p.name for p in done[0].iterdir()) == sorted(NAMES)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_bytes(done, tmp_path, monkeypatch):
     small_study(tmp_path, monkeypatch)
     for name in NAMES:

@@ -38,6 +38,7 @@ def test_the_curve_is_the_one_that_was_planted():
     assert np.sqrt(np.mean((left - sense * shown) ** 2)) < 0.2 * np.sqrt(np.mean(left**2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, 4])
 def test_gears_that_all_run_unevenly_are_found_together_where_no_single_one_shows(seed):
     """Five gears in 140 lengths: each error is small beside the sum of the others."""
@@ -59,6 +60,7 @@ def test_a_pure_tone_stays_a_tone():
     assert abs(f.inner.value - 9.37) < 4 * f.inner.std
 
 
+@pytest.mark.long
 def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
     planted = effect("warm-up-two", 2, 2.2e-4, back=0.66, fast=300.0, slow=3200.0)
     right = 0
@@ -71,6 +73,7 @@ def test_two_warm_ups_are_found_where_one_alone_would_not_be_believed():
     assert right >= 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "share"), [(2, 3.0), (4, 1.5)])
 def test_what_has_no_name_is_described_and_taken_out(seed, share):
     """Hoses that pull at one joint by another's angle: no entry of the catalogue does that."""

@@ -33,11 +33,13 @@ def found_at(times, seeds):
     return hits
 
 
+@pytest.mark.long
 def test_an_effect_of_the_size_of_its_limit_is_found():
     assert found_at(1.0, range(2, 16, 2)) >= 6
     assert found_at(0.3, range(2, 10, 2)) <= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", ["white", "heavy", "correlated"])
 def test_nothing_is_added_to_a_clean_run(shape):
     for seed in (2,):
@@ -47,6 +49,7 @@ def test_nothing_is_added_to_a_clean_run(shape):
         assert found.limits
 
 
+@pytest.mark.long
 def test_compliances_are_named_where_the_links_weigh_other_than_stated():
     """Two joints that yield, and masses a tenth off: no weight and no third joint is invented."""
     size = 2e-3 / arm().reference_torque(2)
@@ -65,6 +68,7 @@ def test_two_waves_of_one_joint_are_two_findings():
     assert sorted(f.inner.value for f in found.findings) == pytest.approx([5.3, 12.1], abs=0.15)
 
 
+@pytest.mark.long
 def test_held_out_error_reaches_that_of_a_fit_without_the_effect():
     found = calibrated((effect("encoder-twice", 4, share=3.0, phase=0.5),), seed=4)
     clean = calibrated((), seed=4)

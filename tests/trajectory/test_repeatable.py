@@ -35,6 +35,7 @@ def drive():
     return plan_trajectory(q, **asked, tool_position=ARM.position, tool_jacobian=ARM.jacobian)
 
 
+@pytest.mark.long
 def test_same_bytes_with_one_thread_or_two_and_in_another_process():
     root = Path(__file__).parents[2]
     found = set()

@@ -21,6 +21,7 @@ def test_the_quantile_holds_for_drawn_vectors():
         assert 0.94 < share < 0.96
 
 
+@pytest.mark.long
 def test_drawn_robots_meet_the_ball_as_predicted(cell, pool):
     """Robots with errors drawn from the priors, scaled as the cell says, by the exact model."""
     contact = FirstContact(cell)

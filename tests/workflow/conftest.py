@@ -1,28 +1,13 @@
 """Two small plans, made once by the command line as a user would: one measured while moving, one at rest."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from planner.cell.reading import load_cell
-
-
-def edbb(*words, threads="1", cwd=None, **env):
-    """Run the command line in a process of its own."""
-    environment = {**os.environ, "OMP_NUM_THREADS": threads, **env}
-    return subprocess.run(
-        [sys.executable, "-m", "planner.cli", *map(str, words)],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env=environment,
-        check=False,
-    )
+from tests.command import edbb
 
 
 def small_cell(name, folder, *changes):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.workflow.conftest import edbb
+from tests.command import edbb
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_types import Drive, Visit
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.writing import cell_text, write_program_as
-from tests.workflow.conftest import edbb
+from tests.command import edbb
 
 POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
 

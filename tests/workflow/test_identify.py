@@ -1,21 +1,18 @@
 """From a plan over a simulated run to a calibrated robot and a corrected program, and what goes wrong on the way."""
 
-import io
 import json
 import shutil
-import sys
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.cli.app import main
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
 from planner.session.bar_planning import Stages
 from planner.workflow.identification import identify_runs
 from planner.workflow.plan_reading import simulate_plan
+from tests import command
 from tests.generator.arm import Arm
 from tests.simulation.made import truth_file, wide_plan
 
@@ -43,16 +40,8 @@ END
 
 def edbb(*words):
     """The command line in this process: exit code, standard output, standard error."""
-    out, told, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["edbb", *map(str, words)]
-    try:
-        with redirect_stdout(out), redirect_stderr(told):
-            main()
-    except SystemExit as done:
-        return done.code or 0, out.getvalue(), told.getvalue()
-    finally:
-        sys.argv = before
-    return 0, out.getvalue(), told.getvalue()
+    done = command.edbb(*words)
+    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from tests.command import edbb
 from tests.generator.arm import Arm
-from tests.workflow.conftest import edbb, small_cell
+from tests.workflow.conftest import small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')
 FEWER = ("candidates = 3000", "candidates = 1200")
@@ -103,6 +104,7 @@ def test_a_wrong_tool_point_is_refused(tmp_path, change, words):
     assert words in done.stderr
 
 
+@pytest.mark.long
 def test_further_fixtures_are_found_and_written_into_the_cell(tmp_path):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path, FEWER)
     done = edbb("plan", cell, "-o", tmp_path / "out", "--poses", 40, "--fixtures", 2)

@@ -11,7 +11,8 @@ from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
-from tests.workflow.conftest import edbb, small_cell
+from tests.command import edbb
+from tests.workflow.conftest import small_cell
 
 KEYS = {
     "schema", "plan_id", "robot", "cell", "seed", "parameters", "dropped", "funnel", "poses", "supports",
@@ -164,6 +165,7 @@ def test_export_to_standard_output(resting):
     assert done.stderr == ""
 
 
+@pytest.mark.long
 def test_same_bytes_with_one_thread_and_two(moving, tmp_path):
     done = edbb(
         "plan",
@@ -247,6 +249,7 @@ def test_shipped_cells_are_loaded_from_anywhere(tmp_path):
     assert load_cell("ur10/edbb").robot.name == "ur10"
 
 
+@pytest.mark.long
 def test_two_fixtures_are_driven_one_after_the_other(tmp_path):
     """A tour each, from and to its own mount pose; poses are numbered through and all of them are marked once."""
     second = '[[fixtures]]\nname = "B"\nposition_mm = [1300, -700, 708]\n\n[motion]'

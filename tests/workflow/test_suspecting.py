@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.runs.run import Readings, Run, Samples
 from planner.workflow.unit_checks import check_unit
-from tests.workflow.conftest import edbb
+from tests.command import edbb
 
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
 TOOL = np.array([0.05, 0.02, 0.25])  # [m] in the flange

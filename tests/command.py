@@ -1,0 +1,40 @@
+"""The command ``edbb``: in this process, where it takes no second to start, or in one of its own."""
+
+import io
+import os
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+
+from planner.cli.app import main
+
+
+def edbb(*words, threads=None, cwd=None, **env):
+    """Run the command; what it printed and its exit code, as from ``subprocess.run``.
+
+    It has a process of its own where threads, a folder or the environment are asked for.
+    """
+    arguments = [str(w) for w in words]
+    if threads is None and cwd is None and not env:
+        return _here(arguments)
+    return subprocess.run(
+        [sys.executable, "-m", "planner.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "OMP_NUM_THREADS": threads or "1", **env},
+        check=False,
+    )
+
+
+def _here(arguments):
+    out, told, before, code = io.StringIO(), io.StringIO(), sys.argv, 0
+    sys.argv = ["edbb", *arguments]
+    try:
+        with redirect_stdout(out), redirect_stderr(told):
+            main()
+    except SystemExit as done:
+        code = done.code or 0
+    finally:
+        sys.argv = before
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), told.getvalue())
