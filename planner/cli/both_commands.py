@@ -8,7 +8,7 @@ import typer
 from planner.cli.terminal import Json, Output, Screen, Seed, check_folder, errors, print_json
 from planner.common.units import to_mm
 from planner.instruments.loaded.results import share_text
-from planner.session.bar_planning import PlanOptions
+from planner.session.options import PlanOptions
 from planner.study.compliance_design.results import describe_common_fit
 from planner.workflow.both_bars import (
     LOADED,

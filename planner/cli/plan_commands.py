@@ -27,12 +27,11 @@ from planner.design.bayesian_design import describe_bayesian_design
 from planner.design.observability.information import INDEX_RULES
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content
 from planner.instruments.circular.plan import CircularPlan, circular_content
-from planner.session.bar_planning import PlanOptions
-from planner.session.option_checks import check_circle_options
-from planner.session.plan_file import plan_content
+from planner.instruments.circular.planning import plan_circles
+from planner.session.options import PlanOptions, check_circle_options
+from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan
 from planner.workflow.circle_evaluation import evaluate_circular_runs, write_circular_test
-from planner.workflow.circle_planning import plan_circles
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.planning import plan
 from planner.workflow.writing import write_circular_plan, write_plan, write_program_as
@@ -171,7 +170,7 @@ def plan_command(
         result = plan(chosen, options, stages)
         write_plan(result, output, stages)
     if as_json:
-        print_json(plan_content(result))
+        print_json(plan_document(result).content())
     else:
         plan_summary(result, output)
 

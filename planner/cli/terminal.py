@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
-    from planner.session.bar_planning import Stages
+    from planner.common.progress import Stages
 
 
 Index = Literal["O1", "O2", "O3", "O4", "O5"]
@@ -67,7 +67,7 @@ class Screen:
     def __enter__(self) -> "Stages":
         """Start showing; returns the stages to hand to the workflow."""
         # with all its libraries: a command without stages starts quicker
-        from planner.session.bar_planning import Stages
+        from planner.common.progress import Stages
 
         self._progress.start()
         return Stages(self._say)

@@ -137,6 +137,12 @@ def _models_in(annotation: object) -> list[type[BaseModel]]:
     return [m for a in getattr(annotation, "__args__", ()) for m in _models_in(a)]
 
 
+class PartialModel(BaseModel):
+    """A part of a file: what is needed of it is checked, the rest is passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
 class StrictModel(BaseModel):
     """Base of every file section: unknown keys are errors, numbers are finite, values do not change."""
 

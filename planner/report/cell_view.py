@@ -154,7 +154,7 @@ def build_cell_view(plan: Plan) -> CellView:
         frames,
         cloud=np.vstack([to_mm(cell.at(d.fixture).map_position(thin.q[thin.fixture == d.fixture])) for d in drives]),
         paths=tuple(to_mm(cell.at(d.fixture).map_position(sample_drive(cell, d).motion.q)) for d in drives),
-        ways=tuple(to_mm(cell.at(d.fixture).map_position(d.course.travel_trajectory.sample(0.05).q)) for d in drives),
+        ways=tuple(to_mm(cell.at(d.fixture).map_position(d.course.travel.trajectory.sample(0.05).q)) for d in drives),
         spots=tuple(s for d in drives for s in _spots(cell, d)),
     )
 

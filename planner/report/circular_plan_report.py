@@ -111,7 +111,7 @@ def circular_view(plan: CircularPlan) -> CellView:
         ViewFrames(np.vstack(poses), tuple(labels)),
         cloud=np.empty((0, 3)),
         paths=tuple(to_mm(cell.map_position(a.q)) for a in arcs),
-        ways=tuple(to_mm(cell.map_position(d.way_trajectory.sample(0.05).q)) for d in plan.drives),
+        ways=tuple(to_mm(cell.map_position(d.travel.trajectory.sample(0.05).q)) for d in plan.drives),
         spots=tuple(spots),
     )
 

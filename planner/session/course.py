@@ -1,19 +1,16 @@
-"""What the robot drives for one fixture, blended, timed and proven by both collision engines.
+"""What the robot drives for one fixture, in time: the way to the mount pose, and the measuring path with its blends.
 
-A course is made from waypoints and blend radii alone, so a program exported later from ``plan.json`` is the same."""
+A course is made from waypoints and blend radii alone, so a program exported later from ``plan.json`` is the same.
+"""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.errors import NoSolutionError
 from planner.common.units import Array, read_only
-from planner.motion.path.constraints import Constraints
-from planner.motion.path.verdict import ProvenPath, SeparateMotions, Verdict, judge_path
 from planner.motion.timing.limits import Limits
-from planner.motion.timing.trajectory import Trajectory, blend_corners, plan_trajectory
+from planner.motion.timing.trajectory import Trajectory, plan_trajectory
 
 DIGITS = 9  # of degrees and millimetres in plan.json
 
@@ -37,14 +34,30 @@ class Waypoints:
 
 
 @dataclass(frozen=True)
+class TimedPath(Waypoints):
+    """A path with the times at which it is driven."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
 class Course:
-    """All that a program needs for one fixture; ``measuring`` is the whole drive, both ways where asked."""
+    """All that a program needs for one fixture.
+
+    Attributes:
+        fixture: which.
+        travel: the way from home to the mount pose; it is driven back at the end.
+        measuring: the whole drive from mount pose to mount pose, both ways where asked.
+    """
 
     fixture: int
-    travel: Waypoints
-    travel_trajectory: Trajectory
-    measuring: Waypoints
-    trajectory: Trajectory
+    travel: TimedPath
+    measuring: TimedPath
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The whole drive in time."""
+        return self.measuring.trajectory
 
 
 def round_angles(angles: Array) -> Array:
@@ -80,27 +93,31 @@ def is_continuous(cell: Cell) -> bool:
     return cell.motion.measure == "continuous"
 
 
+def rests_at_poses(cell: Cell) -> bool:
+    """Whether the arm stands still at the poses: always where the gauge is no bar."""
+    return not (is_continuous(cell) and cell.gauge.is_attached)
+
+
 def time_course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
     cell = cell.at(fixture)
+    return Course(fixture, time_path(cell, travel, bar=False), time_measuring(cell, measuring))
+
+
+def time_measuring(cell: Cell, path: Waypoints) -> TimedPath:
+    """Time a measuring path, given one way, as it is driven: both ways where asked, at rest at the poses or not."""
     moving = is_continuous(cell)
     if moving and cell.motion.both_ways:
-        measuring = measuring.there_and_back()
+        path = path.there_and_back()
     rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
     if cell.gauge.head is not None:
         rest += cell.gauge.head.seconds
-    dwell = np.where(measuring.visit >= 0, rest, 0.0) * (measuring.blend == 0)
-    return Course(
-        fixture,
-        travel,
-        _time_waypoints(cell, travel, np.zeros(len(travel.q)), bar=False),
-        measuring,
-        _time_waypoints(cell, measuring, dwell, bar=True),
-    )
+    return time_path(cell, path, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
 
 
-def _time_waypoints(cell: Cell, path: Waypoints, dwell: Array, bar: bool) -> Trajectory:
-    return plan_trajectory(
+def time_path(cell: Cell, path: Waypoints, bar: bool, dwell: Array | None = None) -> TimedPath:
+    """Time a path with or without the bar; ``dwell`` (m,) [s] at its points."""
+    trajectory = plan_trajectory(
         path.q,
         stop=path.blend == 0,
         blend_m=path.blend,
@@ -108,95 +125,6 @@ def _time_waypoints(cell: Cell, path: Waypoints, dwell: Array, bar: bool) -> Tra
         tool_jacobian=cell.map_jacobian,
         limits=axis_limits(cell, bar),
         tool_speed=leg_speed(cell, path.visit, bar),
-        dwell=dwell,
+        dwell=0.0 if dwell is None else dwell,
     )
-
-
-HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
-BLEND_ROOM = 5e-5  # [m] beyond the clearance for blends: the two engines' distances differ by 1e-5
-STOPPED = 4  # times that blends which a judge does not prove become stops
-
-
-def release_path(
-    with_bar: Constraints,
-    without_bar: Constraints,
-    way: Waypoints,
-    measuring: Waypoints,
-    apart: Sequence[SeparateMotions] = (),
-) -> tuple[Course, tuple[Verdict, ...]]:
-    """Time both paths and have both engines judge them; a blend that either does not prove becomes a stop.
-
-    Motions of the measuring path that are ``apart`` keep constraints of their own.
-
-    Raises:
-        NoSolutionError: an engine does not prove the path; nothing is written for it.
-    """
-    for _ in range(STOPPED + 1):
-        driven = time_course(with_bar.cell, with_bar.workspace.fixture, way, measuring)
-        first, lost = _judge_blended(with_bar, measuring, driven.trajectory, apart)
-        second, lost_way = _judge_blended(without_bar, way, driven.travel_trajectory)
-        measuring, way = _stop_at(measuring, lost), _stop_at(way, lost_way)
-        if not len(lost) and not len(lost_way):
-            break
-    for v in first + second:
-        if not v.clear:
-            raise NoSolutionError(
-                f"path: {v.engine} does not prove {len(v.failures)} of its motions and blends "
-                f"({'; '.join(v.failures[:3])}): raise motion.clearance_mm a little, or try another --seed"
-            )
-    return driven, first + second
-
-
-def _judge_blended(
-    constraints: Constraints, path: Waypoints, trajectory: Trajectory, apart: Sequence[SeparateMotions] = ()
-) -> tuple[tuple[Verdict, ...], np.ndarray]:
-    """Both engines' verdicts on the legs and on the triangle under every blend (the way back has the same).
-
-    Returned beside them: the path points whose blends an engine does not prove.
-    """
-    count = len(path.q)
-    corner = np.flatnonzero(~trajectory.stop[:count])
-    triangles = np.stack([trajectory.entry[corner], path.q[corner], trajectory.exit[corner]], axis=1)
-    verdicts = judge_path(constraints, path.q, triangles, apart)
-    lost = np.unique([k - (count - 1) for v in verdicts for k in v.unproven if k >= count - 1]).astype(int)
-    return verdicts, corner[lost]
-
-
-def _stop_at(path: Waypoints, points: np.ndarray) -> Waypoints:
-    """Let the robot stop at some path points."""
-    blend = path.blend.copy()
-    blend[points] = 0.0
-    return replace(path, blend=blend)
-
-
-def add_blends(cell: Cell, constraints: Constraints, path: ProvenPath, stop: np.ndarray, ids: np.ndarray) -> Waypoints:
-    """Return a path with the blends that fit, none where it stops; ids (m,) of the poses, −1 at supports."""
-    rest = stop.copy()
-    rest[[0, -1]] = True
-    return Waypoints(path.q, ids, np.round(fit_blends(cell, constraints, path.q, rest), 12))
-
-
-def fit_blends(cell: Cell, constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
-    """Largest blend radius at each path point, (m,) [m], whose whole corner is proven to keep every constraint.
-
-    A blend that does not fit is halved; after some halvings the corner becomes a stop (radius 0).
-    """
-    blend, wide = np.where(stop, 0.0, cell.motion.blend), constraints.with_room(BLEND_ROOM)
-    for attempt in range(HALVINGS + 1):
-        entry, leave, at_rest = blend_corners(
-            q,
-            stop=stop | (blend == 0),
-            blend_m=blend,
-            tool_position=cell.map_position,
-            limits=axis_limits(cell, constraints.bar),
-            tool_speed=tool_speed(cell, constraints.bar),
-        )
-        corner = np.flatnonzero(~at_rest)
-        if not len(corner):
-            break
-        proof = wide.prove_triangles(entry[corner], q[corner], leave[corner])
-        failed = corner[~proof.proven]
-        if not len(failed):
-            break
-        blend[failed] = blend[failed] / 2 if attempt < HALVINGS else 0.0
-    return blend
+    return TimedPath(path.q, path.visit, path.blend, trajectory)

@@ -19,6 +19,8 @@ POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose pric
 CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves
 TRIED = 2000  # poses among which a mount pose is looked for
 ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
+DRAWN = 200_000  # states among which a pose for mastering is looked for
+UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
 
 
 def check_home(cell: Cell, without_bar: Constraints) -> None:
@@ -98,10 +100,6 @@ def _find_mount(cell: Cell, fixture: int, seed: int) -> Array:
     roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY * len(q)))]]
     seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
     return np.asarray(roomy[int(np.argmin(seconds))])
-
-
-DRAWN = 200_000  # states among which a pose for mastering is looked for
-UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
 
 
 def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | None = None) -> Cell:

@@ -1,6 +1,6 @@
 """The whole measuring session as a neutral program: travel, attach or prepare the gauge, measure, travel back."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,49 +22,11 @@ from planner.programs.instructions import (
     Sync,
     WaitInput,
 )
-from planner.session.course import Course, Waypoints, is_continuous
+from planner.programs.program_files import dialect_info, write_program
+from planner.session.course import Course, TimedPath, is_continuous, rests_at_poses
+from planner.session.plan_types import Programs
 
-
-def preparation(cell: Cell) -> list[Instruction]:
-    """Return what a person does before the first pose is measured."""
-    head = cell.gauge.head
-    if head is None:
-        return [Pause("put the reflector into its nest and let the tracker find it")]
-    shown = float(to_mm(head.master / 2 - cell.balls[0].radius))
-    return [
-        Comment(f"master the indicators: lay the {float(to_mm(head.master)):g} mm ball into its socket"),
-        Pause(f"set all three indicators to {shown:.3f} mm, then take the ball out"),
-    ]
-
-
-def point_instructions(
-    cell: Cell, there: list[JointMove], legs: list[JointMove], back: list[JointMove]
-) -> list[Instruction]:
-    """Return the instructions of one course; the moves to its start, along it, and home again are given."""
-    out: list[Instruction] = [Section("to where the session starts"), *there]
-    out += [*preparation(cell), WaitInput("gauge ready"), Section("measuring")]
-    for move in legs:
-        out.append(move)
-        if move.pose is not None:
-            out += _pose_instructions(cell, move)
-    return [*out, Section("back home"), *back]
-
-
-def nearest_ball(cell: Cell, q: np.ndarray) -> int:
-    """Return which ball the measured point is nearest to at q (N,) [rad], counted from 0."""
-    return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
-
-
-def _pose_instructions(cell: Cell, move: JointMove) -> list[Instruction]:
-    """Settle, centre where there is a ball, mark and log: the axes are logged where the centring led them."""
-    assert move.pose is not None
-    mark: list[Instruction] = [Sync(move.pose), LogAxes(move.pose)] if cell.controller.log_axes else [Sync(move.pose)]
-    settle, dwell = Dwell(cell.motion.settle), Dwell(cell.motion.dwell)
-    if cell.gauge.head is None:
-        return [settle, *mark, dwell]
-    return [settle, Centre(nearest_ball(cell, np.deg2rad(move.q_deg)) + 1, move.pose), *mark, dwell]
-
-
+BARE = "without the bar"
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
@@ -74,8 +36,21 @@ def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, dense: 
     """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
     body: list[Instruction] = []
     for one in courses:
-        body += _fixture_instructions(cell, one, dense)
+        body += _course_instructions(cell, one, dense)
     return build_program(cell, plan_id, body)
+
+
+def assemble_programs(dialects: Sequence[str], assemble: Callable[[bool], Program]) -> dict[str, Program]:
+    """Return the neutral program for each dialect; ``assemble`` is told whether the path is wanted in small steps."""
+    dense = {name: dialect_info(name).wants_dense_path for name in dialects}
+    made = {kind: assemble(kind) for kind in sorted(set(dense.values()))}
+    return {name: made[kind] for name, kind in dense.items()}
+
+
+def write_programs(cell: Cell, programs: Mapping[str, Program]) -> Programs:
+    """Write a session in each dialect; every program is read back and compared before it is returned."""
+    stem = f"{cell.robot.name}_{cell.name.rpartition('/')[2]}"
+    return tuple((name, write_program(program, name, stem)) for name, program in programs.items())
 
 
 def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
@@ -98,25 +73,42 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
     )
 
 
-def _fixture_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
-    cell, name = cell.at(one.fixture), cell.fixtures[one.fixture].name
-    point = cell.point_name(one.fixture)
-    place, tool = cell.place_name(one.fixture), f"tool point {point}" if point else "tool"
-    there = joint_moves(cell, one.travel, one.travel_trajectory, bar=False)
+def _course_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
+    """The session of one fixture, from home and back home."""
+    cell = cell.at(one.fixture)
+    write = dense_moves if dense and not rests_at_poses(cell) else measured_moves
+    moves = write(cell, one.measuring)
     if not cell.gauge.is_attached:
-        legs = joint_moves(cell, one.measuring, one.trajectory, bar=True)
-        return point_instructions(cell, there, legs, moves_back(there, one.travel.q))
-    measuring = dense_moves(cell, one) if dense and is_continuous(cell) else measured_moves(cell, one)
+        measuring = [*preparation(cell), WaitInput("gauge ready"), Section("measuring"), *moves]
+        return from_home(cell, one.travel, "to where the session starts", measuring, "back home")
+    place = cell.place_name(one.fixture)
+    measuring = with_bar(cell, one.fixture, [Section(f"measuring on fixture {place}"), *moves])
+    return from_home(cell, one.travel, f"to the mount pose of fixture {place}, {BARE}", measuring, f"back home, {BARE}")
+
+
+def from_home(cell: Cell, travel: TimedPath, there: str, measuring: list[Instruction], back: str) -> list[Instruction]:
+    """Return the way from home under the heading ``there``, what is measured, and the same way back."""
+    moves = joint_moves(cell, travel, bar=False)
+    return [Section(there), *moves, *measuring, Section(back), *moves_back(moves, travel.q)]
+
+
+def with_bar(cell: Cell, fixture: int, moves: list[Instruction]) -> list[Instruction]:
+    """Return moves between attaching the bar on a fixture and taking it off."""
+    point = cell.point_name(fixture)
+    tool = f"tool point {point}" if point else "tool"
+    attach = Pause(f"attach the bar (fixture {cell.fixtures[fixture].name} to {tool}), set its zero")
+    return [attach, WaitInput("gauge ready"), *moves, Pause("take the bar off")]
+
+
+def preparation(cell: Cell) -> list[Instruction]:
+    """Return what a person does with a gauge that is no bar before the first pose is measured."""
+    head = cell.gauge.head
+    if head is None:
+        return [Pause("put the reflector into its nest and let the tracker find it")]
+    shown = float(to_mm(head.master / 2 - cell.balls[0].radius))
     return [
-        Section(f"to the mount pose of fixture {place}, without the bar"),
-        *there,
-        Pause(f"attach the bar (fixture {name} to {tool}), set its zero"),
-        WaitInput("gauge ready"),
-        Section(f"measuring on fixture {place}"),
-        *measuring,
-        Pause("take the bar off"),
-        Section("back home, without the bar"),
-        *moves_back(there, one.travel.q),
+        Comment(f"master the indicators: lay the {float(to_mm(head.master)):g} mm ball into its socket"),
+        Pause(f"set all three indicators to {shown:.3f} mm, then take the ball out"),
     ]
 
 
@@ -132,9 +124,9 @@ def move_home(cell: Cell) -> JointMove:
     return JointMove(_deg(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def joint_moves(cell: Cell, path: Waypoints, trajectory: Trajectory, bar: bool) -> list[JointMove]:
+def joint_moves(cell: Cell, path: TimedPath, bar: bool) -> list[JointMove]:
     """One joint move a leg of the path, with the blends that the trajectory has."""
-    robot = cell.robot
+    robot, trajectory = cell.robot, path.trajectory
     percent = axis_percent(
         path.q,
         tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
@@ -166,25 +158,35 @@ def _leg_travel(cell: Cell, q: Array) -> Array:
     return np.asarray(np.linalg.norm(np.einsum("lsij,lj->lsi", J, leg), axis=2).max(axis=1) * LEG_MARGIN)
 
 
-def measured_moves(cell: Cell, one: Course) -> list[Instruction]:
-    """The measuring path leg by leg, a mark at every pose."""
+def measured_moves(cell: Cell, path: TimedPath) -> list[Instruction]:
+    """The measuring path leg by leg, a mark at every pose; where the robot rests there, it settles and dwells.
+
+    A ball is centred before the mark: the axes are logged where the centring led them.
+    """
     out: list[Instruction] = []
-    for move in joint_moves(cell, one.measuring, one.trajectory, bar=True):
+    for move in joint_moves(cell, path, bar=True):
         out.append(move)
-        if move.pose is not None:
-            mark = _mark(cell, move.pose)
-            rest = not is_continuous(cell)
-            out += [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rest else mark
+        if move.pose is None:
+            continue
+        mark = _mark(cell, move.pose)
+        if cell.gauge.head is not None:
+            mark = [Centre(nearest_ball(cell, np.deg2rad(move.q_deg)) + 1, move.pose), *mark]
+        out += [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests_at_poses(cell) else mark
     return out
+
+
+def nearest_ball(cell: Cell, q: np.ndarray) -> int:
+    """Return which ball the measured point is nearest to at q (N,) [rad], counted from 0."""
+    return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
 
 
 def _mark(cell: Cell, pose: int) -> list[Instruction]:
     return [Sync(pose), LogAxes(pose)] if cell.controller.log_axes else [Sync(pose)]
 
 
-def dense_moves(cell: Cell, one: Course) -> list[Instruction]:
+def dense_moves(cell: Cell, path: TimedPath) -> list[Instruction]:
     """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
-    trajectory, ids = one.trajectory, one.measuring.visit
+    trajectory, ids = path.trajectory, path.visit
     t = _dense_times(cell, trajectory)
     motion = trajectory.at(t)
     marks = {

@@ -1,6 +1,6 @@
 """What a person must know of a planned session: its programs, its bar lengths, and which effects it tells apart."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,26 +12,30 @@ from planner.design.discrimination.power import UNSURE, Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
-from planner.programs.program_files import dialect_info, program_notes
+from planner.programs.instructions import Program
+from planner.programs.program_files import program_notes
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
-from planner.session.course import Course, is_continuous
-from planner.session.neutral_program import session_program
+from planner.session.course import is_continuous
 from planner.session.plan_types import Drive
 
+STEP = 0.05  # [s] along the path in which reversals are looked for
+MEASURED = ("calibrate", "repeat")
+MUCH = 1.5  # times worse that the index may be before a person is told
 
-def session_notes(cell: Cell, courses: Iterable[Course], plan_id: str, dialects: Iterable[str]) -> tuple[str, ...]:
-    """Return the notes of the session, then those of its program in each dialect; what several share is said once.
 
-    Raises:
-        InputError: no such dialect, or it cannot carry the session.
-    """
-    made = tuple(courses)
+def session_notes(cell: Cell) -> tuple[str, ...]:
+    """Return what of a session is not as a person might have asked for it."""
+    return (*_repeat_notes(cell), *_speed_notes(cell))
+
+
+def shared_notes(programs: Mapping[str, Program]) -> tuple[str, ...]:
+    """Return the notes of a session's programs, one a dialect; what several share is said once."""
     said: dict[str, list[str]] = {}
-    for name in dialects:
-        for text in program_notes(session_program(cell, made, plan_id, dialect_info(name).wants_dense_path), name):
+    for name, program in programs.items():
+        for text in program_notes(program, name):
             said.setdefault(text, []).append(name)
-    return (*_repeat_notes(cell), *_speed_notes(cell), *(f"{', '.join(names)}: {text}" for text, names in said.items()))
+    return tuple(f"{', '.join(names)}: {text}" for text, names in said.items())
 
 
 def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
@@ -65,11 +69,6 @@ def _repeat_notes(cell: Cell) -> list[str]:
         return []
     instead = "every pose is passed twice, there and back" if cell.motion.both_ways else "no pose is visited twice"
     return [f"plan.repeat = {cell.plan.repeat} is for poses at rest: in this continuous session {instead}"]
-
-
-STEP = 0.05  # [s] along the path in which reversals are looked for
-MEASURED = ("calibrate", "repeat")
-MUCH = 1.5  # times worse that the index may be before a person is told
 
 
 def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:

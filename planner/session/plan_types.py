@@ -19,6 +19,8 @@ from planner.programs.rendering import ProgramFile
 from planner.session.course import Course
 
 Role = Literal["calibrate", "repeat", "validate", "mount"]
+Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
+"""Files of the program in each dialect."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class Plan:
     curve: IndexCurve
     drives: tuple[Drive, ...]
     driven: float
-    programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...]
+    programs: Programs
     notes: tuple[str, ...]
     separation: Discrimination | None = None
     foresight: BayesianDesign | None = None

@@ -1,49 +1,41 @@
 """Poses that no path joins to the rest are replaced by the candidates that keep the index best, and told."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
 from planner.design.candidates.pool import PoseSet
 from planner.design.observability.information import find_rule
 from planner.design.pose_selection import PoseChoice
-from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import connected_parts
 
 TRIED = 3000  # candidates that compete for one place
 ROUNDS = 8
 
 
-def replace_unjoined(cell: Cell, pool: PoseSet, choice: PoseChoice, seed: int) -> tuple[PoseChoice, tuple[str, ...]]:
-    """Replace the chosen candidates that lie in another part of the shell than their fixture's mount pose.
+def replace_all(
+    pool: PoseSet, choice: PoseChoice, find_lost: Callable[[PoseChoice], np.ndarray], advice: str
+) -> tuple[PoseChoice, int]:
+    """Replace lost poses until none is lost; returned beside the choice: how many were.
+
+    Args:
+        pool: the candidates.
+        choice: the chosen poses.
+        find_lost: gives the positions of the chosen poses that are to be replaced.
+        advice: what was tried in vain, and what would help.
 
     Raises:
-        NoSolutionError: replacements land in other parts again and again.
+        NoSolutionError: replacements are lost again and again.
     """
     count = 0
     for _ in range(ROUNDS):
-        lost = _unjoined_poses(cell, pool, choice, seed)
+        lost = find_lost(choice)
         if not len(lost):
-            note = f"{count} chosen poses that no path joins to the mount pose were replaced"
-            return choice, (note,) if count else ()
+            return choice, count
         for k in lost:
             choice = replace_pose(pool, choice, int(k))
         count += len(lost)
-    raise NoSolutionError(
-        f"{count} chosen poses could not be joined to the mount pose, nor those put in their places: the cable or an "
-        "obstacle splits the shell into many parts; widen cable limits or choose another gauge.mount_deg"
-    )
-
-
-def _unjoined_poses(cell: Cell, pool: PoseSet, choice: PoseChoice, seed: int) -> np.ndarray:
-    """Positions of the chosen poses that are not in the part of their fixture's mount pose."""
-    lost = []
-    for k, fixture in enumerate(cell.fixtures):
-        mine = np.flatnonzero(choice.fixture == k)
-        states = np.vstack([np.array(fixture.mount), choice.q[mine], pool.q[pool.fixture == k]])
-        part = connected_parts(Constraints(cell, k), states, seed, certain=1 + len(mine))
-        lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
-    return np.concatenate(lost)
+    raise NoSolutionError(f"{count} chosen poses {advice}")
 
 
 def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:

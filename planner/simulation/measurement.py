@@ -13,7 +13,7 @@ from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
 from planner.runs.run import Run, Samples
 from planner.session.course import Course, is_continuous
-from planner.session.plan_file import PlanFile, PoseFile
+from planner.session.document import PlanDocument, PoseRecord
 from planner.simulation.truth import Truth
 
 SAMPLE_RATE = 100.0  # [Hz] of the samples of a run that is measured while moving
@@ -39,7 +39,7 @@ class SimulatedRun(Run):
         return "".join(f"# {line}\n" for line in (*truth, *self.beside.lines()))
 
 
-def planned_samples(cell: Cell, plan: PlanFile, courses: Sequence[Course]) -> Samples:
+def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -> Samples:
     """Return where the arm is told to stand when the gauge is read.
 
     A plan at rest gives one sample a visit, mounting poses left out; one that is driven gives ``RATE`` samples a
@@ -110,12 +110,12 @@ class _FixtureSamples:
     direction: Array
 
 
-def _samples_at_rest(cell: Cell, plan: PlanFile, course: Course) -> _FixtureSamples:
+def _samples_at_rest(cell: Cell, plan: PlanDocument, course: Course) -> _FixtureSamples:
     """Every visit in the middle of its dwell."""
     poses = {p.id: p for p in plan.poses if p.role != "mount"}
     visit = course.measuring.visit
     at = np.flatnonzero(np.isin(visit, list(poses)))
-    visited: list[PoseFile] = [poses[int(k)] for k in visit[at]]
+    visited: list[PoseRecord] = [poses[int(k)] for k in visit[at]]
     t = course.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
     q = course.measuring.q[at]
     none = (0,) * q.shape[1]

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
+from planner.common.progress import Stages
 from planner.instruments.accuracy.precision import (
     Mastering,
     RepeatedCentrings,
@@ -21,8 +22,7 @@ from planner.instruments.accuracy.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
-from planner.session.bar_planning import Stages
-from planner.session.plan_file import PlanFile, read_plan
+from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import draft_folder, move_all
 
@@ -69,9 +69,9 @@ def check_accuracy(
     with stages.stage("reading"):
         run, said = load_runs([path], where.robot.n_joints), read_reference_readings(path)
         _check_kind(where, run)
-        known = None if plan is None else read_plan(plan)
+        known = None if plan is None else read_plan(plan, "drives")
         if plan is not None and known is not None:
-            _check_plan(run, plan, known, where.robot.name)
+            check_run_of_plan(run, plan, known, where.robot.name)
     with stages.stage("judging"):
         if where.gauge.kind == "tracker":
             check_unit(run, where)
@@ -127,14 +127,7 @@ def _check_kind(cell: Cell, run: Run) -> None:
         )
 
 
-def _check_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> None:
-    if plan.robot not in ("", robot):
-        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell's robot is {robot}")
-    if run.plan_id is not None and run.plan_id != plan.plan_id:
-        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
-
-
-def _split_by_role(run: Run, plan: PlanFile) -> tuple[Run, Run | None]:
+def _split_by_role(run: Run, plan: PlanDocument) -> tuple[Run, Run | None]:
     """The poses that the plan validates with and those it calibrates with; all, where the run does not say which is."""
     if run.samples.pose is None:
         return run, None

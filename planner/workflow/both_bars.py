@@ -13,12 +13,14 @@ from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_bytes, write_text
+from planner.common.progress import Stages
 from planner.common.schema import validate
 from planner.common.units import Array, read_only
 from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.plan import Arc, CircularPlan
+from planner.instruments.circular.planning import plan_circles
 from planner.motion.path.constraints import Constraints
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.study.compliance_design.circle_candidates import ANGLES, CirclePlace, find_circle_places
 from planner.study.compliance_design.common_fit import (
@@ -29,7 +31,6 @@ from planner.study.compliance_design.common_fit import (
     select_circles_beside,
 )
 from planner.study.compliance_design.results import common_fit_content
-from planner.workflow.circle_planning import plan_circles
 from planner.workflow.loaded_places import FITTED, UnloadedPoses, load_unloaded_poses, with_circles
 from planner.workflow.planning import plan
 from planner.workflow.writing import cell_text, draft_folder, move_all, write_circular_plan, write_plan

@@ -17,13 +17,13 @@ from planner.common.units import MM, Array, read_only
 from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.inverse_kinematics import solve_ik, tool_frames
 from planner.instruments.circular.plan import CircularPlan
+from planner.instruments.circular.planned_test import circle_samples
 from planner.kinematics.bar_geometry import bar_state
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.plan_types import Plan
 from planner.simulation.measurement import SAMPLE_RATE
 from planner.simulation.truth import draw_truth
-from planner.workflow.plan_reading import circle_samples
 
 ROUNDS = 60
 APART = ("fixture_", "zero")  # errors that are the set-up's, not the robot's or the tool's
@@ -55,7 +55,7 @@ def compare_circle_and_path(circles: CircularPlan, path: Plan, seeds: Iterable[i
     The two plans must be of the same robot, tool and fixture; lengths are without the gauge's noise.
     """
     on_path = sample_plan(path)
-    return compare_samples(circles.cell, circle_samples(circles, ways=False), on_path, seeds)
+    return compare_samples(circles.cell, circle_samples(circles, SAMPLE_RATE, ways=False), on_path, seeds)
 
 
 def compare_samples(cell: Cell, circle: Samples, path: Samples, seeds: Iterable[int]) -> tuple[CircleAndPath, ...]:

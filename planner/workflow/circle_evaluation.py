@@ -6,22 +6,19 @@ from pathlib import Path
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
-from planner.common.errors import InputError
 from planner.common.files import write_text
-from planner.common.schema import read_json, validate
+from planner.common.progress import Stages
 from planner.instruments.circular.evaluation import CircularTest, circular_test_text, evaluate_circles
 from planner.instruments.circular.plan import read_circular_plan
+from planner.instruments.circular.planned_test import load_circular_cell
 from planner.instruments.loaded.evaluation import LoadedOptions
 from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
 from planner.instruments.loaded.results import curves_csv, loaded_text
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
-from planner.runs.run import Run
 from planner.runs.writer import run_text
-from planner.session.bar_planning import Stages
-from planner.session.plan_file import PartialModel
-from planner.workflow.plan_reading import load_circular_cell
+from planner.session.document import check_run_of_plan, read_plan_header
 from planner.workflow.writing import draft_folder, move_all
 
 
@@ -58,13 +55,6 @@ class LoadedTestEvaluation:
     joint: JointFit | None = None
 
 
-class PlanHeader(PartialModel):
-    """What a plan says of itself."""
-
-    plan_id: str
-    robot: str
-
-
 def evaluate_loaded(
     runs: Sequence[Path],
     cell: str,
@@ -89,20 +79,12 @@ def evaluate_loaded(
         other = None if tracker is None else load_runs([tracker], where.robot.n_joints)
         free = load_runs(unloaded, where.robot.n_joints) if unloaded else None
         if plan is not None:
-            _check_plan(run, plan, where.robot.name)
+            check_run_of_plan(run, plan, read_plan_header(plan), where.robot.name)
     with stages.stage("evaluation"):
         found = evaluate(run, where, other, options)
         if free is None:
             return LoadedTestEvaluation(found)
         return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)))
-
-
-def _check_plan(run: Run, path: Path, robot: str) -> None:
-    plan = validate(read_json(path), PlanHeader, str(path))
-    if run.plan_id is not None and run.plan_id != plan.plan_id:
-        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
-    if plan.robot != robot:
-        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell has the robot {robot}")
 
 
 def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> list[Path]:

@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
+from planner.common.progress import Stages
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
 from planner.identification.pipeline import FitSettings, identify
@@ -18,8 +19,7 @@ from planner.instruments.accuracy.precision import check_mastering
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
-from planner.session.bar_planning import Stages
-from planner.session.plan_file import PlanFile, read_plan
+from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import draft_folder, move_all
@@ -48,7 +48,7 @@ def identify_runs(
         run = _with_mastering_warnings(where, load_runs(runs, where.robot.n_joints), runs)
         other = None if validate is None else load_runs([validate], where.robot.n_joints)
         if plan is not None:
-            run, kept_out = _split_by_plan(run, plan, read_plan(plan), where.robot.name)
+            run, kept_out = _split_by_plan(run, plan, read_plan(plan, "drives"), where.robot.name)
             other = other or kept_out
         for each in (run, other):
             if each is not None:
@@ -69,12 +69,9 @@ def _with_mastering_warnings(cell: Cell, run: Run, paths: Sequence[Path]) -> Run
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
 
 
-def _split_by_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> tuple[Run, Run | None]:
+def _split_by_plan(run: Run, path: Path, plan: PlanDocument, robot: str) -> tuple[Run, Run | None]:
     """Return the run without the plan's validation poses, and these."""
-    if plan.robot not in ("", robot):
-        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell's robot is {robot}")
-    if run.plan_id is not None and run.plan_id != plan.plan_id:
-        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+    check_run_of_plan(run, path, plan, robot)
     if run.samples.pose is None:
         return run, None
     aside = np.isin(run.samples.pose, plan.ids("validate"))
@@ -87,7 +84,7 @@ def _split_by_plan(run: Run, path: Path, plan: PlanFile, robot: str) -> tuple[Ru
     return run.take(~aside), replace(run.take(aside), name=f"{run.name}, validation poses")
 
 
-def _check_places(run: Run, path: Path, plan: PlanFile) -> None:
+def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
     """Refuse a run that measured a pose elsewhere than the plan has it: at another ball, fixture or tool point."""
     assert run.samples.pose is not None
     planned = {p.id: p for p in plan.poses}

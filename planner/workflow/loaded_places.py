@@ -11,10 +11,10 @@ from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
+from planner.common.progress import Stages
 from planner.common.schema import validate
 from planner.common.units import Array, from_deg, from_mm, to_mm
-from planner.session.bar_planning import Stages
-from planner.session.plan_file import read_plan
+from planner.session.document import read_plan
 from planner.study.compliance_design.circle_candidates import CirclePlace, own_circle
 from planner.study.compliance_design.common_fit import CommonFit, predict_common_fit
 from planner.study.compliance_design.place_selection import CirclePlaceChoice, study_circle_places

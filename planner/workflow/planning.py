@@ -1,14 +1,15 @@
-"""``plan()`` for every kind of gauge."""
+"""``plan()``: the plan of a cell, whatever its gauge."""
 
 from dataclasses import replace
 
 from planner.cell.cell import Cell
+from planner.common.progress import Stages
 from planner.design.free_parameters import check_effects
-from planner.session.bar_planning import PlanOptions, Stages
-from planner.session.bar_planning import plan_bar as plan_with_bar
-from planner.session.option_checks import check_point_options
+from planner.session.bar_poses import BarPoses
+from planner.session.options import PlanOptions, check_point_options
 from planner.session.plan_types import Plan
-from planner.session.point_planning import plan_points
+from planner.session.planning import plan_session
+from planner.session.point_poses import PointPoses
 
 
 def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
@@ -21,14 +22,12 @@ def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
     check_effects(cell)
     if not cell.gauge.is_attached:
         check_point_options(cell, options)
-        return plan_points(cell, options, stages)
+        return plan_session(PointPoses(cell, options), options, stages)
     if options.fixtures is None:
-        return plan_with_bar(cell, options, stages)
-    # matplotlib: other plans start quicker without
-    from planner.study.fixture_addition import add_fixtures as with_fixtures
-    from planner.study.fixture_addition import describe_added_fixtures as built
+        return plan_session(BarPoses(cell, options), options, stages)
+    from planner.study.fixture_addition import add_fixtures, describe_added_fixtures
 
     with stages.stage("fixtures"):
-        cell = with_fixtures(cell, options.fixtures, options.seed, stages.say)
-    made = plan_with_bar(cell, options, stages)
-    return replace(made, notes=(*built(cell), *made.notes))
+        cell = add_fixtures(cell, options.fixtures, options.seed, stages.say)
+    made = plan_session(BarPoses(cell, options), options, stages)
+    return replace(made, notes=(*describe_added_fixtures(cell), *made.notes))

@@ -3,7 +3,7 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -15,15 +15,14 @@ import tomli_w
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder, write_text
+from planner.common.progress import Stages
 from planner.instruments.circular.plan import CircularPlan, circular_text
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
 from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
-from planner.session.bar_planning import Stages
-from planner.session.plan_file import plan_text
-from planner.session.plan_types import Plan
+from planner.session.plan_record import document_text, plan_document
+from planner.session.plan_types import Plan, Programs
 
-Programs = Iterable[tuple[str, tuple[ProgramFile, ...]]]
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
@@ -38,7 +37,7 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
         with stages.stage("report"):
             write_driven(plan.cell, plan.programs, trajectory_csv(plan), draft)
             write_report(plan, draft)
-            write_text(draft / "plan.json", plan_text(plan))
+            write_text(draft / "plan.json", document_text(plan_document(plan).content()))
         return write_timings(stages, draft, folder)
 
 

@@ -3,8 +3,9 @@
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.session.bar_planning import PlanOptions, Stages
-from planner.workflow.circle_planning import plan_circles
+from planner.common.progress import Stages
+from planner.instruments.circular.planning import plan_circles
+from planner.session.options import PlanOptions
 
 ARC = """
 [[circles]]

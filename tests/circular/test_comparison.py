@@ -5,10 +5,11 @@ import pytest
 
 from planner.cell.setup import Targets
 from planner.design.candidates.pool import draw_candidates
+from planner.instruments.circular.planned_test import circle_samples
 from planner.runs.run import Samples
+from planner.simulation.measurement import SAMPLE_RATE
 from planner.simulation.truth import draw_truth
 from planner.workflow.circle_comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
-from planner.workflow.plan_reading import circle_samples
 
 
 def test_published_numbers():
@@ -19,7 +20,7 @@ def test_published_numbers():
 def test_a_circle_uses_and_shows_less(planned):
     poses = draw_candidates(planned.cell, 300, 0).q
     shell = Samples(q=poses, place=np.zeros(len(poses), dtype=int))
-    found = compare_samples(planned.cell, circle_samples(planned, ways=False), shell, range(4))
+    found = compare_samples(planned.cell, circle_samples(planned, SAMPLE_RATE, ways=False), shell, range(4))
     for one in found:
         assert 0.0 < one.circle.length < 20e-3 < 150e-3 < one.path.length
         # the planned length does not change on a circle: all that the bar does there is deviation

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.instruments.circular.planned_test import circle_samples
+from planner.instruments.circular.planning import plan_circles
+from planner.instruments.circular.program import circle_program
 from planner.programs.instructions import Pause
-from planner.session.bar_planning import PlanOptions
-from planner.workflow.circle_planning import circle_program, plan_circles
-from planner.workflow.plan_reading import circle_samples
+from planner.session.options import PlanOptions
+from planner.simulation.measurement import SAMPLE_RATE
 from tests.circular.conftest import quiet
 
 CIRCLE = """
@@ -54,6 +56,6 @@ def test_the_operator_sets_every_load_once(loaded):
 
 
 def test_a_simulated_run_carries_the_load(loaded):
-    force = circle_samples(loaded).force
+    force = circle_samples(loaded, SAMPLE_RATE).force
     assert force is not None
     assert set(np.unique(force)) == {125.0, 250.0}

@@ -9,8 +9,9 @@ import pytest
 from planner.common.errors import InputError
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import circular_text, read_circular_plan
+from planner.instruments.circular.planned_test import circle_samples
 from planner.runs.run import Readings, Run
-from planner.workflow.plan_reading import circle_samples
+from planner.simulation.measurement import SAMPLE_RATE
 
 PLAY = 6e-5  # [rad] of joint 1
 SHIFT = np.array([2e-4, -3e-4, 0.0])  # [m] of the fixture
@@ -26,7 +27,7 @@ def plan_file(planned, tmp_path_factory):
 @pytest.fixture(scope="module")
 def made(planned):
     """The run, and the true bar's length as a function of the joint angles."""
-    cell, samples = planned.cell, circle_samples(planned)
+    cell, samples = planned.cell, circle_samples(planned, SAMPLE_RATE)
     model, frames = cell.robot.pin_model()
     data, (joint, placement) = model.createData(), frames[-1]
 

@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 
 from planner.instruments.circular.arc import axis_limits
+from planner.instruments.circular.program import circle_program
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.program_files import dialect_info, read_back
-from planner.workflow.circle_planning import circle_program
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 
@@ -75,7 +75,7 @@ def test_nothing_collides_on_the_way(planned):
         world = CollisionWorld.from_cell(planned.cell, drive.fixture)
         for one in drive.passes:
             assert not world.collides(one.trajectory.sample(0.25).q).any()
-        assert not world.without_bar().collides(drive.way_trajectory.sample(0.1).q).any()
+        assert not world.without_bar().collides(drive.travel.trajectory.sample(0.1).q).any()
         assert all(v.clear for v in drive.verdicts)
         assert all(v.clear for a in drive.arcs for v in a.verdicts)
 
@@ -87,7 +87,7 @@ def test_passes_follow_each_other_and_measure_both_directions(planned):
     for a, b in zip(drive.passes, drive.passes[1:], strict=False):
         assert np.abs(a.points.q[-1] - b.points.q[0]).max() < 1e-6
     mount = planned.cell.fixtures[0].mount
-    assert np.abs(drive.way.q[-1] - mount).max() == 0.0
+    assert np.abs(drive.travel.q[-1] - mount).max() == 0.0
     assert np.abs(drive.passes[-1].points.q[-1] - mount).max() < 1e-6
     marks = [m for p in drive.passes for m in p.marks]
     assert marks == list(range(8))

@@ -9,8 +9,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.plan import read_circular_plan
-from planner.session.bar_planning import PlanOptions
-from planner.workflow.circle_planning import plan_circles
+from planner.instruments.circular.planning import plan_circles
+from planner.session.options import PlanOptions
 from tests.circular.conftest import ARC, cell_file, quiet
 
 ROUND = "\n[[circles]]\nradius_mm = 350\n"

@@ -12,8 +12,9 @@ import tests.loaded.shared as shared
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Stages
 from planner.design.selection.d_optimal import augment_design
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.options import PlanOptions
 from planner.study.compliance_design.circle_candidates import find_circle_places
 from planner.study.compliance_design.common_fit import (
     has_same_tool,

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 import tests.loaded.shared as shared
 import tests.loaded.world as world
+from planner.common.progress import Stages
 from planner.identification.pipeline import FitSettings
 from planner.instruments.loaded.evaluation import compare_with_tracker
 from planner.instruments.loaded.joint_fit import averaged_run, fit_jointly
@@ -16,7 +17,6 @@ from planner.report.loaded_report import loaded_charts
 from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run
-from planner.session.bar_planning import Stages
 from planner.workflow.circle_evaluation import evaluate_loaded, write_loaded
 from planner.workflow.identification import identify_runs
 

@@ -12,9 +12,9 @@ import tests.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Stages
 from planner.instruments.loaded.compliance import fit_compliances
 from planner.instruments.loaded.curves import average_curves
-from planner.session.bar_planning import Stages
 from planner.study.compliance_design.circle_candidates import find_circle_places, find_own_place
 from planner.study.compliance_design.common_fit import predict_common_fit
 from planner.study.compliance_design.place_selection import (

@@ -3,9 +3,10 @@
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.common.progress import Stages
+from planner.instruments.circular.planning import plan_circles
+from planner.session.options import PlanOptions
 from planner.workflow.circle_comparison import PAPER, compare_circle_and_path
-from planner.workflow.circle_planning import plan_circles
 from planner.workflow.planning import plan
 
 ROBOTS = 20

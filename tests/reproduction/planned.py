@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.common.progress import Stages
+from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.planning import plan
 from tests.reproduction.truth import TOOL_COM_MM, TOOL_KG
@@ -69,7 +70,7 @@ def stops(made: Plan, *roles) -> list[Stop]:
 
 def minutes(made: Plan) -> float:
     """Time of the robot and of the person who attaches the gauge [min]."""
-    seconds = sum(d.trajectory.duration_s + 2 * d.course.travel_trajectory.duration_s for d in made.drives)
+    seconds = sum(d.trajectory.duration_s + 2 * d.course.travel.trajectory.duration_s for d in made.drives)
     return seconds / 60 + ATTACH_MIN * len(made.drives)
 
 

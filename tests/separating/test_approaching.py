@@ -12,7 +12,7 @@ from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import ProvenPath
 from planner.runs.run import Samples
-from planner.session.bar_drive import approach_from_sides
+from planner.session.approaches import approach_from_sides
 from tests.separating.test_refusals import file
 from tests.separating.worlds import NJ, cell, pool, usual
 

@@ -14,7 +14,7 @@ from planner.design.candidates.balls import draw_ball_candidates
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
-from planner.session.plan_file import read_plan
+from planner.session.document import read_plan
 from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate, warn_uncentred_balls
 from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_reading import simulate_plan

@@ -5,7 +5,8 @@ import tomli_w
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.common.progress import Stages
+from planner.session.options import PlanOptions
 from planner.workflow.planning import plan
 
 
@@ -90,7 +91,7 @@ def test_the_balls_stand_where_table_1_and_table_8_put_them():
 
 
 def test_an_effect_without_a_name_is_told_before_candidates_are_drawn(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.session.point_planning.draw_ball_candidates", lambda *_: pytest.fail("drawn"))
+    monkeypatch.setattr("planner.session.point_poses.draw_ball_candidates", lambda *_: pytest.fail("drawn"))
     path = changed(tmp_path, "trical", ('effects = ["joint compliance"]', 'effects = ["joint complience"]'))
     with pytest.raises(InputError, match=r"did you mean .joint compliance"):
         plan(load_cell(path), PlanOptions(), Stages(lambda *_: None))

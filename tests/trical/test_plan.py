@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
+from planner.common.progress import Stages
 from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.programs.program_files import dialect_info, read_back, verify
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
-from planner.session.bar_planning import PlanOptions, Stages, program_files
 from planner.session.neutral_program import session_program
-from planner.session.plan_file import plan_content
+from planner.session.options import PlanOptions
+from planner.session.plan_record import plan_document
+from planner.session.planning import with_programs
 from planner.workflow.planning import plan
 from planner.workflow.writing import write_plan
 
@@ -82,7 +84,7 @@ def test_the_head_is_mastered_upright(planned):
 
 
 def test_plan_json(planned):
-    content = plan_content(planned)
+    content = plan_document(planned).content()
     json.dumps(content)
     assert len(content["parameters"]) == 31
     centred = [p for p in content["poses"] if p["role"] != "mount"]
@@ -97,8 +99,12 @@ def test_plan_json(planned):
     assert content["funnel"]["contact"] >= 400
 
 
+def written(plan, dialect):
+    return dict(with_programs(plan, (dialect,)).programs)[dialect]
+
+
 def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned):
-    files = program_files(planned, "krl")
+    files = written(planned, "krl")
     found = read_back("krl", files)
     ball = {v.id: v.ball + 1 for v in planned.drives[0].visits}
     assert [(b, p) for _, b, p in found.centrings] == [
@@ -118,7 +124,7 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
 def test_a_dialect_without_a_centring_call_is_refused(planned):
     for name in ("rapid", "din66025"):
         with pytest.raises(InputError, match="no call of a centring routine"):
-            program_files(planned, name)
+            written(planned, name)
 
 
 def test_it_is_written_whole(planned, tmp_path):

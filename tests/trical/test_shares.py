@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
+from planner.common.progress import Stages
 from planner.design.observability.information import index_value
 from planner.design.pose_selection import identify_candidates, select_poses
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.index_bound import certify_bound
-from planner.session.bar_planning import PlanOptions, Stages
+from planner.session.options import PlanOptions
 from planner.workflow.planning import plan
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
+from planner.common.progress import Stages
 from planner.kinematics.chain import Chain
-from planner.session.bar_planning import PlanOptions, Stages
-from planner.session.plan_file import plan_content
+from planner.session.options import PlanOptions
+from planner.session.plan_record import plan_document
 from planner.workflow.planning import plan
 
 
@@ -37,7 +38,7 @@ def test_poses_only_validate_and_are_visited_once(planned):
     assert [v.role for v in visits].count("validate") == 25
     assert {v.role for v in visits} == {"validate", "mount"}
     assert len({tuple(v.q) for v in visits}) == 26
-    content = plan_content(planned)
+    content = plan_document(planned).content()
     assert "ball" not in content["poses"][1]
     assert content["tour"]["cost_s"] < 0.7 * content["tour"]["unsorted_s"]
 

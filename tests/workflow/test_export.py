@@ -9,7 +9,8 @@ import pytest
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
 from planner.session.course import Waypoints, round_angles, time_course
-from planner.session.notes import bar_notes, session_notes
+from planner.session.neutral_program import assemble_programs, session_program
+from planner.session.notes import bar_notes, session_notes, shared_notes
 from planner.session.plan_types import Drive, Visit
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.writing import cell_text, write_program_as
@@ -120,7 +121,7 @@ def test_repeats_that_a_continuous_session_does_not_drive_are_told(tmp_path):
         path = tmp_path / f"{measure}{repeat}.toml"
         path.write_text(_with(text, measure, repeat))
         cell = read_cell(path, "cell")
-        told = session_notes(cell, [_course(cell)], "0" * 12, ["krl"])
+        told = session_notes(cell)
         assert any(n.startswith(f"plan.repeat = {repeat} is for poses at rest") for n in told) == expected
 
 
@@ -128,7 +129,11 @@ def test_notes_that_programs_share_are_said_once():
     cell = load_cell("ur10/edbb")
     q = round_angles(np.array([cell.home, cell.home + 0.1, cell.home]))
     way = Waypoints(q, np.array([-1, 1, -1]), np.zeros(3))
-    told = session_notes(cell, [time_course(cell, 0, way, way)], "0" * 12, ["krl", "rapid", "pdl2"])
+    courses = [time_course(cell, 0, way, way)]
+    programs = assemble_programs(
+        ("krl", "rapid", "pdl2"), lambda dense: session_program(cell, courses, "0" * 12, dense)
+    )
+    told = shared_notes(programs)
     assert sum("sync_output" in n for n in told) == sum("gauge_input" in n for n in told) == 1
     assert all(n.startswith("krl, rapid, pdl2: ") for n in told if "controller." in n)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.common.progress import Stages
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
-from planner.session.bar_planning import Stages
 from planner.workflow.identification import identify_runs
 from planner.workflow.plan_reading import simulate_plan
 from tests import command

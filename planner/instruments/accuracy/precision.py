@@ -8,12 +8,11 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
-from planner.common.schema import read_json, validate
 from planner.common.units import UM, Array, read_only, to_mm
 from planner.model.model import Model
 from planner.runs.reference_readings import ReferenceReadings
 from planner.runs.run import Run, Samples
-from planner.session.plan_file import PartialModel
+from planner.session.document import read_plan
 
 TOLERANCE = (
     3 * UM
@@ -78,23 +77,13 @@ class Precision:
     axis_std: Array
 
 
-class _Pose(PartialModel):
-    id: int
-    repeats: int | None = None
-
-
-class _Poses(PartialModel):
-    poses: tuple[_Pose, ...]
-
-
 def repeat_groups(plan: Path) -> dict[int, int]:
     """Return for each pose of the plan at ``plan`` the one that it repeats, or itself.
 
     Raises:
         InputError: no plan.
     """
-    found = validate(read_json(plan), _Poses, str(plan))
-    return {p.id: p.id if p.repeats is None else p.repeats for p in found.poses}
+    return {p.id: p.id if p.repeats is None else p.repeats for p in read_plan(plan, "poses").poses}
 
 
 def repeat_precision(position: Array, group: np.ndarray, reference: Array | None = None) -> Precision:

@@ -5,53 +5,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from pydantic import Field
 
 from planner.common.errors import InputError
-from planner.common.schema import read_json, validate
 from planner.common.units import Array, from_deg, read_only, to_deg
-from planner.session.plan_file import PartialModel
+from planner.session.document import PlanDocument, read_plan
 
 SAME_POINT = 1e-6  # [deg] two points of the way are one
-
-
-class CentringPoseFile(PartialModel):
-    """A pose with the ball that is centred there; without one it is only passed."""
-
-    id: int
-    q_deg: tuple[float, ...]
-    ball: str | int | None = None
-
-
-class CentringSupportFile(PartialModel):
-    """A support pose, driven after a pose."""
-
-    after: int
-    q_deg: tuple[float, ...]
-
-
-class CentringWaypointFile(PartialModel):
-    """One point of the driven way; ``visit`` is the id of the pose or −1."""
-
-    q_deg: tuple[float, ...]
-    visit: int = -1
-
-
-class CentringDriveFile(PartialModel):
-    """One drive: from home to its start, then through its poses."""
-
-    travel: tuple[CentringWaypointFile, ...] = ()
-    waypoints: tuple[CentringWaypointFile, ...] = ()
-
-
-class CentringPlan(PartialModel):
-    """What a centring needs of ``plan.json``."""
-
-    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
-    robot: str
-    poses: tuple[CentringPoseFile, ...] = Field(min_length=1)
-    supports: tuple[CentringSupportFile, ...] = ()
-    drives: tuple[CentringDriveFile, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -114,18 +73,18 @@ def read_planned_path(path: Path) -> PlannedPath:
     Raises:
         InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no way between.
     """
-    plan = validate(read_json(path), CentringPlan, str(path))
+    plan = read_plan(path, "robot", "poses")
     points = _drive_points(plan) if plan.drives else _pose_points(plan)
     counts = sorted({len(q) for q, _ in points})
     if len(counts) != 1:
         raise InputError(f"{path}: its poses have {' and '.join(map(str, counts))} joint angles; all need the same")
-    balls = {p.id: str(p.ball) for p in plan.poses if p.ball is not None}
+    balls = {p.id: p.ball for p in plan.poses if p.ball is not None}
     visits = [BallVisit(visit, balls[visit], k) for k, (_, visit) in enumerate(points) if visit in balls]
     _check(path, visits, balls)
     return PlannedPath(plan.plan_id, plan.robot, read_only(from_deg([q for q, _ in points])), tuple(visits))
 
 
-def _drive_points(plan: CentringPlan) -> list[tuple[tuple[float, ...], int]]:
+def _drive_points(plan: PlanDocument) -> list[tuple[tuple[float, ...], int]]:
     """Points of the drives; the last one of the travel is the first one measured."""
     points: list[tuple[tuple[float, ...], int]] = []
     for drive in plan.drives:
@@ -137,7 +96,7 @@ def _drive_points(plan: CentringPlan) -> list[tuple[tuple[float, ...], int]]:
     return points
 
 
-def _pose_points(plan: CentringPlan) -> list[tuple[tuple[float, ...], int]]:
+def _pose_points(plan: PlanDocument) -> list[tuple[tuple[float, ...], int]]:
     """Poses with the support poses that follow each."""
     points: list[tuple[tuple[float, ...], int]] = []
     for pose in plan.poses:

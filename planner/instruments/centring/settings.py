@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
 
 from planner.common.errors import InputError
-from planner.common.schema import StrictModel, read_toml
+from planner.common.schema import PartialModel, StrictModel, read_toml
 from planner.common.units import Array
 from planner.kinematics.bodies import Vector
-from planner.session.plan_file import PartialModel
 
 Matrix = tuple[Vector, Vector, Vector]
 

@@ -21,10 +21,10 @@ from planner.instruments.circular.inverse_kinematics import solve_ik
 from planner.instruments.circular.plan import Arc
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.verdict import judge_path
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import Trajectory, check_limits, plan_trajectory
 from planner.session.course import round_angles
+from planner.session.release import judge_corners
 
 
 def check_loads(cell: Cell) -> None:
@@ -118,9 +118,7 @@ def _finish_arc(
         constraints = _with_mount(constraints, q[0] if circle.directions[0] == "ccw" else q[-1])
     blend = cell.motion.blend or cell.motion.clearance
     trajectory, back = (time_points(cell, points, circle.speed, blend) for points in (q, q[::-1]))
-    corner = np.flatnonzero(~trajectory.stop)
-    triangles = np.stack([trajectory.entry[corner], q[corner], trajectory.exit[corner]], axis=1)
-    verdicts = judge_path(constraints, q, triangles)
+    verdicts, _ = judge_corners(constraints, q, trajectory)
     bad = [f for v in verdicts for f in v.failures]
     if bad:
         return None, bad[0]

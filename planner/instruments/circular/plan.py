@@ -1,8 +1,7 @@
 """A planned circular test: its circles, passes and drives, and their ``plan.json``."""
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -11,13 +10,21 @@ from pydantic import Field
 
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CircleDirection
-from planner.common.schema import read_json, validate
+from planner.common.schema import PartialModel, read_json, validate
 from planner.common.units import Array, to_deg, to_mm
 from planner.motion.path.verdict import Verdict
 from planner.motion.timing.trajectory import LimitReport, Trajectory
-from planner.programs.rendering import ProgramFile
-from planner.session.course import Waypoints
-from planner.session.plan_file import SCHEMA, PartialModel, WaypointFile, content_hash, round_numbers
+from planner.session.course import TimedPath, Waypoints
+from planner.session.document import SCHEMA, PlanHeader, WaypointRecord
+from planner.session.plan_record import (
+    closing_record,
+    content_hash,
+    document_text,
+    round_numbers,
+    verdict_records,
+    waypoint_records,
+)
+from planner.session.plan_types import Programs
 
 SPEED_SAMPLES = 2000
 
@@ -86,26 +93,29 @@ class CircularPass:
         direction: in which, "" on the way.
         load: force along the bar [N], ``None`` without.
         repeat: counts from 0.
-        points: the path, with the ids of the marks at both ends of the sweep.
-        trajectory: the path in time.
+        path: with the ids of the marks at both ends of the sweep.
     """
 
     arc: int | None
     direction: CircleDirection | str
     load: float | None
     repeat: int
-    points: Waypoints
-    trajectory: Trajectory
+    path: TimedPath
 
     @classmethod
-    def between(cls, points: Waypoints, trajectory: Trajectory) -> "CircularPass":
+    def between(cls, path: TimedPath) -> "CircularPass":
         """Return the way from one circle to the next."""
-        return cls(None, "", None, 0, points, trajectory)
+        return cls(None, "", None, 0, path)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The path in time."""
+        return self.path.trajectory
 
     @property
     def marks(self) -> tuple[int, ...]:
         """Ids of the marks on the way."""
-        return tuple(int(v) for v in self.points.visit if v >= 0)
+        return tuple(int(v) for v in self.path.visit if v >= 0)
 
 
 @dataclass(frozen=True)
@@ -115,15 +125,14 @@ class CircularDrive:
     Attributes:
         fixture: which.
         arcs: its circles.
-        way: from home to the mount pose, without the bar; way_trajectory: in time. It is driven back at the end.
+        travel: from home to the mount pose, without the bar; it is driven back at the end.
         passes: with the bar on, from the mount pose back to it, in order.
         verdicts: of both engines on the travel and on the ways between circles.
     """
 
     fixture: int
     arcs: tuple[Arc, ...]
-    way: Waypoints
-    way_trajectory: Trajectory
+    travel: TimedPath
     passes: tuple[CircularPass, ...]
     verdicts: tuple[Verdict, ...] = ()
 
@@ -141,7 +150,7 @@ class CircularPlan:
     cell: Cell
     seed: int
     drives: tuple[CircularDrive, ...]
-    programs: tuple[tuple[str, tuple[ProgramFile, ...]], ...] = ()
+    programs: Programs = ()
     notes: tuple[str, ...] = ()
 
 
@@ -157,7 +166,8 @@ def measured_passes(arcs: Sequence[Arc], number: int) -> Iterator[CircularPass]:
                     ids = np.full(len(points.q), -1)
                     ids[np.flatnonzero(points.visit >= 0)] = (number, number + 1)
                     number += 2
-                    yield CircularPass(k, direction, load, repeat, replace(points, visit=ids), trajectory)
+                    timed = TimedPath(points.q, ids, points.blend, trajectory)
+                    yield CircularPass(k, direction, load, repeat, timed)
 
 
 class ArcFile(PartialModel):
@@ -183,23 +193,21 @@ class PassFile(PartialModel):
 
     circle: str | None = None
     direction: str = ""
-    way: tuple[WaypointFile, ...] = ()
+    way: tuple[WaypointRecord, ...] = ()
 
 
 class CircularSessionFile(PartialModel):
     """What is driven about one fixture."""
 
     fixture: str
-    travel: tuple[WaypointFile, ...] = Field(min_length=2)
+    travel: tuple[WaypointRecord, ...] = Field(min_length=2)
     passes: tuple[PassFile, ...]
 
 
-class CircularPlanFile(PartialModel):
+class CircularPlanFile(PlanHeader):
     """The keys of a circular test's ``plan.json`` that are read later."""
 
-    schema_: Literal["edbb-plan/1"] = Field(alias="schema")
     kind: Literal["circular"]
-    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
     robot: str
     seed: int = 0
     circles: tuple[ArcFile, ...] = Field(min_length=1)
@@ -228,16 +236,14 @@ def read_circular_plan(path: Path) -> CircularPlanFile:
 def circular_content(plan: CircularPlan) -> dict[str, object]:
     """Return what ``plan.json`` says."""
     content = {"schema": SCHEMA, "kind": "circular", "plan_id": plan.plan_id, **_content_of(plan)}
-    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
-    content["notes"] = list(plan.notes)
-    out = round_numbers(content)
+    out = round_numbers(content | closing_record(plan.programs, plan.notes))
     assert isinstance(out, dict)
     return out
 
 
 def circular_text(plan: CircularPlan) -> str:
     """Return the text of ``plan.json``."""
-    return json.dumps(circular_content(plan), indent=1, ensure_ascii=False) + "\n"
+    return document_text(circular_content(plan))
 
 
 def circular_identity(plan: CircularPlan) -> str:
@@ -256,7 +262,7 @@ def _content_of(plan: CircularPlan) -> dict[str, object]:
         "path": {
             "checked": "continuous",
             "clearance_mm": min(v.clearance for v in verdicts) * 1e3,
-            "verdicts": [{"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3} for v in verdicts],
+            "verdicts": verdict_records(verdicts),
         },
         "trajectory": {
             "duration_s": sum(d.duration for d in drives),
@@ -298,7 +304,7 @@ def _session(cell: Cell, drive: CircularDrive) -> dict[str, object]:
     """What is driven about one fixture, from home and back, with all that a later export needs."""
     return {
         "fixture": cell.fixtures[drive.fixture].name,
-        "travel": _waypoints(drive.way),
+        "travel": waypoint_records(drive.travel),
         "passes": [_pass(drive, p) for p in drive.passes],
     }
 
@@ -306,14 +312,7 @@ def _session(cell: Cell, drive: CircularDrive) -> dict[str, object]:
 def _pass(drive: CircularDrive, one: CircularPass) -> dict[str, object]:
     time = {"duration_s": one.trajectory.duration_s}
     if one.arc is None:
-        return {"way": _waypoints(one.points), **time}
+        return {"way": waypoint_records(one.path), **time}
     loaded = {} if one.load is None else {"load_N": one.load}
     named = {"circle": drive.arcs[one.arc].circle.name, "direction": one.direction, "repeat": one.repeat}
     return {**named, **loaded, "marks": list(one.marks), **time}
-
-
-def _waypoints(path: Waypoints) -> list[dict[str, object]]:
-    return [
-        {"q_deg": to_deg(q), "visit": int(v), "blend_mm": float(r) * 1e3}
-        for q, v, r in zip(path.q, path.visit, path.blend, strict=True)
-    ]

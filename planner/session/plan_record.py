@@ -1,106 +1,39 @@
-"""``plan.json``: written in the contract's keys, the same bytes for the same input and seed, and read back later."""
+"""What ``plan.json`` says of a finished plan: the same bytes for the same input and seed."""
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from planner.cell.cell import Cell
-from planner.common.errors import InputError
-from planner.common.schema import read_json, validate
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice
 from planner.design.undeclared_errors import ASSUMED
+from planner.motion.path.verdict import Verdict
 from planner.session.course import DIGITS, Waypoints
-from planner.session.plan_types import Drive, Plan, Visit
+from planner.session.document import SCHEMA, PlanDocument
+from planner.session.plan_types import Drive, Plan, Programs, Visit
 
 
-class PartialModel(BaseModel):
-    """A part of plan.json: only what is needed later is checked, the rest is passed over."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class WaypointFile(PartialModel):
-    """One waypoint of a driven path."""
-
-    q_deg: tuple[float, ...]
-    visit: int
-    blend_mm: float = Field(ge=0)
-
-
-class DriveFile(PartialModel):
-    """What is driven with the bar on one fixture, at one tool point where there are several."""
-
-    fixture: str
-    point: str = ""
-    travel: tuple[WaypointFile, ...]
-    waypoints: tuple[WaypointFile, ...]
-
-
-class PoseFile(PartialModel):
-    """One pose in visiting order."""
-
-    id: int
-    q_deg: tuple[float, ...]
-    role: Literal["calibrate", "repeat", "validate", "mount"]
-    approach: tuple[int, ...] = ()
-    fixture: str = ""
-    point: str = ""
-    ball: str | None = None
-
-
-class PlanFile(PartialModel):
-    """The keys of ``plan.json`` that are read later."""
-
-    schema_: Literal["edbb-plan/1"] = Field(alias="schema")
-    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
-    robot: str = ""
-    drives: tuple[DriveFile, ...] = Field(min_length=1)
-    poses: tuple[PoseFile, ...] = ()
-
-    def ids(self, *roles: str) -> list[int]:
-        """Ids of the poses with one of these roles, of all without any named."""
-        return [p.id for p in self.poses if not roles or p.role in roles]
-
-
-def read_plan(path: Path) -> PlanFile:
-    """Read the plan at ``path``.
-
-    Raises:
-        InputError: no such file, no plan, or a plan of circles.
-    """
-    content = read_json(path)
-    if isinstance(content, dict) and content.get("kind") == "circular":
-        raise InputError(
-            f"{path}: is a plan of circles, and a plan of poses is needed here; runs of circles are for edbb circular, "
-            "those under load for edbb loaded"
-        )
-    return validate(content, PlanFile, str(path))
-
-
-SCHEMA = "edbb-plan/1"
-
-
-def plan_content(plan: Plan) -> dict[str, object]:
-    """Return what ``plan.json`` says, in the contract's keys."""
+def plan_document(plan: Plan) -> PlanDocument:
+    """Return a plan as the document that ``plan.json`` holds."""
     content = {"schema": SCHEMA, "plan_id": plan.plan_id, **plan_record(plan)}
-    content["programs"] = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
-    content["notes"] = list(plan.notes)
-    short = round_numbers(content)
-    assert isinstance(short, dict)
-    return short
+    return PlanDocument.model_validate(round_numbers(content | closing_record(plan.programs, plan.notes)))
 
 
-def plan_text(plan: Plan) -> str:
+def document_text(content: object) -> str:
     """Return the text of ``plan.json``."""
-    return json.dumps(plan_content(plan), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, object]:
+    """Return what any plan says last: its programs and its notes."""
+    files = [{"dialect": name, "file": f.name} for name, files in programs for f in files]
+    return {"programs": files, "notes": list(notes)}
 
 
 def plan_hash(plan: Plan) -> str:
@@ -233,11 +166,7 @@ def _path_record(drives: tuple[Drive, ...], bar: bool) -> dict[str, object]:
         "checked": "continuous",
         "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
         **(lengths if bar else {}),
-        "verdicts": [
-            {"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3}
-            for d in drives
-            for v in d.verdicts
-        ],
+        "verdicts": verdict_records(v for d in drives for v in d.verdicts),
     }
 
 
@@ -246,16 +175,22 @@ def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
     m, measuring = len(drive.path.q), drive.course.measuring
     return {
         **_place_record(plan.cell, drive.fixture),
-        "travel": _waypoint_records(drive.course.travel, len(drive.travel.q)),
-        "waypoints": _waypoint_records(measuring, m),
+        "travel": waypoint_records(drive.course.travel),
+        "waypoints": waypoint_records(measuring, m),
     }
 
 
-def _waypoint_records(path: Waypoints, count: int) -> list[dict[str, object]]:
+def waypoint_records(path: Waypoints, count: int | None = None) -> list[dict[str, object]]:
+    """Return the first ``count`` points of a path, or all, as ``plan.json`` keeps them."""
     return [
         {"q_deg": np.rad2deg(q), "visit": int(visit), "blend_mm": float(r) * 1e3}
         for q, visit, r in zip(path.q[:count], path.visit[:count], path.blend[:count], strict=True)
     ]
+
+
+def verdict_records(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
+    """Return what each collision engine says of each path."""
+    return [{"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3} for v in verdicts]
 
 
 def round_numbers(value: object) -> object:

@@ -1,0 +1,142 @@
+"""Poses of a bar: drawn from its shell, chosen by the index, for discrimination or for tracing, and driven."""
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.progress import Stages
+from planner.common.units import Array
+from planner.design.bayesian_design import select_bayesian_poses
+from planner.design.candidates.pool import PoseSet, draw_candidates
+from planner.design.discrimination.findings import read_identification
+from planner.design.discrimination.selection import select_discriminating_poses
+from planner.design.pose_selection import (
+    PoseChoice,
+    judge_given_poses,
+    refine_poses,
+    select_poses,
+    traceable_pose_count,
+)
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import connected_parts
+from planner.session.approaches import TourStop
+from planner.session.course import is_continuous
+from planner.session.mount import drop_unreachable, with_mounts
+from planner.session.notes import bar_notes
+from planner.session.options import PlanOptions
+from planner.session.plan_types import Drive
+from planner.session.planning import Selection
+from planner.session.replacement import replace_all, replace_pose
+from planner.session.tour_drive import FixtureSession
+
+DRIVEN_SAMPLES = 2000
+
+
+class BarPoses:
+    """Where the poses of a bar come from; see :class:`planner.session.planning.PoseSource`."""
+
+    pool: PoseSet
+
+    def __init__(self, cell: Cell, options: PlanOptions) -> None:
+        self.cell, self.options = cell, options
+        self.notes: list[str] = []
+        self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+        self.tracing = options.for_tracing(cell)
+        robot, file = cell.robot, options.separate
+        self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None
+
+    def draw(self, stages: Stages) -> None:
+        """Settle the mount poses and draw the candidates, those that a path joins to them."""
+        seed = self.options.seed
+        with stages.stage("candidates") as progress:
+            self.cell = with_mounts(self.cell, seed)
+            pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
+        with stages.stage("roadmap"):
+            self.pool, notes = drop_unreachable(self.cell, pool, self.index, self.poses, seed)
+            self.notes += notes
+
+    def select(self, stages: Stages) -> Selection:
+        """Choose the poses by the index, for telling rivals apart, or for what nobody has declared."""
+        cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
+        if self.tracing:
+            with stages.stage("foresight") as progress:
+                ahead = select_bayesian_poses(cell, pool, poses, progress)
+            with stages.stage("selection"):
+                return Selection(*judge_given_poses(cell, pool, ahead.chosen, index, seed), foreseen=ahead)
+        with stages.stage("selection"):
+            poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
+            choice, curve = select_poses(cell, pool, poses, index, seed)
+        if not self.rivals:
+            return Selection(choice, curve)
+        with curve, stages.stage("separation"):
+            parted = select_discriminating_poses(cell, pool, choice, self.rivals, seed)
+        return Selection(parted.choice, curve, parted)
+
+    def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
+        """Replace what no path joins, then move the poses off the grid where nothing but the index chose them."""
+        cell, seed = self.cell, self.options.seed
+        with stages.stage("refinement"):
+            choice, count = replace_all(
+                self.pool,
+                chosen.choice,
+                self._unjoined,
+                "could not be joined to the mount pose, nor those put in their places: the cable or an obstacle splits "
+                "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
+            )
+            if count:
+                self.notes.append(f"{count} chosen poses that no path joins to the mount pose were replaced")
+            if not cell.robot.bodies:
+                checked = "only the bar and the tool were checked against the surroundings"
+                self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
+            return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
+
+    def _unjoined(self, choice: PoseChoice) -> np.ndarray:
+        """Positions of the chosen poses that are not in the part of their fixture's mount pose."""
+        lost = []
+        for k, fixture in enumerate(self.cell.fixtures):
+            mine = np.flatnonzero(choice.fixture == k)
+            states = np.vstack([np.array(fixture.mount), choice.q[mine], self.pool.q[self.pool.fixture == k]])
+            part = connected_parts(Constraints(self.cell, k), states, self.options.seed, certain=1 + len(mine))
+            lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
+        return np.concatenate(lost)
+
+    def draw_validation(self, choice: PoseChoice) -> np.ndarray:
+        """Poses for checking the fit that it never sees: drawn blindly from the pool, none of them chosen."""
+        others = np.setdiff1d(np.arange(len(self.pool)), choice.chosen)
+        count = min(self.cell.plan.validate, len(others))
+        return np.sort(np.random.default_rng(self.options.seed).choice(others, count, replace=False))
+
+    def places(self) -> list[FixtureSession]:
+        """Return every place of the bar, to be measured with it and travelled to without."""
+        repeats = 0 if is_continuous(self.cell) else self.cell.plan.repeat
+        out = []
+        for k in range(len(self.cell.fixtures)):
+            cell, near = self.cell.at(k), self.pool.q[self.pool.fixture == k]
+            out.append(FixtureSession(cell, k, Constraints(cell, k), Constraints(cell, k, bar=False), near, repeats))
+        return out
+
+    def stop(self, choice: PoseChoice, k: int) -> TourStop:
+        """Return the chosen pose ``k``, with the side from which it is to be come to."""
+        return TourStop(choice.q[k], "calibrate", None if choice.approach is None else choice.approach[k])
+
+    def validation_stop(self, candidate: int) -> TourStop:
+        """Return a candidate as a stop that validates."""
+        return TourStop(self.pool.q[candidate], "validate")
+
+    def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
+        """Replace a chosen pose that no path joins."""
+        return replace_pose(self.pool, choice, lost)
+
+    def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
+        """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
+        rows = []
+        for d in drives:
+            if is_continuous(self.cell):
+                q = d.trajectory.at(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)).q
+            else:
+                q = np.array([v.q for v in d.visits if v.role == "calibrate"])
+            rows.append(choice.model.jacobian(q, d.fixture))
+        return np.vstack(rows)
+
+    def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:
+        """Return what is to be known of poses near the bar's ends."""
+        return bar_notes(self.cell, drives)

@@ -1,0 +1,157 @@
+"""``plan.json``: one document, read and written by the same class, whoever needs a part of it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from planner.common.errors import InputError
+from planner.common.schema import PartialModel, read_json, validate
+from planner.runs.run import Run
+from planner.session.course import Waypoints, round_angles
+from planner.session.plan_types import Role
+
+SCHEMA = "edbb-plan/1"
+
+
+class WaypointRecord(PartialModel):
+    """One waypoint of a driven path; ``visit`` is the id of the pose or −1."""
+
+    q_deg: tuple[float, ...]
+    visit: int
+    blend_mm: float = Field(ge=0)
+
+
+class DriveRecord(PartialModel):
+    """What is driven with the bar on one fixture, at one tool point where there are several."""
+
+    fixture: str
+    point: str = ""
+    travel: tuple[WaypointRecord, ...]
+    waypoints: tuple[WaypointRecord, ...]
+
+
+class PoseRecord(PartialModel):
+    """One pose in visiting order."""
+
+    id: int
+    q_deg: tuple[float, ...]
+    length_mm: float | None = None
+    fixture: str = ""
+    point: str = ""
+    ball: str | None = None
+    first_contact_mm: float | None = None
+    role: Role
+    approach: tuple[int, ...] = ()
+    repeats: int | None = None
+
+    @field_validator("ball", mode="before")
+    @classmethod
+    def _name(cls, value: object) -> object:
+        """Take a ball's number for its name."""
+        return str(value) if isinstance(value, int) else value
+
+
+class SupportRecord(PartialModel):
+    """A support pose, driven after a pose."""
+
+    after: int
+    q_deg: tuple[float, ...]
+
+
+class TrajectoryRecord(PartialModel):
+    """How long the whole session takes."""
+
+    duration_s: float
+    measuring_s: float = 0.0
+    file: str = ""
+
+
+class PlanHeader(PartialModel):
+    """What every plan says of itself."""
+
+    schema_: Literal["edbb-plan/1"] = Field(alias="schema")
+    kind: Literal["circular"] | None = None
+    plan_id: str = Field(pattern="^[0-9a-f]{12}$")
+    robot: str = ""
+
+
+class PlanDocument(PlanHeader):
+    """A plan of poses; what is only reported is kept as it is written."""
+
+    cell: str = ""
+    seed: int = 0
+    parameters: tuple[str, ...] = ()
+    dropped: tuple[dict[str, str], ...] = ()
+    funnel: dict[str, int] = {}
+    poses: tuple[PoseRecord, ...] = ()
+    supports: tuple[SupportRecord, ...] = ()
+    observability: dict[str, Any] = {}
+    tour: dict[str, Any] = {}
+    path: dict[str, Any] = {}
+    trajectory: TrajectoryRecord | None = None
+    drives: tuple[DriveRecord, ...] = Field(default=(), min_length=1)
+    separation: tuple[dict[str, Any], ...] = ()
+    separation_proof: dict[str, Any] = {}
+    foresight: dict[str, Any] = {}
+    programs: tuple[dict[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def content(self) -> dict[str, object]:
+        """Return what ``plan.json`` says, in the contract's keys."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+    def ids(self, *roles: str) -> list[int]:
+        """Ids of the poses with one of these roles, of all without any named."""
+        return [p.id for p in self.poses if not roles or p.role in roles]
+
+
+def read_plan(path: Path, *needed: str) -> PlanDocument:
+    """Read the plan at ``path``; the keys ``needed`` must be there.
+
+    Raises:
+        InputError: no such file, no plan, or a plan of circles.
+    """
+    content = read_json(path)
+    if isinstance(content, dict) and content.get("kind") == "circular":
+        raise InputError(
+            f"{path}: is a plan of circles, and a plan of poses is needed here; runs of circles are for edbb circular, "
+            "those under load for edbb loaded"
+        )
+    document = validate(content, PlanDocument, str(path))
+    for key in needed:
+        if key not in document.model_fields_set:
+            raise InputError(f"{path}: the key '{key}' is missing")
+    return document
+
+
+def read_plan_header(path: Path) -> PlanHeader:
+    """Read what a plan of any kind says of itself.
+
+    Raises:
+        InputError: no such file, or no plan.
+    """
+    return validate(read_json(path), PlanHeader, str(path))
+
+
+def check_run_of_plan(run: Run, path: Path, plan: PlanHeader, robot: str) -> None:
+    """Refuse a plan for another robot, and a run of another plan.
+
+    Raises:
+        InputError: naming both.
+    """
+    if plan.robot not in ("", robot):
+        raise InputError(f"{path}: is a plan for {plan.robot}, but the cell's robot is {robot}")
+    if run.plan_id is not None and run.plan_id != plan.plan_id:
+        raise InputError(f"{run.name}: belongs to the plan {run.plan_id}, but {path} is the plan {plan.plan_id}")
+
+
+def read_waypoints(points: Sequence[WaypointRecord]) -> Waypoints:
+    """Return a path from its records, with the bits that it had when it was written."""
+    return Waypoints(
+        round_angles(np.deg2rad([p.q_deg for p in points])),
+        np.array([p.visit for p in points]),
+        np.round(np.array([p.blend_mm for p in points]) / 1e3, 12),
+    )

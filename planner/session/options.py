@@ -1,0 +1,79 @@
+"""What a person may ask of a plan, and the checks that nothing is asked which a plan of some kind has no use for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.cell.cell import Cell
+from planner.cell.file import Aim
+from planner.common.errors import InputError
+from planner.motion.tour.solve import Method, require_concorde
+from planner.programs.program_files import dialect_info
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What the command line may change; ``None`` leaves it to the cell."""
+
+    poses: int | None = None
+    index: str | None = None
+    seed: int = 0
+    dialects: tuple[str, ...] = ()
+    tsp: Method = "auto"
+    separate: Path | None = None
+    fixtures: int | None = None
+    aim: Aim | None = None
+
+    def for_tracing(self, cell: Cell) -> bool:
+        """Tell whether the poses are to show what nobody has declared.
+
+        Raises:
+            InputError: they are to tell rivals apart as well.
+        """
+        wanted = (self.aim or cell.plan.aim) == "tracing"
+        if wanted and self.separate:
+            raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
+        return wanted
+
+    def known_dialects(self, cell: Cell) -> tuple[str, ...]:
+        """The dialects to write; an unknown one, or a solver that is not there, is told before a minute's work.
+
+        Raises:
+            InputError: there is no such dialect.
+            MissingProgramError: Concorde was asked for and is not there.
+        """
+        if self.tsp == "concorde":
+            _ = require_concorde()
+        dialects = self.dialects or cell.controller.dialects
+        for name in dialects:
+            _ = dialect_info(name)
+        return dialects
+
+
+def check_circle_options(cell: Cell, options: PlanOptions) -> None:
+    """Check that nothing is asked of a circular test that only a choice of poses can give.
+
+    Raises:
+        InputError: with the options to leave out.
+    """
+    names = ("poses", "index", "separate", "fixtures", "aim")
+    given = ", ".join(f"--{name}" for name in names if getattr(options, name) is not None)
+    if given:
+        raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
+
+
+def check_point_options(cell: Cell, options: PlanOptions) -> None:
+    """Check that nothing is asked of a plan for balls or a tracker that only the poses of a bar can give.
+
+    Raises:
+        InputError: with the option to leave out.
+    """
+    here = f"the gauge here is '{cell.gauge.kind}'; leave it out"
+    if options.fixtures is not None:
+        raise InputError(f"{cell.path}: --fixtures is for a bar, {here}")
+    if (options.aim or cell.plan.aim) == "tracing":
+        raise InputError(f"{cell.path}: the aim 'tracing' is for a bar, {here}")
+    if options.separate is not None:
+        raise InputError(
+            f"{cell.path}: --separate chooses the poses of a bar, {here}, "
+            "or measure with a bar what the identification left open"
+        )

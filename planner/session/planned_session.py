@@ -1,0 +1,142 @@
+"""A plan with the cell that it was made for: what a program or a simulated run is made of, now or later."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.reading import read_cell
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.session.course import Course, Waypoints, time_course
+from planner.session.document import PlanDocument, WaypointRecord, read_plan, read_waypoints
+from planner.session.plan_record import plan_document
+from planner.session.plan_types import Plan
+
+LENGTH_MM, ANGLE_DEG, DURATION = 1e-3, 1e-6, 1e-4
+
+
+@dataclass(frozen=True)
+class PlannedSession:
+    """A session that is planned: its cell, its document, and what is driven, one course a fixture."""
+
+    cell: Cell
+    document: PlanDocument
+    courses: tuple[Course, ...]
+
+    @classmethod
+    def of(cls, plan: Plan) -> "PlannedSession":
+        """Return the session of a plan in memory."""
+        return cls(plan.cell, plan_document(plan), tuple(d.course for d in plan.drives))
+
+
+def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSession:
+    """Read the plan at ``path`` with the cell beside it.
+
+    Args:
+        path: of ``plan.json``.
+        purpose: what is done with it, for messages.
+        check: whether cell and plan must agree in every length and duration, as a program needs it.
+
+    Raises:
+        InputError: no plan, no cell beside it, or the two do not belong together.
+    """
+    document = read_plan(path, "drives", *(("robot", "poses", "trajectory") if check else ()))
+    beside = path.parent / "cell.toml"
+    if not beside.is_file():
+        raise InputError(f"{beside} is missing: a plan is {purpose} together with the cell that was planned")
+    cell = read_cell(beside, "cell")
+    if check:
+        _check_robot(path, beside, cell, document)
+    places = place_names(cell)
+    courses = tuple(
+        time_course(
+            cell,
+            places.index((d.fixture, d.point)),
+            _joint_path(path, cell, d.travel),
+            _joint_path(path, cell, d.waypoints),
+        )
+        for d in document.drives
+    )
+    if check:
+        _check_courses(path, beside, cell, document, courses)
+    return PlannedSession(cell, document, courses)
+
+
+def _joint_path(path: Path, cell: Cell, points: tuple[WaypointRecord, ...]) -> Waypoints:
+    wrong = [len(p.q_deg) for p in points if len(p.q_deg) != cell.robot.n_joints]
+    if wrong or len(points) < 2:
+        found = f"{wrong[0]} angles" if wrong else f"{len(points)} waypoints"
+        raise InputError(
+            f"{path}: a drive has {found}; {cell.robot.name} needs {cell.robot.n_joints} angles and two waypoints"
+        )
+    return read_waypoints(points)
+
+
+def place_names(cell: Cell) -> list[tuple[str, str]]:
+    """Return the names of fixture and tool point of each place of the bar, as ``plan.json`` gives them."""
+    return [(f.name, cell.point_name(k)) for k, f in enumerate(cell.fixtures)]
+
+
+def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> None:
+    """Hold robot and fixtures of the plan at ``path`` against the cell, before anything is made of both."""
+    if plan.robot != cell.robot.name:
+        raise InputError(
+            f"{path} is a plan for {plan.robot}, but {beside} is a cell of {cell.robot.name}: "
+            "put the cell.toml that was written with the plan beside it"
+        )
+    driven, there = [(d.fixture, d.point) for d in plan.drives], place_names(cell)
+    if driven != there:
+        said, has = (", ".join(" at ".join(filter(None, pair)) for pair in pairs) for pairs in (driven, there))
+        raise InputError(
+            f"{path} drives the fixtures {said}, but {beside} has {has}: "
+            "put the cell.toml that was written with the plan beside it"
+        )
+
+
+def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -> None:
+    """Hold home, bar lengths and duration against what the cell makes of the plan's poses."""
+    assert plan.trajectory is not None
+    start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
+    if start > ANGLE_DEG:
+        raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
+    off = _length_errors(cell, plan) if cell.gauge.is_attached else _centring_errors(cell, plan)
+    worst = int(np.argmax(np.abs(off)))
+    if abs(off[worst]) > LENGTH_MM:
+        pose = plan.poses[worst].id
+        how = f"the bar at pose {pose} would be {off[worst]:+.3f} mm longer than planned"
+        raise _mismatch(
+            path, beside, how if cell.gauge.is_attached else f"pose {pose} is {off[worst]:.3f} mm off its ball"
+        )
+    seconds = sum(c.trajectory.duration_s for c in courses)
+    if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
+        planned = plan.trajectory.duration_s
+        raise _mismatch(path, beside, f"measuring would take {seconds:.2f} s, planned are {planned:.2f} s")
+
+
+def _length_errors(cell: Cell, plan: PlanDocument) -> Array:
+    """Bar length by the cell less that of the plan, one a pose [mm]."""
+    q, there = np.deg2rad([p.q_deg for p in plan.poses]), place_names(cell)
+    where = np.array([there.index((p.fixture, p.point)) for p in plan.poses])
+    length = np.zeros(len(q))
+    for k in range(len(cell.fixtures)):
+        length[where == k] = cell.bar_length(q[where == k], k)
+    return np.asarray(length * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
+
+
+def _centring_errors(cell: Cell, plan: PlanDocument) -> Array:
+    """Distance of the tool point from the ball that is centred there, one a pose [mm]; nothing is off elsewhere."""
+    names = [b.name for b in cell.balls]
+    x = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses]))
+    ball = [names.index(p.ball) if p.ball in names else -1 for p in plan.poses]
+    off = [0.0 if k < 0 else float(np.linalg.norm(x[i] - cell.p_BS[k])) * 1e3 for i, k in enumerate(ball)]
+    return np.array(off)
+
+
+def _mismatch(path: Path, beside: Path, because: str) -> InputError:
+    return InputError(
+        f"{beside} is not the cell of {path}: {because}; "
+        "use the cell.toml that was written with the plan, or plan again"
+    )

@@ -1,0 +1,209 @@
+"""Poses without a bar: at the balls of an artifact, each approached and left the same way, or seen by a tracker."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Stages
+from planner.common.units import Array
+from planner.design.candidates.balls import draw_ball_candidates
+from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
+from planner.design.pose_selection import PoseChoice, judge_given_poses, select_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import connected_parts
+from planner.session.approaches import TourStop
+from planner.session.mount import with_point_mount
+from planner.session.options import PlanOptions
+from planner.session.plan_types import Drive, Role
+from planner.session.planning import Selection
+from planner.session.replacement import replace_all, replace_pose
+from planner.session.tour_drive import FixtureSession
+
+CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
+
+
+class PointPoses:
+    """Where poses without a bar come from; see :class:`planner.session.planning.PoseSource`."""
+
+    pool: PoseSet
+    away: Constraints
+    repeated: frozenset[int] = frozenset()
+
+    def __init__(self, cell: Cell, options: PlanOptions) -> None:
+        self.cell, self.options = cell, options
+        self.notes: list[str] = []
+        self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+        self.at_balls = cell.gauge.head is not None
+        # a tracker measures poses for calibration only where their number is asked for
+        self.only_validates = cell.gauge.kind == "tracker" and not self.poses
+        if self.at_balls:
+            _check_shares(cell, self.poses, self.index)
+
+    def draw(self, stages: Stages) -> None:
+        """Draw the candidates and settle where the session starts; keep those that a path joins to it."""
+        seed = self.options.seed
+        with stages.stage("candidates") as progress:
+            self.away = Constraints(self.cell, bar=False)
+            if self.at_balls:
+                pool = draw_ball_candidates(self.cell, self.cell.plan.candidates, seed, progress)
+                self.cell = with_point_mount(self.cell, self.away, seed)
+            else:
+                pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
+                pool = replace(pool, funnel=BeamFunnel(*astuple(pool.funnel)))
+                self.cell = with_point_mount(self.cell, self.away, seed, pool.q)
+            self.away = Constraints(self.cell, bar=False, scene=self.away.scene)
+        with stages.stage("roadmap"):
+            self.pool = self._reachable(pool)
+
+    def _reachable(self, pool: PoseSet) -> PoseSet:
+        """Keep the candidates that a path joins to the mount pose; a note says how many others there were."""
+        mount = np.asarray(self.cell.fixtures[0].mount)
+        part = connected_parts(self.away, np.vstack([mount, _passed(pool)]), self.options.seed)
+        kept = np.flatnonzero(part[1:] == part[0])
+        if not len(kept):
+            raise NoSolutionError(
+                "no way leads from where the session starts to any candidate pose: give another gauge.mount_deg, or "
+                "lower motion.clearance_mm"
+            )
+        if lost := len(pool) - len(kept):
+            self.notes.append(
+                f"{lost} of {len(pool)} candidates cannot be reached from where the session starts; left out"
+            )
+        funnel = pool.funnel
+        if pool.ball is not None and (far := getattr(funnel, "approach", 0) - getattr(funnel, "contact", 0)):
+            self.notes.append(
+                f"{far} poses were left out: the uncalibrated robot might meet the ball further off than it may"
+            )
+        return pool.take(kept)
+
+    def select(self, stages: Stages) -> Selection:
+        """Choose the poses by the index; by chance where they only validate."""
+        cell, pool, index, seed = self.cell, self.pool, self.index, self.options.seed
+        with stages.stage("selection"):
+            if not self.only_validates:
+                return Selection(*select_poses(cell, pool, self.poses, index, seed))
+            return Selection(*judge_given_poses(cell, pool, _draw_poses(pool, cell.plan.validate, seed), index, seed))
+
+    def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
+        """Replace poses whose last way to the ball is not proven; settle which are centred several times."""
+        with stages.stage("path"):
+            choice = self._touchable(chosen.choice)
+        if self.at_balls:
+            self.repeated = _choose_repeats(choice, self.cell.plan.repeat)
+        return choice
+
+    def _touchable(self, choice: PoseChoice) -> PoseChoice:
+        choice, _ = replace_all(
+            self.pool,
+            choice,
+            lambda c: np.flatnonzero(~self._prove_touch(c.chosen)),
+            "and those put in their places have a last way to the ball that could not be proven: lower "
+            "motion.clearance_mm a little, or change gauge.head.approach_mm",
+        )
+        return choice
+
+    def _prove_touch(self, rows: np.ndarray) -> np.ndarray:
+        """Tell for which candidates the straight joint motion from the approach pose to the ball is proven, (n,)."""
+        out, pool = np.ones(len(rows), dtype=bool), self.pool
+        if pool.ball is None or pool.back is None:
+            return out
+        for ball in np.unique(pool.ball[rows]):
+            mine = np.flatnonzero(pool.ball[rows] == ball)
+            at = self.away.at_ball(int(ball))
+            corners = np.stack([pool.back[rows[mine]], pool.q[rows[mine]]], axis=1)
+            out[mine] = at.prove_corners(corners).proven & at.judge(corners).proven
+        return out
+
+    def draw_validation(self, choice: PoseChoice) -> np.ndarray:
+        """Poses for checking the fit that it never sees: drawn blindly, none of them chosen, as many at each ball."""
+        pool, count = self.pool, self.cell.plan.validate
+        if self.only_validates:
+            return np.zeros(0, dtype=int)
+        others = np.setdiff1d(np.arange(len(pool)), choice.chosen)
+        others = np.random.default_rng(self.options.seed).permutation(others)
+        if pool.ball is None:
+            return np.sort(others[:count])
+        balls = int(pool.ball.max()) + 1
+        found: list[int] = []
+        for ball in range(balls):
+            share = len(range(ball, count, balls))
+            mine = others[pool.ball[others] == ball][: 3 * share]
+            found += mine[self._prove_touch(mine)][:share].tolist()
+        return np.sort(np.array(found, dtype=int))
+
+    def places(self) -> list[FixtureSession]:
+        """Return the one place from which everything is measured; balls are repeated in a row, not at the end."""
+        repeats = 0 if self.at_balls else self.cell.plan.repeat
+        return [FixtureSession(self.cell, 0, self.away, self.away, _passed(self.pool), repeats)]
+
+    def stop(self, choice: PoseChoice, k: int) -> TourStop:
+        """Return the chosen pose ``k``, with the number of centrings where there is a ball."""
+        role: Role = "validate" if self.only_validates else "calibrate"
+        return self._stop(int(choice.chosen[k]), role, CENTRINGS if k in self.repeated else 1)
+
+    def validation_stop(self, candidate: int) -> TourStop:
+        """Return a candidate as a stop that validates."""
+        return self._stop(candidate, "validate")
+
+    def _stop(self, k: int, role: Role, times: int = 1) -> TourStop:
+        pool = self.pool
+        if pool.ball is None or pool.back is None:
+            return TourStop(pool.q[k], role)
+        return TourStop(pool.q[k], role, ball=int(pool.ball[k]), back=pool.back[k], times=times)
+
+    def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
+        """Replace a chosen pose that no path joins."""
+        return self._touchable(replace_pose(self.pool, choice, lost))
+
+    def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
+        """Rows of the chosen poses: the robot rests at each."""
+        return choice.model.jacobian(choice.q, choice.fixture)
+
+    def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:
+        """Return nothing: what is to be known was said before."""
+        return ()
+
+
+def _passed(pool: PoseSet) -> Array:
+    """States that a tour passes, (n, N) [rad]: the candidates, at balls the poses that they are approached from."""
+    return pool.q if pool.back is None else pool.back
+
+
+def _check_shares(cell: Cell, poses: int | None, index: str) -> None:
+    """Refuse, before a minute's work, what balls cannot share."""
+    if index != "O1":
+        raise InputError(f"poses at balls are shared out by DETMAX on O1 (TriCal paper, section 5); found {index}")
+    if poses is None:
+        raise InputError(f"{cell.path}: the key 'plan.poses' is missing: how many poses the balls share")
+    if poses % len(cell.balls):
+        raise InputError(f"{poses} poses cannot be shared evenly between {len(cell.balls)} balls: ask for a multiple")
+
+
+def _draw_poses(pool: PoseSet, count: int, seed: int) -> np.ndarray:
+    """Positions of poses drawn blindly from the candidates.
+
+    Raises:
+        NoSolutionError: there are fewer.
+    """
+    if len(pool) < count:
+        raise NoSolutionError(
+            f"only {len(pool)} candidate poses are left for {count} to validate with: raise plan.candidates, or widen "
+            "gauge.cone_deg"
+        )
+    return np.sort(np.random.default_rng([seed, 1]).permutation(len(pool))[:count])
+
+
+def _choose_repeats(choice: PoseChoice, count: int) -> frozenset[int]:
+    """Positions of the chosen poses that are centred several times: ball after ball, the most telling first."""
+    assert choice.ball is not None
+    rows = choice.model.jacobian(choice.q, choice.fixture)
+    inverse = np.linalg.inv(np.einsum("nrp,nrq->pq", rows, rows))
+    weight = np.einsum("nrp,pq,nrq->n", rows, inverse, rows)
+    rank = np.empty(len(weight), dtype=int)
+    for ball in np.unique(choice.ball):
+        mine = np.flatnonzero(choice.ball == ball)
+        rank[mine[np.argsort(-weight[mine], kind="stable")]] = np.arange(len(mine))
+    order = np.lexsort((choice.ball, rank))
+    return frozenset(int(k) for k in order[:count])

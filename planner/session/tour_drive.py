@@ -1,0 +1,199 @@
+"""The drive of one fixture: tour, support poses, approaches, blending, timing, and both collision engines.
+
+Where balls are centred, the tour runs over the poses that they are approached from; the last way to a ball is inserted
+where the tour stops there. All of it starts and ends at the mount pose: where the bar is attached, the head is mastered
+or the reflector is put in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array
+from planner.design.candidates.balls import FirstContact
+from planner.motion.path.connection import connect_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.verdict import PathGaps, ProvenPath
+from planner.motion.timing.trajectory import check_limits
+from planner.motion.tour.instance import slowest_axis_cost
+from planner.motion.tour.solve import Method, Tour, solve_tour
+from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
+from planner.session.course import Course, axis_limits, rests_at_poses, round_angles, time_measuring
+from planner.session.plan_types import Drive, Role, Visit, motion_signs
+from planner.session.release import add_blends, blend_way, release_path
+
+TRIES = 12  # tours re-solved with a leg forbidden
+LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
+MANY = 250  # poses at balls beyond which the order is proven to a fraction of a per cent only: nobody waits for more
+
+
+@dataclass(frozen=True)
+class FixtureSession:
+    """What is measured from one fixture, and how the arm may move there.
+
+    Attributes:
+        cell: with the tool point that is used there.
+        fixture: which.
+        measuring: what the robot keeps while it measures; travelling: on the way there and back.
+        detours: states over which detours lead (P, N) [rad].
+        repeats: how many poses are visited again at the end.
+    """
+
+    cell: Cell
+    fixture: int
+    measuring: Constraints
+    travelling: Constraints
+    detours: Array
+    repeats: int = 0
+
+    @property
+    def mount(self) -> Array:
+        """The pose in which the session starts and ends, (N,) [rad]."""
+        return np.asarray(self.cell.fixtures[self.fixture].mount)
+
+
+@dataclass(frozen=True)
+class Unreachable(Exception):
+    """A pose that no path joins; ``which`` is its position among the stops."""
+
+    which: int
+
+
+def drive_tour(place: FixtureSession, stops: Sequence[TourStop], tsp: Method, seed: int, first: int = 0) -> Drive:
+    """Join the stops of one fixture into a driven, timed and twice-judged tour from the mount pose and back to it.
+
+    Args:
+        place: where it is driven.
+        stops: the poses.
+        tsp, seed: of the tour's solver, and of everything random.
+        first: number of the first visit; those of earlier fixtures come before.
+
+    Raises:
+        Unreachable: a stop cannot be reached; replace it and call again.
+        NoSolutionError: no tour joins the poses, or a judge rejects the path.
+    """
+    cell, constraints = place.cell, place.measuring
+    nodes = np.vstack([place.mount, *[s.node for s in stops]])
+    tour, path = join_tour(place, nodes, tsp, seed)
+    if any(s.approach is not None for s in stops):
+        none = np.zeros(nodes.shape[1])
+        sides = [none if s.approach is None else s.approach for s in stops]
+        path, _ = approach_from_sides(constraints, path, [none, *sides])
+    travel = path_to_mount(place.travelling, np.vstack([cell.home, place.mount]), seed)
+    path, touched = insert_ball_approaches(path, stops)
+    visits = _number_visits(place, path, stops, first)
+    rests = (path.node >= 0 if rests_at_poses(cell) else path.node == 0) | touched
+    ids = np.full(len(path.node), -1)
+    ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
+    way, points = blend_way(place.travelling, travel), add_blends(constraints, path, rests, ids)
+    separate = ball_motions(constraints, path, stops)
+    measuring = release_path(constraints, points, lambda p: time_measuring(cell, p), separate)
+    travelling = release_path(place.travelling, way)
+    if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
+        path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
+    course = Course(place.fixture, travelling.path, measuring.path)
+    step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
+    limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step)
+    verdicts = measuring.verdicts + travelling.verdicts
+    return Drive(place.fixture, visits, tour, path, travel, course, limits, verdicts)
+
+
+def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPath:
+    """The way without the bar from home to the mount pose."""
+    travel = connect_poses(constraints, ends, [0, 1], seed=seed)
+    if isinstance(travel, PathGaps):
+        place = constraints.cell.place_name(constraints.workspace.fixture)
+        raise NoSolutionError(
+            f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
+            "lower motion.clearance_mm, or give another home_deg or gauge.mount_deg"
+        )
+    return replace(travel, q=round_angles(travel.q))
+
+
+def join_tour(place: FixtureSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
+    """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
+
+    Raises:
+        Unreachable: a stop cannot be reached.
+        NoSolutionError: no tour joins the nodes.
+    """
+    cost = slowest_axis_cost(nodes, place.cell.robot.speed)
+    proof = 0 if len(nodes) > MANY and not place.cell.gauge.is_attached else None
+    forbidden: dict[tuple[int, int], str] = {}
+    for _ in range(TRIES):
+        tour = solve_tour(cost, start=0, end=0, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
+        order = [*(int(k) for k in tour.order), 0]
+        order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
+        path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
+        if isinstance(path, ProvenPath):
+            return _note_forbidden_legs(tour, forbidden), replace(path, q=round_angles(path.q))
+        if 0 in path.unreachable:
+            raise NoSolutionError(f"no path leads from the mount pose to any other pose: {path.reasons[0]}")
+        if path.unreachable:
+            raise Unreachable(path.unreachable[0] - 1)
+        forbidden |= dict(zip(path.failed, path.reasons, strict=True))
+    why = "; ".join(sorted(set(forbidden.values()))[:3])
+    raise NoSolutionError(
+        f"path: no collision-free tour joins the {len(nodes)} poses after {TRIES} tries; {len(forbidden)} legs are "
+        f"impossible ({why}): lower motion.clearance_mm, widen the cones, move the fixture away from what is in the "
+        "way, or try another --seed"
+    )
+
+
+def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> Tour:
+    """Say in the tour's notes that legs had to be forbidden, and why the first of them."""
+    if not forbidden:
+        return tour
+    count, why = len(forbidden), next(iter(forbidden.values()))
+    note = f"{count} legs that could not be proven were forbidden and the tour solved again (the first: {why})"
+    return replace(tour, notes=(*tour.notes, note))
+
+
+def _repeat_tour(
+    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: Method, seed: int
+) -> list[int]:
+    """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
+    inner = order[1:-1]
+    if repeats == 0 or not inner:
+        return []
+    again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(repeats, len(inner))).astype(int))]
+    nodes = [0, *again]
+    inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
+    tour = solve_tour(cost[np.ix_(nodes, nodes)], start=0, end=0, forbidden=inside, method=tsp, seed=seed)
+    return [*(nodes[k] for k in tour.order[1:]), 0]
+
+
+def _number_visits(
+    place: FixtureSession, path: ProvenPath, stops: Sequence[TourStop], number: int
+) -> tuple[Visit, ...]:
+    """Number the poses in visiting order; a further visit of a pose is a repeat of the first."""
+    cell, at = place.cell, np.flatnonzero(path.node >= 0)
+    nodes, approach = path.node[at].tolist(), motion_signs(path.q)[at]
+    own = np.vstack([place.mount, *[s.q for s in stops]])
+    q = own[nodes] if cell.gauge.is_attached else path.q[at]
+    length = cell.bar_length(q, place.fixture)
+    contact = FirstContact(cell).at(q) if cell.gauge.head else np.zeros(len(at))
+    first: dict[int, int] = {}
+    visits = []
+    for k, node in enumerate(nodes):
+        stop, again = (stops[node - 1] if node > 0 else None), node in first and node != 0
+        role: Role = "mount" if stop is None else "repeat" if again else stop.role
+        ball = -1 if stop is None else stop.ball
+        visits.append(
+            Visit(
+                id=number + k,
+                q=q[k],
+                length=float(length[k]),
+                fixture=place.fixture,
+                role=role,
+                approach=tuple(int(s) for s in approach[k]),
+                repeats=first.get(node) if again else None,
+                ball=ball,
+                contact=float(contact[k]) if ball >= 0 else None,
+            )
+        )
+        first.setdefault(node, number + k)
+    return tuple(visits)
