@@ -48,9 +48,8 @@ class Whitener:
     @classmethod
     def of(cls, model: Model, samples: Samples, noise: Noise | None = None) -> "Whitener":
         """Build it for the samples of a run."""
-        setup = model.setup
-        rows = model.joint_rows(samples)
-        return cls(setup.gauge.sigmas**2, setup.joint_sigma**2 * rows @ rows.transpose(0, 2, 1), noise or Noise())
+        declared = model.reading_noise(samples)
+        return cls(declared.gauge_variance, declared.robot_covariance, noise or Noise())
 
     def with_noise(self, noise: Noise) -> "Whitener":
         """Return it for another size of the noise."""

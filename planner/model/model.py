@@ -18,6 +18,7 @@ from planner.effects.basis import Phi
 from planner.effects.context import Context
 from planner.effects.parameters import Parameter, gauge_parameters, robot_parameters
 from planner.kinematics.chain import ForwardPass
+from planner.model.noise import ReadingNoise
 from planner.runs.run import Samples
 
 CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
@@ -131,15 +132,12 @@ class Model:
         return Linearization(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
     def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
-        """Standard deviation of one reading, (n,) [m]: gauge and joints' repeatability, σ² = gauge² + J_q Σ_q J_qᵀ."""
-        return self.noise_of(self.setup.visits(q, fixture))
+        """Standard deviation of one reading, (n,) [m], for controller angles q (n, N) [rad]."""
+        return self.reading_noise(self.setup.visits(q, fixture)).std
 
-    def noise_of(self, samples: Samples) -> Array:
-        """Return the same for any samples, (n,) [m]."""
-        shaken = self.joint_rows(samples)
-        return np.asarray(
-            np.sqrt(self.setup.gauge.noise**2 + self.setup.joint_sigma**2 * (shaken**2).sum(axis=2)).max(axis=1)
-        )
+    def reading_noise(self, samples: Samples) -> ReadingNoise:
+        """Return how much the readings of samples are declared to scatter."""
+        return ReadingNoise(self.setup.gauge.sigmas, self.setup.joint_sigma, self.joint_rows(samples))
 
     @property
     def joint_sigma(self) -> float:

@@ -145,7 +145,7 @@ def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
 
 
 def _scaled_noise(model: Model, samples: tuple[Samples, ...], scale: float) -> Array:
-    return np.asarray(scale * model.noise_of(samples[0]))
+    return np.asarray(scale * model.reading_noise(samples[0]).std)
 
 
 def _repeat_visits(samples: Samples, **change: tuple[float, float]) -> Samples:

@@ -55,7 +55,7 @@ class DiscriminatingChoice:
     def as_driven(self, samples: tuple[Samples, ...]) -> Discrimination:
         """Judge the visits of the finished plan: samples of each, for every way on which it is passed."""
         model, first = self.choice.model, samples[0]
-        sigma = self.scale * model.noise_of(first)
+        sigma = self.scale * model.reading_noise(first).std
         rows = PredictedReadings(model, samples, np.asarray(sigma)).rows(self.asked.parameters)
         now = pair_powers(self.asked, self.frame, information_matrix(self.frame.rows(rows)))
         sizes = {(p.finding, p.rival): size for p, size in zip(self.asked.pairs, now, strict=True)}
@@ -122,7 +122,7 @@ def _predict_readings(
     samples = candidate_visits(cell, pool, len(choice.chosen), seed)
     if both_sides:
         samples = tuple(approach_both_sides(s) for s in samples)
-    sigma = choice.model.noise_of(samples[0])
+    sigma = choice.model.reading_noise(samples[0]).std
     scale = noise / float(np.sqrt(np.mean(sigma**2)))
     return PredictedReadings(choice.model, samples, np.asarray(scale * sigma)), scale
 

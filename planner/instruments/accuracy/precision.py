@@ -11,7 +11,7 @@ from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only, to_mm
 from planner.model.model import Model
 from planner.runs.reference_readings import ReferenceReadings
-from planner.runs.run import Run, Samples
+from planner.runs.run import Run
 from planner.session.document import read_plan
 
 TOLERANCE = (
@@ -153,15 +153,8 @@ def repeated_centrings(cell: Cell, run: Run, groups: dict[int, int]) -> Repeated
     mean = np.stack([np.bincount(member, x[:, k]) for k in range(3)], axis=1) / count[:, None]
     ball = tuple(run.balls[k] for k in run.readings.ball[often])
     free = 1.0 - 1.0 / count[member[often]]  # of a pose's scatter that its own mean leaves
-    expected = float(np.sqrt((_declared_variance(cell, run.samples.take(often)) * free).mean()))
+    expected = float(np.sqrt((Model.from_cell(cell).reading_noise(run.samples.take(often)).square * free).mean()))
     return RepeatedCentrings(group[often], ball, read_only((x - mean[member])[often]), expected, summary)
-
-
-def _declared_variance(cell: Cell, samples: Samples) -> Array:
-    """Mean square distance of a centring from where it should be, by repeatability and noise, (m,) [m²]."""
-    model = Model.from_cell(cell)
-    shaken = (model.joint_rows(samples) ** 2).sum(axis=(1, 2))
-    return np.asarray(3 * model.setup.gauge.noise**2 + model.setup.joint_sigma**2 * shaken)
 
 
 def _diameter(x: Array) -> float:

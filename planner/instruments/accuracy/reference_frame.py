@@ -125,13 +125,12 @@ class ErrorFloor:
 def error_floor(cell: Cell, run: Run, frame: TrackerRegistration, by_nests: bool = True) -> ErrorFloor:
     """Work it out for the poses of a run with positions; without ``by_nests`` the model stands by no nest."""
     assert run.readings.position is not None
-    model, noise = Model.from_cell(cell), cell.gauge.noise
-    shaken = (model.joint_rows(run.samples) ** 2).sum(axis=(1, 2)).mean()
-    nests = frame_uncertainty(frame, frame.seen(run.readings.position), noise)
+    noise = Model.from_cell(cell).reading_noise(run.samples)
+    nests = frame_uncertainty(frame, frame.seen(run.readings.position), cell.gauge.noise)
     return ErrorFloor(
         float(np.sqrt((nests**2).mean())) * by_nests,
-        float(np.sqrt(3.0) * noise),
-        float(model.setup.joint_sigma * np.sqrt(shaken)),
+        float(np.sqrt(noise.gauge_variance.sum())),
+        float(np.sqrt(noise.robot_variance.sum(axis=1).mean())),
     )
 
 

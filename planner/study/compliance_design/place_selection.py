@@ -118,12 +118,11 @@ def planned_curves(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> A
 def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     """Variance of one turn's harmonics, (H,) [m²]: the gauge's in all, the arm's repeatability in the first few."""
     B = len(q)
-    model = Model(setup, ())
-    arm = float(np.mean(model.noise(q) ** 2)) - setup.gauge.noise**2
+    noise = Model(setup, ()).reading_noise(setup.visits(q))
     count = harmonic_counts(B)
     few = np.zeros(len(count))
-    few[:SMOOTH] = arm * count.sum() / count[:SMOOTH].sum()
-    return np.asarray(few + setup.gauge.noise**2)
+    few[:SMOOTH] = float(noise.robot_variance.mean()) * count.sum() / count[:SMOOTH].sum()
+    return np.asarray(few + noise.gauge_variance)
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:
