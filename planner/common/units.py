@@ -1,7 +1,9 @@
 """Millimetres and degrees live at the border, metres and radians inside: the only place that converts."""
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -31,8 +33,8 @@ def to_deg(value: ArrayLike) -> Array:
     return np.asarray(value, dtype=float) / DEG
 
 
-def read_only(value: ArrayLike) -> Array:
-    """Return a read-only float array: what flows between rooms is never changed in place."""
-    array = np.array(value, dtype=float)
+def read_only(value: ArrayLike, dtype: DTypeLike = float) -> NDArray[Any]:
+    """Return a read-only array: what flows between rooms is never changed in place."""
+    array = np.array(value, dtype=dtype)
     array.setflags(write=False)
     return array

@@ -1,7 +1,7 @@
 """What a column of a run is called: a quantity and, in the same name, its unit."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,35 +76,37 @@ def spellings(key: str) -> str:
     return " or ".join(f"{key}_{unit}" for unit in units) if units else key
 
 
+def known_keys(n_joints: int) -> list[str]:
+    """Return every quantity for an arm of ``n_joints``."""
+    return [*PLAIN, *(f"{stem}{joint}" for stem in OF_JOINTS for joint in range(1, n_joints + 1))]
+
+
 def known_headers(n_joints: int) -> list[str]:
     """Return every column's name for an arm of ``n_joints``."""
-    keys = [*PLAIN, *(f"{stem}{joint}" for stem in OF_JOINTS for joint in range(1, n_joints + 1))]
-    return [name for key in keys for name in spellings(key).split(" or ")]
+    return [name for key in known_keys(n_joints) for name in spellings(key).split(" or ")]
 
 
-def recognise_columns(headers: list[str], n_joints: int, file: str) -> tuple[list[RunColumn | None], list[str]]:
-    """Return what each header is (``None``: not a run's) and a warning for each that is left out.
+def recognise_columns(headers: Sequence[str], n_joints: int, file: str) -> tuple[dict[str, RunColumn], list[str]]:
+    """Return the columns of a run among the headers, by header, and a warning for each other that is left out.
 
     Raises:
         InputError: a quantity with a wrong or missing unit, one column twice, or a joint that the arm does not have.
     """
-    columns = [find_column(header) for header in headers]
-    found = {c.key: c for c in reversed(columns) if c is not None}
-    for c in columns:
-        if c is not None and found[c.key] is not c:
-            raise InputError(f"{file}: the columns '{found[c.key].header}' and '{c.header}' say the same; keep one")
-        if c is not None and split_key(c.key)[1] > n_joints:
+    columns: dict[str, RunColumn] = {}
+    found: dict[str, str] = {}
+    for c in filter(None, map(find_column, headers)):
+        if c.key in found:
+            raise InputError(f"{file}: the columns '{found[c.key]}' and '{c.header}' say the same; keep one")
+        if split_key(c.key)[1] > n_joints:
             raise InputError(f"{file}: there is a column '{c.header}', but the robot has {n_joints} joints")
-    known = known_headers(n_joints)
+        columns[c.header], found[c.key] = c, c.header
+    meant, known = {key.lower(): key for key in known_keys(n_joints)}, known_headers(n_joints)
     warnings = []
-    for header in (h for h, c in zip(headers, columns, strict=True) if c is None):
+    for header in (h for h in headers if h not in columns):
         key, _, rest = header.partition("_")
-        meant = {k.lower(): k for k in (*PLAIN, *(f"{s}{j}" for s in OF_JOINTS for j in range(1, n_joints + 1)))}
         key = meant.get(key.lower(), key)
         if units_of(key) is not None and key not in found and "_" not in rest:
             raise InputError(f"{file}: the column '{header}' does not say its unit; it is called {spellings(key)}")
-        warnings.append(
-            f"{Path(file).name}: the column '{header}' is not part of a run and was left"
-            f" out{did_you_mean(header, known)}"
-        )
+        hint = did_you_mean(header, known)
+        warnings.append(f"{Path(file).name}: the column '{header}' is not part of a run and was left out{hint}")
     return columns, warnings

@@ -7,7 +7,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.runs.run import IntArray, Samples
-from planner.runs.text import RowSource
+from planner.runs.text import RowSource, first_row
 
 DENSE = 0.2  # [s] median step of time below which samples may follow each other along a path
 SMALL_STEP = 0.1  # [rad] median movement between such neighbours: 0.5 rad/s at DENSE, several at a controller's cycle
@@ -43,20 +43,18 @@ def check_order(source: RowSource, t: Array, session: IntArray) -> None:
     Raises:
         InputError: with the line where time (n,) [s] stands still or runs backwards.
     """
-    back = 1 + np.flatnonzero((np.diff(t) < 0.0) & (np.diff(session) == 0))
-    if len(back):
-        row = int(back[0])
-        raise InputError(
-            f"{source.at(row)}, column '{source.header('t')}': time runs backwards from {t[row - 1]:g} s to "
-            f"{t[row]:g} s in a continuous run; split the file there, or give each part its own number in a column "
-            "session (in a log of poses at rest, '# measure: static' above the columns allows it)"
+    step, together = np.diff(t), np.diff(session) == 0
+    if (row := first_row((step < 0.0) & together)) is not None:
+        hint = (
+            "split the file there, or give each part its own number in a column session (in a log of poses at rest, "
+            "'# measure: static' above the columns allows it)"
         )
-    still = 1 + np.flatnonzero((np.diff(t) == 0.0) & (np.diff(session) == 0))
-    if len(still):
-        raise InputError(
-            f"{source.at(int(still[0]))}, column '{source.header('t')}': the time {t[still[0]]:g} s stands twice "
-            f"({len(still)} such lines); in a continuous run each sample has its own"
-        )
+        backwards = f"time runs backwards from {t[row]:g} s to {t[row + 1]:g} s in a continuous run"
+        raise source.error(row + 1, "t", f"{backwards}; {hint}")
+    still = (step == 0.0) & together
+    if (row := first_row(still)) is not None:
+        twice = f"the time {t[row + 1]:g} s stands twice ({still.sum()} such lines)"
+        raise source.error(row + 1, "t", f"{twice}; in a continuous run each sample has its own")
 
 
 def _in_order(values: Array) -> IntArray:

@@ -3,27 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.runs.joint_motion import check_order, looks_continuous, number_sessions
-from planner.runs.quantities import (
-    check_jumps,
-    index_names,
-    joint_angles,
-    joint_array,
-    reading_kind,
-    readings_of,
-    sorted_names,
-)
+from planner.runs.joint_motion import check_order, looks_continuous, number_sessions, session_numbers
+from planner.runs.quantities import check_jumps, joint_angles, reading_kind, readings_of
 from planner.runs.rests import average_rests, marks_rests
 from planner.runs.run import IntArray, Readings, Run, Samples
 from planner.runs.synchronisation import pair_tables
-from planner.runs.table import RunTable, read_table
+from planner.runs.table import RunTable, read_table, sort_names
 
 MEASURES = ("static", "continuous")
+UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joined run without a word
+T = TypeVar("T", Samples, Readings)
 
 
 def load_run(path: Path, n_joints: int) -> Run:
@@ -44,12 +39,12 @@ def run_of(table: RunTable, n_joints: int) -> Run:
         InputError: joints or reading are missing, the clock is wrong, or the arm never rests.
     """
     run = _logged_run(table, n_joints)
-    said = table.note("measure")
+    said = table.notes.get("measure")
     if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
         return average_rests(run)
-    t, session = run.samples.t, run.samples.session
-    if run.continuous and t is not None and session is not None:
-        check_order(table.source, t, session if table.has("session") else np.zeros_like(session))
+    if run.continuous and run.samples.t is not None:
+        session = session_numbers(run.samples)
+        check_order(table.source, run.samples.t, session if table.has("session") else np.zeros_like(session))
         check_jumps(table, n_joints)
     return run
 
@@ -69,29 +64,28 @@ def _logged_run(table: RunTable, n_joints: int) -> Run:
             f"q1_deg … q{n_joints}_deg (as read) or cmd1_deg … (as commanded) are needed"
         )
     readings, balls = readings_of(table)
-    t = table.array("t") if table.has("t") else None
+    t = table.optional("t")
     continuous = _is_continuous(table, t, q)
     session, said = _sessions(table, t)
-    place, places = _names(table, "fixture", table.stem if readings.ball is not None else "")
-    point, points = _names(table, "point", "")
+    place, places = table.names("fixture", table.stem if readings.ball is not None else "")
+    point, points = table.names("point")
     samples = Samples(
-        q=read_only(q),
+        q=q,
         place=place,
-        t=None if t is None else read_only(t),
-        q_cmd=None if q_cmd is None else read_only(q_cmd),
-        q_read=None if q_read is None else read_only(q_read),
+        t=t,
+        q_cmd=q_cmd,
+        q_read=q_read,
         session=session,
-        pose=_whole(table, "pose"),
+        pose=read_only(table.frame["pose"].fill_null(-1.0), np.int64) if table.has("pose") else None,
         point=point if table.has("point") else None,
-        temperature=_column(table, "temperature"),
-        force=_column(table, "force"),
-        torque=_joints(table, "torque", n_joints),
-        payload=_column(table, "payload"),
-        direction=_joints(table, "direction", n_joints),
-        file=_read_only_numbers(np.zeros(table.frame.height, dtype=np.int64)),
-        line=_read_only_numbers(table.source.numbers(table.frame.height)),
+        temperature=table.optional("temperature"),
+        force=table.optional("force"),
+        torque=table.joints("torque", n_joints),
+        payload=table.optional("payload"),
+        direction=table.joints("direction", n_joints),
+        file=read_only(np.zeros(len(q)), np.int64),
+        line=read_only(table.source.lines, np.int64),
     )
-    warnings = (*table.warnings, *odd, *odd_cmd, *said)
     return Run(
         table.stem,
         samples,
@@ -100,17 +94,17 @@ def _logged_run(table: RunTable, n_joints: int) -> Run:
         balls,
         points,
         continuous,
-        2 if table.note("clocks") == "2" else 1,
-        table.note("plan_id"),
-        table.note("robot"),
-        warnings,
+        2 if table.notes.get("clocks") == "2" else 1,
+        table.notes.get("plan_id"),
+        table.notes.get("robot"),
+        (*table.warnings, *odd, *odd_cmd, *said),
         (table.source.name,),
     )
 
 
 def _is_continuous(table: RunTable, t: Array | None, q: Array) -> bool:
     """Return what the file says of itself, or else what its time and movement look like."""
-    said = table.note("measure")
+    said = table.notes.get("measure")
     if said is None:
         return looks_continuous(t, q)
     if said not in MEASURES:
@@ -122,46 +116,16 @@ def _is_continuous(table: RunTable, t: Array | None, q: Array) -> bool:
 
 def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:
     """Return the session of each sample, and a warning where the clock decided it."""
-    given = table.array("session") if table.has("session") else None
+    given = table.optional("session")
     session, back = number_sessions(t, given, table.frame.height)
-    session.setflags(write=False)
     if len(back) == 0:
-        return session, []
+        return read_only(session, np.int64), []
     lines = ", ".join(table.source.at(int(row)).rpartition(", ")[2] for row in back[:3])
     more = f" and {len(back) - 3} more" if len(back) > 3 else ""
     result = "a new session begins at each" if given is None else "within a session; its number was kept"
-    return session, [f"{table.source.name}: the clock steps back {_times(len(back))} ({lines}{more}): {result}"]
-
-
-def _times(n: int) -> str:
-    return f"{n} time" + "s" * (n > 1)
-
-
-def _names(table: RunTable, key: str, otherwise: str) -> tuple[IntArray, tuple[str, ...]]:
-    if table.has(key):
-        return index_names(table.frame[key].to_list())
-    return _read_only_numbers(np.zeros(table.frame.height, dtype=np.int64)), (otherwise,)
-
-
-def _column(table: RunTable, key: str) -> Array | None:
-    return read_only(table.array(key)) if table.has(key) else None
-
-
-def _joints(table: RunTable, stem: str, n_joints: int) -> Array | None:
-    values = joint_array(table, stem, n_joints)
-    return None if values is None else read_only(values)
-
-
-def _whole(table: RunTable, key: str) -> IntArray | None:
-    """Return a column of whole numbers; a blank is −1."""
-    if not table.has(key):
-        return None
-    return _read_only_numbers(np.asarray(table.frame[key].fill_null(-1.0).to_numpy()).astype(np.int64))
-
-
-def _read_only_numbers(numbers: IntArray) -> IntArray:
-    numbers.setflags(write=False)
-    return numbers
+    times = f"{len(back)} time" + "s" * (len(back) > 1)
+    warning = f"{table.source.name}: the clock steps back {times} ({lines}{more}): {result}"
+    return read_only(session, np.int64), [warning]
 
 
 def load_runs(paths: Sequence[Path], n_joints: int) -> Run:
@@ -189,13 +153,12 @@ def _distinguish_names(runs: Sequence[Run], files: Sequence[Path]) -> list[Run]:
     folders = {file.stem: [f.resolve().parent.name for f in files if f.stem == file.stem] for file in files}
     result = []
     for i, run in enumerate(runs):
-        if names.count(run.name) == 1:
-            result.append(run)
-            continue
-        name = f"{folders[run.name][names[:i].count(run.name)]}/{run.name}"
-        named = tuple(f"{Path(name).parent}/{file}" for file in run.files)
-        places = (name,) if run.places == (run.name,) else run.places
-        result.append(replace(run, name=name, places=places, files=named))
+        if names.count(run.name) > 1:
+            folder = folders[run.name][names[:i].count(run.name)]
+            places = (f"{folder}/{run.name}",) if run.places == (run.name,) else run.places
+            own_files = tuple(f"{folder}/{file}" for file in run.files)
+            run = replace(run, name=f"{folder}/{run.name}", places=places, files=own_files)
+        result.append(run)
     return result
 
 
@@ -207,33 +170,36 @@ def join_runs(runs: Sequence[Run]) -> Run:
     """
     if len(runs) == 1:
         return runs[0]
+    of_robot = [r for r in runs if r.robot is not None]
     _check_same([reading_kind(r.readings) for r in runs], runs, "reads {}")
     _check_same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}", _hint_for_loaded(runs))
-    _check_same(
-        [r.robot for r in runs if r.robot is not None], [r for r in runs if r.robot is not None], "is of the robot {}"
-    )
+    _check_same([r.robot or "" for r in of_robot], of_robot, "is of the robot {}")
     warnings = [w for r in runs for w in r.warnings]
     if runs[0].readings.position is not None:  # a tracker may have been set up anew between two files
         runs = [replace(r, places=(r.name,)) if r.places == ("",) else r for r in runs]
     places = tuple(dict.fromkeys(name for r in runs for name in r.places))
-    balls, points = (sorted_names({n for r in runs for n in getattr(r, key)}) for key in ("balls", "points"))
-    samples = _join_samples(runs, places, points, warnings)
+    balls, points = (sort_names({n for r in runs for n in getattr(r, key)}) for key in ("balls", "points"))
+    names = [r.name for r in runs]
+    samples = _concatenate(_renumbered_samples(runs, places, points, warnings), names, warnings)
     plans = {r.plan_id for r in runs}
     if len(plans) > 1:
-        warnings.append(
-            "the files belong to different plans: " + ", ".join(f"{r.name} to {r.plan_id or 'none'}" for r in runs)
-        )
+        belonging = ", ".join(f"{r.name} to {r.plan_id or 'none'}" for r in runs)
+        warnings.append(f"the files belong to different plans: {belonging}")
+    readings = [
+        r.readings if r.readings.ball is None else replace(r.readings, ball=_reindex(r.readings.ball, r.balls, balls))
+        for r in runs
+    ]
     return Run(
-        "+".join(r.name for r in runs),
+        "+".join(names),
         samples,
-        _join_readings(runs, balls, warnings),
+        _concatenate(readings, names, warnings),
         places,
         balls,
         points,
         runs[0].continuous,
         max(r.clocks for r in runs),
         runs[0].plan_id if len(plans) == 1 else None,
-        next((r.robot for r in runs if r.robot is not None), None),
+        of_robot[0].robot if of_robot else None,
         tuple(warnings),
         tuple(file for r in runs for file in r.files),
     )
@@ -256,71 +222,46 @@ def _check_same(values: Sequence[str], runs: Sequence[Run], text: str, more: str
             )
 
 
-def _join_samples(
+def _renumbered_samples(
     runs: Sequence[Run], places: tuple[str, ...], points: tuple[str, ...], warnings: list[str]
-) -> Samples:
-    """Join what is logged in all files; warn of what is logged in some."""
-    parts: dict[str, Array | IntArray | None] = {}
-    runs = _fill_missing_force(runs, warnings)
-    for name in (f.name for f in fields(Samples)):
-        parts[name] = _all_or_none(name, runs, [getattr(r.samples, name) for r in runs], warnings)
-    if parts["file"] is not None:
-        first = np.cumsum([0, *(len(r.files) for r in runs[:-1])])
-        parts["file"] = _read_only(parts["file"] + np.repeat(first, [len(r) for r in runs]))
-    parts["place"] = _reindex([r.samples.place for r in runs], [r.places for r in runs], places)
-    if len(points) > 1:
-        zeros = [r.samples.point if r.samples.point is not None else np.zeros(len(r), dtype=np.int64) for r in runs]
-        parts["point"] = _reindex(zeros, [r.points for r in runs], points)
-    offset, numbered = 0, []
-    for r in runs:
-        session = r.samples.session if r.samples.session is not None else np.zeros(len(r), dtype=np.int64)
-        numbered.append(session + offset)
-        offset = int(numbered[-1].max()) + 1
-    parts["session"] = _read_only(np.concatenate(numbered))
-    return Samples(**parts)  # type: ignore[arg-type]
+) -> list[Samples]:
+    """Return the samples of each run with sessions, files, places and points counted through all runs.
 
-
-def _fill_missing_force(runs: Sequence[Run], warnings: list[str]) -> list[Run]:
-    """Return the runs with no pull of the bar where none was logged but others log one."""
+    Where some log the pull of the bar, the others have none.
+    """
     lacking = [r.name for r in runs if r.samples.force is None]
-    if not 0 < len(lacking) < len(runs):
-        return list(runs)
-    warnings.append(f"force is not logged in {', '.join(lacking)}: taken as no pull of the bar")
-    return [
-        replace(r, samples=replace(r.samples, force=_read_only(np.zeros(len(r))))) if r.samples.force is None else r
-        for r in runs
-    ]
+    if 0 < len(lacking) < len(runs):
+        warnings.append(f"force is not logged in {', '.join(lacking)}: taken as no pull of the bar")
+    first_session = first_file = 0
+    result = []
+    for r in runs:
+        s = r.samples
+        session = session_numbers(s) + first_session
+        s = replace(s, session=session, place=_reindex(s.place, r.places, places))
+        if len(points) > 1:
+            point = np.zeros(len(r), dtype=np.int64) if s.point is None else s.point
+            s = replace(s, point=_reindex(point, r.points, points))
+        if s.file is not None:
+            s = replace(s, file=s.file + first_file)
+        if s.force is None and len(lacking) < len(runs):
+            s = replace(s, force=np.zeros(len(r)))
+        result.append(s)
+        first_session, first_file = int(session.max()) + 1, first_file + len(r.files)
+    return result
 
 
-def _join_readings(runs: Sequence[Run], balls: tuple[str, ...], warnings: list[str]) -> Readings:
-    parts = {
-        f.name: _all_or_none(f.name, runs, [getattr(r.readings, f.name) for r in runs], warnings)
-        for f in fields(Readings)
-    }
-    if balls:
-        parts["ball"] = _reindex(
-            [r.readings.ball for r in runs if r.readings.ball is not None], [r.balls for r in runs], balls
-        )
-    return Readings(**parts)
+def _concatenate(parts: Sequence[T], names: Sequence[str], warnings: list[str]) -> T:
+    """Join what is logged in all files; warn of what is logged in some."""
+    joined: dict[str, Any] = {}
+    for name in (f.name for f in fields(parts[0])):
+        values = [getattr(part, name) for part in parts]
+        lacking = ", ".join(n for n, value in zip(names, values, strict=True) if value is None)
+        joined[name] = None if lacking else read_only(np.concatenate(values), values[0].dtype)
+        if lacking and any(value is not None for value in values) and name not in UNNAMED:
+            warnings.append(f"{name} is not logged in {lacking}, so it was left out of the other files too")
+    return replace(parts[0], **joined)
 
 
-def _all_or_none(name: str, runs: Sequence[Run], values: Sequence[Array | None], warnings: list[str]) -> Array | None:
-    there = [v for v in values if v is not None]
-    if len(there) == len(values):
-        return _read_only(np.concatenate(there))
-    if there and name not in ("session", "point", "file", "line"):
-        lacking = ", ".join(r.name for r, v in zip(runs, values, strict=True) if v is None)
-        warnings.append(f"{name} is not logged in {lacking}, so it was left out of the other files too")
-    return None
-
-
-def _reindex(parts: Sequence[IntArray], names: Sequence[tuple[str, ...]], common: tuple[str, ...]) -> IntArray:
-    """Return indices into ``common`` of what each part counts in its own names."""
-    return _read_only(
-        np.concatenate([np.array([common.index(n) for n in own])[p] for p, own in zip(parts, names, strict=True)])
-    )
-
-
-def _read_only(array: Array) -> Array:
-    array.setflags(write=False)
-    return array
+def _reindex(index: IntArray, own: tuple[str, ...], common: tuple[str, ...]) -> IntArray:
+    """Return indices into ``common`` of what ``index`` counts in ``own``."""
+    return np.asarray(np.array([common.index(name) for name in own])[index])

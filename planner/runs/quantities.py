@@ -1,34 +1,16 @@
 """Joint angles and gauge readings of a table: all columns or none, and values that their unit allows."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only, to_deg
-from planner.runs.columns import spellings
 from planner.runs.joint_motion import DENSE
-from planner.runs.run import IntArray, Readings
+from planner.runs.run import Readings
 from planner.runs.table import RunTable
+from planner.runs.text import first_row
 
 TURN = 2.0 * np.pi
-
-
-def joint_array(table: RunTable, stem: str, n_joints: int) -> Array | None:
-    """Return the columns of a quantity of joints (n, N), or ``None`` where there is none.
-
-    Raises:
-        InputError: some joints have it and some have not.
-    """
-    keys = [f"{stem}{joint}" for joint in range(1, n_joints + 1)]
-    missing = [key for key in keys if not table.has(key)]
-    if len(missing) == n_joints:
-        return None
-    if missing:
-        names = ", ".join(spellings(key) for key in missing)
-        raise InputError(f"{table.source.file}: the robot has {n_joints} joints, but there is no column {names}")
-    return table.arrays(keys)
 
 
 def joint_angles(table: RunTable, stem: str, n_joints: int) -> tuple[Array | None, list[str]]:
@@ -37,25 +19,15 @@ def joint_angles(table: RunTable, stem: str, n_joints: int) -> tuple[Array | Non
     Raises:
         InputError: joints missing, degrees where radians are said, or radians where degrees are said.
     """
-    q = joint_array(table, stem, n_joints)
+    q = table.joints(stem, n_joints)
     if q is None:
         return None, []
-    _too_far(table, stem, q)
+    for joint, angle in enumerate(q.T, start=1):
+        key, row = f"{stem}{joint}", first_row(np.abs(angle) > 2.0 * TURN)
+        if table.units.get(key) == "rad" and row is not None:
+            hint = f"if the angles are degrees, call the column {key}_deg"
+            raise table.source.error(row, key, f"{angle[row]:g} rad is more than two turns; {hint}")
     return q, _radians_as_degrees(table, stem, q)
-
-
-def _too_far(table: RunTable, stem: str, q: Array) -> None:
-    """Refuse columns in radians that hold more than two turns."""
-    units = dict(table.units)
-    for joint, column in enumerate(q.T, start=1):
-        key = f"{stem}{joint}"
-        far = np.abs(column) > 2.0 * TURN
-        if units.get(key) == "rad" and far.any():
-            row = int(np.argmax(far))
-            raise InputError(
-                f"{table.source.at(row)}, column '{table.source.header(key)}': {column[row]:g} rad is more than two "
-                f"turns; if the angles are degrees, call the column {key}_deg"
-            )
 
 
 def _radians_as_degrees(table: RunTable, stem: str, q: Array) -> list[str]:
@@ -63,13 +35,13 @@ def _radians_as_degrees(table: RunTable, stem: str, q: Array) -> list[str]:
 
     An arm that measures moves by tens of degrees: all joints within ±6.3 and moving more than 1 there are in radians.
     """
-    units = dict(table.units)
-    in_degrees = [j for j in range(q.shape[1]) if units.get(f"{stem}{j + 1}") == "deg"]
+    in_degrees = [j for j in range(q.shape[1]) if table.units.get(f"{stem}{j + 1}") == "deg"]
     degrees = to_deg(q[:, in_degrees])
-    if degrees.size == 0 or np.abs(degrees).max() > TURN + 0.01 or table.note("angles") == "degrees":
+    if degrees.size == 0 or np.abs(degrees).max() > TURN + 0.01 or table.notes.get("angles") == "degrees":
         return []
     spread = float(np.ptp(degrees, axis=0).max())
-    name = f"{table.source.header(f'{stem}{in_degrees[0] + 1}')} …"
+    first = f"{stem}{in_degrees[0] + 1}"
+    name = f"{table.source.headers.get(first, first)} …"
     if spread > 1.0 and len(degrees) > 1:
         raise InputError(
             f"{table.source.file}: the columns {name} are called degrees, but all joints stay within "
@@ -92,18 +64,13 @@ def check_jumps(table: RunTable, n_joints: int) -> None:
     close = np.abs(np.diff(t)) < DENSE
     if table.has("session"):
         close &= np.diff(table.array("session")) == 0.0
-    for key in (f"{stem}{joint}" for stem in ("q", "cmd") for joint in range(1, n_joints + 1)):
-        if not table.has(key):
-            continue
-        jumps = np.flatnonzero((np.abs(np.diff(table.array(key))) > np.pi) & close)
-        if len(jumps):
-            row = int(jumps[0]) + 1
-            before, after = to_deg(table.array(key)[row - 1 : row + 1])
-            raise InputError(
-                f"{table.source.at(row)}, column '{table.source.header(key)}': the angle jumps from {before:.6g} to "
-                f"{after:.6g} degrees within {t[row] - t[row - 1]:.3g} s; "
-                "angles that are wrapped at a full turn have to run on"
-            )
+    keys = [f"{stem}{joint}" for stem in ("q", "cmd") for joint in range(1, n_joints + 1)]
+    for key in filter(table.has, keys):
+        q = table.array(key)
+        if (row := first_row((np.abs(np.diff(q)) > np.pi) & close)) is not None:
+            jump = f"from {to_deg(q[row]):.6g} to {to_deg(q[row + 1]):.6g} degrees within {t[row + 1] - t[row]:.3g} s"
+            hint = "angles that are wrapped at a full turn have to run on"
+            raise table.source.error(row + 1, key, f"the angle jumps {jump}; {hint}")
 
 
 POSITION = ("x", "y", "z")
@@ -131,54 +98,23 @@ def readings_of(table: RunTable) -> tuple[Readings, tuple[str, ...]]:
         InputError: no reading, several kinds of it, or a part of one.
     """
     file = table.source.file
-    position, turning, offset = (_triple(table, keys) for keys in (POSITION, TURNING, OFFSET))
-    found = [
-        name
-        for name, key in ((KINDS["length"], "length"), (KINDS["x"], "x"), (KINDS["ball"], "ball"))
-        if table.has(key)
-    ]
+    lacking = "there is no column {} beside the others"
+    position, turning, offset = (table.group(keys, lacking) for keys in (POSITION, TURNING, OFFSET))
+    found = [columns for key, columns in KINDS.items() if table.has(key)]
     if not found:
-        raise InputError(
-            f"{file}: there is no reading; one of {'; '.join(KINDS.values())} is needed beside the joint angles"
-        )
+        kinds = "; ".join(KINDS.values())
+        raise InputError(f"{file}: there is no reading; one of {kinds} is needed beside the joint angles")
     if len(found) > 1:
-        raise InputError(
-            f"{file}: there are several readings ({'; '.join(found)}), but a run has one; give each its own file"
-        )
+        kinds = "; ".join(found)
+        raise InputError(f"{file}: there are several readings ({kinds}), but a run has one; give each its own file")
     if turning is not None and position is None:
         raise InputError(f"{file}: rx, ry, rz turn with a position, but there is no {KINDS['x']}")
     if offset is not None and not table.has("ball"):
         raise InputError(f"{file}: dx, dy, dz are from a ball's centre, but there is no column ball")
     if table.has("ball"):
-        index, names = index_names(table.frame["ball"].to_list())
+        index, names = table.names("ball")
         return Readings(ball=index, offset=offset), names
     if position is not None:
         rotation = None if turning is None else read_only(Rotation.from_euler("XYZ", turning).as_matrix())
         return Readings(position=position, rotation=rotation), ()
-    return Readings(length=read_only(table.array("length"))), ()
-
-
-def _triple(table: RunTable, keys: Sequence[str]) -> Array | None:
-    """Return three columns (n, 3) or ``None``; two of them are an error."""
-    missing = [key for key in keys if not table.has(key)]
-    if len(missing) == len(keys):
-        return None
-    if missing:
-        raise InputError(
-            f"{table.source.file}: there is no column {', '.join(spellings(k) for k in missing)} beside the others"
-        )
-    return read_only(table.arrays(keys))
-
-
-def index_names(values: Sequence[str]) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the index of each name (n,) in the sorted names (numbers by value), and these."""
-    names = sorted_names(set(values))
-    place = {name: i for i, name in enumerate(names)}
-    index = np.fromiter((place[v] for v in values), dtype=np.int64, count=len(values))
-    index.setflags(write=False)
-    return index, names
-
-
-def sorted_names(names: set[str]) -> tuple[str, ...]:
-    """Return names in an order of their own: whole numbers by value, then the others by letters."""
-    return tuple(sorted(names, key=lambda n: (0, int(n), n) if n.lstrip("-").isdecimal() else (1, 0, n)))
+    return Readings(length=table.optional("length")), ()

@@ -26,14 +26,13 @@ def average_rests(run: Run, speed: float = REST_SPEED, least: float = REST_TIME)
 
     Args:
         run: samples that follow each other in time.
-        speed: below which a joint rests [rad/s], see `stretches_at_rest`.
+        speed: below which a joint rests [rad/s], see `find_rests`.
         least: the shortest rest [s].
 
     Raises:
         InputError: the run has no time, or the arm rests nowhere.
     """
-    stretches = find_rests(run.samples, speed, least)
-    stretches = stretches[_with_pose_number(run.samples, stretches)]
+    stretches = _measured_rests(run.samples, speed, least)
     if len(stretches) == 0:
         raise InputError(
             f"{run.name}: none of {len(run)} samples is at rest (no joint moving by more than "
@@ -59,17 +58,16 @@ def marks_rests(run: Run) -> bool:
     if pose is None or run.samples.t is None:
         return False
     marked = np.unique(pose[pose >= 0])
-    stretches = find_rests(run.samples)
-    return len(marked) > 1 and 2 * len(np.unique(pose[stretches[_with_pose_number(run.samples, stretches), 0]])) >= len(
-        marked
-    )
+    at_rest = np.unique(pose[_measured_rests(run.samples, REST_SPEED, REST_TIME)[:, 0]])
+    return len(marked) > 1 and 2 * len(at_rest) >= len(marked)
 
 
-def _with_pose_number(samples: Samples, stretches: IntArray) -> IntArray:
-    """Return which stretches are measurements: those with a pose's number where numbers are given, else all."""
+def _measured_rests(samples: Samples, speed: float, least: float) -> IntArray:
+    """Return the rests that are measurements: those with a pose's number where numbers are given, else all."""
+    stretches = find_rests(samples, speed, least)
     if samples.pose is None or not (samples.pose >= 0).any():
-        return np.ones(len(stretches), dtype=bool)
-    return np.asarray(samples.pose[stretches[:, 0]] >= 0)
+        return stretches
+    return np.asarray(stretches[samples.pose[stretches[:, 0]] >= 0])
 
 
 def _poses_without_rest(before: Samples, after: Samples) -> str:
@@ -88,8 +86,8 @@ def _average_stretches(values: T, stretches: IntArray) -> T:
         if name == "rotation":
             parts[name] = read_only([Rotation.from_matrix(value[a:b]).mean().as_matrix() for a, b in stretches])
         else:
-            parts[name] = _means(value, stretches) if name in MEANS else value[stretches[:, 0]]
-            parts[name].setflags(write=False)
+            kept = _means(value, stretches) if name in MEANS else value[stretches[:, 0]]
+            parts[name] = read_only(kept, kept.dtype)
     return replace(values, **parts)
 
 

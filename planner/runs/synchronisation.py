@@ -14,6 +14,7 @@ from planner.runs.joint_motion import DENSE
 from planner.runs.quantities import check_jumps, has_reading
 from planner.runs.run import IntArray
 from planner.runs.table import RunTable
+from planner.runs.text import first_row
 
 
 def rising_edges(t: Array, mark: Array) -> Array:
@@ -122,18 +123,14 @@ def _by_time(gauge: RunTable, axes: RunTable) -> RunTable:
     others = [key for key in axes.frame.columns if key not in (*gauge.frame.columns, "t", "sync")]
     frame = frame.with_columns(_column_at(axes, key, t_axes, t[inside]) for key in others)
     merged = _merge_tables(gauge, axes, frame, inside, said)
-    return replace(merged, notes=(*merged.notes, ("clocks", "2")))
+    return replace(merged, notes={**merged.notes, "clocks": "2"})
 
 
 def _forward_time(table: RunTable) -> Array:
     t = table.array("t")
-    back = np.flatnonzero(np.diff(t) <= 0.0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise InputError(
-            f"{table.source.at(row)}, column '{table.source.header('t')}': the clock goes from {t[row - 1]:g} s to "
-            f"{t[row]:g} s; logs are joined by time only where it goes forward"
-        )
+    if (row := first_row(np.diff(t) <= 0.0)) is not None:
+        clock = f"the clock goes from {t[row]:g} s to {t[row + 1]:g} s"
+        raise table.source.error(row + 1, "t", f"{clock}; logs are joined by time only where it goes forward")
     return t
 
 
@@ -202,7 +199,7 @@ def _by_pose(gauge: RunTable, axes: RunTable) -> RunTable:
 
 
 def _merge_tables(gauge: RunTable, axes: RunTable, frame: pl.DataFrame, rows: IntArray, said: list[str]) -> RunTable:
-    source = replace(gauge.source, rows=rows, headers=gauge.source.headers + axes.source.headers)
+    source = replace(gauge.source.take(rows), headers={**gauge.source.headers, **axes.source.headers})
     twice = sorted((set(gauge.frame.columns) & set(axes.frame.columns)) - {"t", "sync", "pose"})
     if twice:
         said.append(
@@ -211,8 +208,8 @@ def _merge_tables(gauge: RunTable, axes: RunTable, frame: pl.DataFrame, rows: In
     return RunTable(
         source,
         frame,
-        tuple({**dict(axes.units), **dict(gauge.units)}.items()),
-        tuple({**dict(axes.notes), **dict(gauge.notes)}.items()),
+        {**axes.units, **gauge.units},
+        {**axes.notes, **gauge.notes},
         (*gauge.warnings, *axes.warnings, *said),
     )
 

@@ -1,6 +1,6 @@
 """A file of a run as a table in SI units, before it is known what was measured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,19 +8,10 @@ import numpy as np
 import polars as pl
 
 from planner.common.errors import InputError
-from planner.common.units import Array
-from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, split_key
-from planner.runs.text import (
-    NOTES,
-    RowSource,
-    check_finite,
-    check_text,
-    check_whole,
-    notes_in,
-    parse_rows,
-    read_bytes,
-    split_head,
-)
+from planner.common.units import Array, read_only
+from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, spellings, split_key
+from planner.runs.run import IntArray
+from planner.runs.text import NOTES, RowSource, check_finite, check_whole, notes_in, parse_rows, read_lines, split_head
 
 ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}
 MAY_BE_BLANK = frozenset({"pose"})  # between two poses there is none
@@ -40,9 +31,9 @@ class RunTable:
 
     source: RowSource
     frame: pl.DataFrame
-    units: tuple[tuple[str, str], ...] = ()
-    notes: tuple[tuple[str, str], ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def stem(self) -> str:
@@ -55,21 +46,55 @@ class RunTable:
         joints = (split_key(key) for key in self.frame.columns)
         return max((joint for stem, joint in joints if stem in ("q", "cmd")), default=0)
 
-    def has(self, *keys: str) -> bool:
-        """Return whether all these quantities are there."""
-        return set(keys) <= set(self.frame.columns)
-
-    def note(self, name: str) -> str | None:
-        """Return what a comment line says of ``name``."""
-        return dict(self.notes).get(name)
+    def has(self, key: str) -> bool:
+        """Return whether this quantity is there."""
+        return key in self.frame.columns
 
     def array(self, key: str) -> Array:
         """Return a column of numbers (n,)."""
         return self.frame[key].to_numpy().astype(float)
 
-    def arrays(self, keys: Sequence[str]) -> Array:
-        """Return several columns side by side (n, k)."""
-        return np.ascontiguousarray(self.frame.select(keys).to_numpy(), dtype=float)
+    def optional(self, key: str) -> Array | None:
+        """Return a column of numbers (n,), read-only, or None where it is not there."""
+        return read_only(self.array(key)) if self.has(key) else None
+
+    def group(self, keys: Sequence[str], lacking: str) -> Array | None:
+        """Return columns that belong together (n, k), read-only, or None where none of them is there.
+
+        Raises:
+            InputError: ``lacking``, with the names of the columns, where only some are there.
+        """
+        missing = [key for key in keys if not self.has(key)]
+        if len(missing) == len(keys):
+            return None
+        if missing:
+            raise InputError(f"{self.source.file}: {lacking.format(', '.join(spellings(key) for key in missing))}")
+        return read_only(np.ascontiguousarray(self.frame.select(keys).to_numpy()))
+
+    def joints(self, stem: str, n_joints: int) -> Array | None:
+        """Return a quantity of the joints (n, N), read-only, or None.
+
+        Raises:
+            InputError: some joints have it and some have not.
+        """
+        keys = [f"{stem}{joint}" for joint in range(1, n_joints + 1)]
+        return self.group(keys, f"the robot has {n_joints} joints, but there is no column {{}}")
+
+    def names(self, key: str, otherwise: str = "") -> tuple[IntArray, tuple[str, ...]]:
+        """Return a column of names as indices (n,) into them, and these; one for all where it is not there."""
+        return index_names(self.frame[key].to_list() if self.has(key) else [otherwise] * self.frame.height)
+
+
+def index_names(values: Sequence[str]) -> tuple[IntArray, tuple[str, ...]]:
+    """Return the index of each name (n,) in the sorted names (numbers by value), and these."""
+    names = sort_names(set(values))
+    place = {name: i for i, name in enumerate(names)}
+    return read_only([place[v] for v in values], np.int64), names
+
+
+def sort_names(names: set[str]) -> tuple[str, ...]:
+    """Return names in an order of their own: whole numbers by value, then the others by letters."""
+    return tuple(sorted(names, key=lambda n: (0, int(n), n) if n.lstrip("-").isdecimal() else (1, 0, n)))
 
 
 def read_table(path: Path, n_joints: int) -> RunTable:
@@ -79,34 +104,29 @@ def read_table(path: Path, n_joints: int) -> RunTable:
         InputError: the file is missing, empty or ragged, a column has a wrong unit, a field is blank or no number.
     """
     if path.suffix.lower() == ".parquet":
-        return _parquet(path, n_joints)
-    data = read_bytes(path)
-    check_text(data, str(path))
-    head, headers, body = split_head(data)
+        return _read_parquet(path, n_joints)
+    lines = read_lines(path)
+    head, headers = split_head(lines)
     if not headers:
         raise InputError(f"{path}: the file is empty; a line with the names of the columns is expected")
     if len(headers) == 1 and (";" in headers[0] or "\t" in headers[0]):
         raise InputError(f"{path}: the columns are not separated by commas; bring the file in with 'edbb import'")
     columns, warnings = recognise_columns(headers, n_joints, str(path))
-    source = RowSource(
-        str(path),
-        body,
-        len(head) + 1,
-        fields=len(headers),
-        headers=tuple((c.key, c.header) for c in columns if c is not None),
+    source = RowSource.of_text(
+        str(path), lines, len(head) + 1, len(headers), {c.key: c.header for c in columns.values()}
     )
-    numbers = frozenset(c.header for c in columns if c is not None and c.stem not in NAMES)
-    names = _unique_names(headers)
-    frame = parse_rows(source, names, numbers)
-    return table_in_si(source, frame, [c for c in columns if c is not None], notes_in(head), warnings)
+    numbers = frozenset(c.header for c in columns.values() if c.stem not in NAMES)
+    unique = [h if headers.index(h) == i and h else f"{h}#{i + 1}" for i, h in enumerate(headers)]
+    source, frame = parse_rows(source, unique, numbers)
+    return table_in_si(source, frame, list(columns.values()), notes_in(head), warnings)
 
 
 def table_in_si(
     source: RowSource,
     frame: pl.DataFrame,
-    columns: list[RunColumn],
-    notes: tuple[tuple[str, str], ...],
-    warnings: list[str],
+    columns: Sequence[RunColumn],
+    notes: Mapping[str, str],
+    warnings: Sequence[str] = (),
 ) -> RunTable:
     """Return the table of ``columns`` in SI units, checked for blanks and numbers that are none.
 
@@ -122,23 +142,18 @@ def table_in_si(
     for c in columns:
         if c.stem in WHOLE:
             check_whole(si[c.key], source, ALLOWED.get(c.stem, ()))
-    return RunTable(source, si, tuple((c.key, c.unit) for c in columns), notes, tuple(warnings))
+    return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
 
 
-def _unique_names(headers: list[str]) -> list[str]:
-    """Return headers with a number added to those that stand twice (none that a run knows does)."""
-    return [h if headers.index(h) == i and h else f"{h}#{i + 1}" for i, h in enumerate(headers)]
-
-
-def _parquet(path: Path, n_joints: int) -> RunTable:
+def _read_parquet(path: Path, n_joints: int) -> RunTable:
     try:
         frame = pl.read_parquet(path)
         meta = pl.read_parquet_metadata(path)
     except (OSError, pl.exceptions.PolarsError) as err:
         raise InputError(f"{path}: cannot be read as Parquet ({str(err).splitlines()[0]})") from err
     columns, warnings = recognise_columns(frame.columns, n_joints, str(path))
-    known = [c for c in columns if c is not None]
-    source = RowSource(str(path), headers=tuple((c.key, c.header) for c in known))
+    known = list(columns.values())
+    source = RowSource(str(path), np.arange(1, frame.height + 1), headers={c.key: c.header for c in known})
     for c in known:
         wanted = pl.String if c.stem in NAMES else pl.Float64
         if wanted == pl.Float64 and not (frame.schema[c.header].is_numeric() or frame.schema[c.header] == pl.Boolean):
@@ -147,5 +162,5 @@ def _parquet(path: Path, n_joints: int) -> RunTable:
         if wanted == pl.String and frame.schema[c.header].is_float() and (frame[c.header] % 1.0 == 0.0).all():
             value = value.cast(pl.Int64)  # sockets numbered in floats are still called 1, 2
         frame = frame.with_columns(value.cast(wanted))
-    notes = tuple((k, v) for k, v in sorted(meta.items()) if k in NOTES)
+    notes = {key: value for key, value in sorted(meta.items()) if key in NOTES}
     return table_in_si(source, frame, known, notes, warnings)

@@ -1,18 +1,21 @@
 """A run written in the form of the contract, so that reading it back gives the same run."""
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
-from planner.common.units import Array, to_deg, to_mm
+from planner.runs.columns import units_of
 from planner.runs.joint_motion import session_numbers
 from planner.runs.quantities import OFFSET, POSITION, TURNING
-from planner.runs.run import IntArray, Run, Samples
+from planner.runs.run import IntArray, Run
 
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
 
@@ -48,56 +51,51 @@ def _notes(run: Run) -> dict[str, str]:
 
 def table_of(run: Run) -> pl.DataFrame:
     """Return the run as columns of the contract, mm and degrees."""
-    columns = _motion_columns(run.samples) | _reading_columns(run) | _other_columns(run)
-    return pl.DataFrame({name: _round_floats(value) for name, value in columns.items()})
-
-
-def _motion_columns(s: Samples) -> dict[str, Array]:
-    columns: dict[str, Array] = {} if s.t is None else {"t_s": s.t}
+    s, r = run.samples, run.readings
     read = s.q if s.q_read is None and s.q_cmd is None else s.q_read
-    for stem, angles in (("q", read), ("cmd", s.q_cmd)):
-        if angles is not None:
-            columns |= {f"{stem}{j}_deg": to_deg(a) for j, a in enumerate(angles.T, start=1)}
-    return columns
-
-
-def _reading_columns(run: Run) -> dict[str, Array | list[str]]:
-    r = run.readings
-    if r.length is not None:
-        return {"length_mm": to_mm(r.length)}
-    columns: dict[str, Array | list[str]] = {}
-    if r.position is not None:
-        columns |= {f"{axis}_mm": to_mm(v) for axis, v in zip(POSITION, r.position.T, strict=True)}
-    if r.rotation is not None:
-        turning = Rotation.from_matrix(r.rotation).as_euler("XYZ")
-        columns |= {f"{axis}_deg": to_deg(v) for axis, v in zip(TURNING, turning.T, strict=True)}
-    if r.ball is not None:
-        columns["ball"] = [run.balls[i] for i in r.ball]
-    if r.offset is not None:
-        columns |= {f"{axis}_mm": to_mm(v) for axis, v in zip(OFFSET, r.offset.T, strict=True)}
-    return columns
-
-
-def _other_columns(run: Run) -> dict[str, Array | IntArray | list[str | None] | list[str] | pl.Series]:
-    s = run.samples
-    columns: dict[str, Array | IntArray | list[str | None] | list[str] | pl.Series] = {}
-    if run.places != ("",):
-        columns["fixture"] = [run.places[i] for i in s.place]
-    if s.point is not None:
-        columns["point"] = [run.points[i] for i in s.point]
-    if s.session is not None and session_numbers(s).any():
+    turning = None if r.rotation is None else Rotation.from_matrix(r.rotation).as_euler("XYZ")
+    columns: dict[str, object] = _number_columns(
+        (["t"], s.t),
+        (_of_joints("q", read), read),
+        (_of_joints("cmd", s.q_cmd), s.q_cmd),
+        (["length"], r.length),
+        (POSITION, r.position),
+        (TURNING, turning),
+    )
+    columns |= _name_columns(("ball", r.ball, run.balls)) | _number_columns((OFFSET, r.offset))
+    place = None if run.places == ("",) else s.place
+    columns |= _name_columns(("fixture", place, run.places), ("point", s.point, run.points))
+    if session_numbers(s).any():
         columns["session"] = s.session
     if s.pose is not None:
         columns["pose"] = pl.Series(s.pose).replace(-1, None)
-    plain = {"temperature_degC": s.temperature, "force_N": s.force, "payload_kg": s.payload}
-    columns |= {name: v for name, v in plain.items() if v is not None}
-    if s.torque is not None:
-        columns |= {f"torque{j}_Nm": v for j, v in enumerate(s.torque.T, start=1)}
-    if s.direction is not None:
-        columns |= {f"direction{j}": v.astype(np.int64) for j, v in enumerate(s.direction.T, start=1)}
+    direction = None if s.direction is None else s.direction.astype(np.int64)
+    columns |= _number_columns(
+        (["temperature"], s.temperature),
+        (["force"], s.force),
+        (["payload"], s.payload),
+        (_of_joints("torque", s.torque), s.torque),
+        (_of_joints("direction", direction), direction),
+    )
+    return pl.DataFrame(columns)
+
+
+def _of_joints(stem: str, values: NDArray[Any] | None) -> list[str]:
+    return [] if values is None else [f"{stem}{joint}" for joint in range(1, values.shape[1] + 1)]
+
+
+def _number_columns(*groups: tuple[Sequence[str], NDArray[Any] | None]) -> dict[str, object]:
+    """Return quantities and their values (n,) or (n, k), where there are any, in the first unit that each has."""
+    columns: dict[str, object] = {}
+    for keys, values in groups:
+        if values is None:
+            continue
+        for key, value in zip(keys, values.reshape(len(values), -1).T, strict=True):
+            unit, factor = next(iter((units_of(key) or {}).items()), ("", 1.0))
+            whole = value.dtype.kind != "f"
+            columns[f"{key}_{unit}" if unit else key] = value if whole else np.round(value / factor, DECIMALS) + 0.0
     return columns
 
 
-def _round_floats(value: object) -> object:
-    """Return floats without the digits that mean nothing."""
-    return np.round(value, DECIMALS) + 0.0 if isinstance(value, np.ndarray) and value.dtype.kind == "f" else value
+def _name_columns(*groups: tuple[str, IntArray | None, tuple[str, ...]]) -> dict[str, object]:
+    return {key: [names[i] for i in index] for key, index, names in groups if index is not None}
