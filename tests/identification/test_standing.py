@@ -32,11 +32,11 @@ def test_the_bases_errors_count_from_the_cells_place():
     here, there = identify(run, cell()), identify(run, moved(by_mm))
     assert np.allclose(base_mm(there) - base_mm(here), by_mm, atol=1e-4)
     place, again = (found.frames.places[0] for found in (here, there))
-    assert np.allclose(place[1], again[1], atol=1e-8)
-    assert np.allclose(place[2], again[2], atol=1e-8)
+    assert np.allclose(place.position, again.position, atol=1e-8)
+    assert np.allclose(place.rpy, again.rpy, atol=1e-8)
     turn = Rotation.from_euler("XYZ", [next(e.value for e in here.estimates if e.name == f"base_r{x}") for x in "xyz"])
     wanted = turn.inv().apply(np.array(cell().file.artifact.position_mm) - base_mm(here))
-    assert np.allclose(1e3 * place[1], wanted, atol=1e-4)
+    assert np.allclose(1e3 * np.array(place.position), wanted, atol=1e-4)
     assert not any("from where [artifact]" in w for w in (*here.warnings, *there.warnings))
 
 
