@@ -1,19 +1,13 @@
 """The report of a validation by a tracker, or of repeated centrings."""
 
-from base64 import b64encode
-from dataclasses import dataclass
-
 import numpy as np
-from plotly.offline import get_plotlyjs
 
-from planner.common.units import UM, Array, to_mm
+from planner.common.units import UM, to_mm
 from planner.instruments.accuracy.precision import TOLERANCE, Mastering, RepeatedCentrings
 from planner.instruments.accuracy.results import PUBLISHED_UM
 from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
-from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series
-from planner.report.matplotlib_backend import chart_png
-from planner.report.page import load_template, safe_json
-from planner.report.plotly_backend import chart_json
+from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
+from planner.report.page import Report, Row
 
 BINS = 25
 ROW = 26  # [px] of one pose
@@ -42,7 +36,7 @@ def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:
         name,
         "position error (mm)",
         "poses",
-        (_steps(name, colour, edges, counts),),
+        (Series(name, *histogram_outline(edges, counts), colour, filled=True),),
         (
             ReferenceLine(mean, f"mean {mean:.3f}", upright=True),
             ReferenceLine(largest, f"max {largest:.3f}", upright=True),
@@ -51,13 +45,6 @@ def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:
         y_range=(0.0, ROOM * float(counts.max())),
         height=240,
     )
-
-
-def _steps(name: str, colour: str, edges: Array, counts: Array) -> Series:
-    """The outline of a histogram, filled."""
-    x = np.repeat(edges, 2)
-    y = np.concatenate([[0.0], np.repeat(counts, 2), [0.0]])
-    return Series(name, x, y, colour, filled=True)
 
 
 def centring_chart(found: RepeatedCentrings) -> Chart:
@@ -84,11 +71,8 @@ def centring_chart(found: RepeatedCentrings) -> Chart:
     return Chart("accuracy", "Repeated centrings", caption, (panel,))
 
 
-Row = tuple[str, ...]
-
-
-def validation_report(title: str, found: Validation) -> tuple[str, bytes]:
-    """Return the page and the picture (PNG) of a tracker's run. The same run, the same bytes."""
+def report_validation(title: str, found: Validation) -> Report:
+    """Return the page of a tracker's run and its picture."""
     misses = ", ".join(f"{n} by {m / UM:.0f} µm" for n, m in zip(found.nests, found.frame.misses, strict=True))
     before, after = found.before.figures, None if found.after is None else found.after.figures
     said = [f"Mean position error {_mm(before.mean)} mm, at most {_mm(before.largest)} mm, by the data sheet."]
@@ -101,14 +85,20 @@ def validation_report(title: str, found: Validation) -> tuple[str, bytes]:
     said.append(found.floor.text() + ".")
     head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))
     rows = [_figures("by the data sheet", before)] + ([] if after is None else [_figures("calibrated", after)])
-    page = _Page(f"Accuracy of {title}", found.run.name, said, found.notes, "Position errors, in mm", head, rows)
-    return _written(page, error_histogram(found))
+    page: dict[str, object] = {
+        "title": f"Accuracy of {title}",
+        "run": found.run.name,
+        "sentences": said,
+        "notes": found.notes,
+    }
+    table = {"table": "Position errors, in mm", "head": head, "rows": rows}
+    return Report("accuracy.html.j2", page | table, (error_histogram(found),))
 
 
-def precision_report(
+def report_precision(
     title: str, run: str, found: RepeatedCentrings, master: Mastering | None, notes: tuple[str, ...] = ()
-) -> tuple[str, bytes]:
-    """Return the page and the picture (PNG) of repeated centrings. The same run, the same bytes."""
+) -> Report:
+    """Return the page of repeated centrings and its picture."""
     s = found.summary
     said = [
         f"{s.centrings} centrings of {s.poses} poses: at most {_um(s.largest)} µm from the mean of a pose, "
@@ -120,33 +110,18 @@ def precision_report(
     if master is not None:
         said.append(master.text()[0].upper() + master.text()[1:] + ".")
     head = ("pose", "ball", "centring", "x", "y", "z", "distance")
-    page = _Page(f"Precision of centring on {title}", run, said, notes, "Centrings, in µm", head, _centrings(found))
-    return _written(page, centring_chart(found))
+    page: dict[str, object] = {
+        "title": f"Precision of centring on {title}",
+        "run": run,
+        "sentences": said,
+        "notes": notes,
+    }
+    table = {"table": "Centrings, in µm", "head": head, "rows": _centrings(found)}
+    return Report("accuracy.html.j2", page | table, (centring_chart(found),))
 
 
-@dataclass(frozen=True)
-class _Page:
-    """What a page says: title, run, sentences, notes, and a table under its heading."""
-
-    title: str
-    run: str
-    said: list[str]
-    notes: tuple[str, ...]
-    table: str
-    head: Row
-    rows: list[Row]
-
-
-def _written(page: _Page, picture: Chart) -> tuple[str, bytes]:
-    printed = chart_png(picture)
-    text = load_template("accuracy/report.html.j2").render(
-        page=page,
-        picture=picture,
-        printed=b64encode(printed).decode("ascii"),
-        figure=safe_json(chart_json(picture)),
-        plotly=get_plotlyjs(),
-    )
-    return text, printed
+def _content(title: str, run: str, sentences: list[str], notes: Row) -> dict[str, object]:
+    return {"title": title, "run": run, "sentences": sentences, "notes": notes}
 
 
 def _figures(name: str, f: ErrorFigures) -> Row:

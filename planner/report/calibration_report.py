@@ -1,15 +1,9 @@
 """The report of a calibration: one page that needs nothing else, and a PNG of each chart."""
 
-from base64 import b64encode
-from dataclasses import dataclass
-from io import BytesIO
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from PIL import Image
-from plotly.offline import get_plotlyjs
 
-from planner.common.files import write_bytes, write_text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, error_size
@@ -17,8 +11,6 @@ from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_text import (
     GROUP_NAMES,
-    FindingText,
-    LimitTable,
     correlation_text,
     estimate_unit,
     finding_texts,
@@ -30,83 +22,53 @@ from planner.report.calibration_text import (
     refusal_text,
     rejected_effects,
 )
-from planner.report.chart import Chart
 from planner.report.formatting import count_text, significant_text
-from planner.report.matplotlib_backend import chart_png
-from planner.report.page import load_template, safe_json
-from planner.report.plotly_backend import chart_json
+from planner.report.page import Report, Row
 
-Row = tuple[str, ...]
 MOST_MOVED = 5  # parameters on the first sheet
 OUTLIERS = 50  # that are listed
 SHORT = 6  # stages up to which the first sheet lists all of them
 STAGE_NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
 
 
-@dataclass(frozen=True)
-class CalibrationPage:
-    """The report without its drawings; tables are rows of texts."""
-
-    title: str
-    about: str
-    problems: tuple[str, ...]
-    headline: tuple[str, ...]
-    facts: tuple[Row, ...]
-    stages: tuple[Row, ...]
-    first_stages: tuple[Row, ...]
-    found: tuple[str, ...]
-    loop: tuple[FindingText, ...]
-    limits: LimitTable
-    rejected: tuple[Row, ...]
-    traced: bool
-    validated: bool
-    warnings: tuple[str, ...]
-    held_out: str
-    noise: str
-    left: str
-    trials: tuple[Row, ...]
-    moved: tuple[Row, ...]
-    parameters: tuple[Row, ...]
-    unseen: tuple[Row, ...]
-    pairs: tuple[str, ...]
-    outliers: tuple[Row, ...]
-    outliers_more: int
-    gauge: tuple[Row, ...]
+def report_calibration(calibration: Calibration) -> Report:
+    """Return the page of a calibration, its first printed sheet a summary for the customer, and its pictures."""
+    facts = CalibrationFacts(calibration)
+    charts = draw_calibration_charts(facts)
+    return Report("calibration.html.j2", calibration_content(facts), charts, small_pictures=True)
 
 
-def build_calibration_page(told: CalibrationFacts) -> CalibrationPage:
-    """Set all texts of the report."""
+def calibration_content(told: CalibrationFacts) -> dict[str, Any]:
+    """Return what the page says; tables are rows of texts."""
     c = told.calibration
-    stages = tuple(_stage(told, k) for k in range(len(c.stages)))
-    return CalibrationPage(
-        title=f"Calibration of {c.fit.model.setup.robot.title}",
-        about=_about(c),
-        problems=refusal_text(c),
-        headline=headline_text(told),
-        facts=_facts(told),
-        stages=stages,
-        first_stages=stages if len(stages) <= SHORT else (*stages[:3], ("all effects", *stages[-1][1:])),
-        found=findings_summary(told),
-        loop=finding_texts(told),
-        limits=limit_table(told),
-        rejected=rejected_effects(told),
-        traced=c.tried is not None,
-        validated=any(s.validation is not None for s in c.stages),
-        warnings=(*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
-        held_out=held_out_text(c),
-        noise=noise_text(told),
-        left=c.diagnosis.sentence,
-        trials=tuple(
-            (t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in sorted(c.diagnosis.trials, key=lambda t: t.p_value)
-        ),
-        moved=_most_moved(told),
-        parameters=tuple(_parameter(told, e) for e in c.estimates if e.identifiable),
-        unseen=tuple((e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable),
-        pairs=correlation_text(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
-        outliers=tuple(_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]),
-        outliers_more=max(0, len(c.fit.outliers) - OUTLIERS),
-        gauge=_gauge(told),
-    )
+    stages = [_stage(told, k) for k in range(len(c.stages))]
+    trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
+    return {
+        "c": c,
+        "title": f"Calibration of {c.fit.model.setup.robot.title}",
+        "about": _about(c),
+        "problems": refusal_text(c),
+        "headline": headline_text(told),
+        "facts": _facts(told),
+        "stages": stages,
+        "first_stages": stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])],
+        "summary": findings_summary(told),
+        "findings": finding_texts(told),
+        "limits": limit_table(told),
+        "rejected": rejected_effects(told),
+        "validated": any(s.validation is not None for s in c.stages),
+        "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
+        "held_out": held_out_text(c),
+        "noise": noise_text(told),
+        "trials": [(t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in trials],
+        "moved": _most_moved(told),
+        "parameters": [_parameter(told, e) for e in c.estimates if e.identifiable],
+        "unseen": [(e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable],
+        "correlations": correlation_text(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
+        "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
+        "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
+        "gauge": _gauge(told),
+    }
 
 
 def _about(c: Calibration) -> str:
@@ -238,60 +200,3 @@ def _triple(values: np.ndarray, decimals: int = 3) -> str:
 
 def _mm(value: float, digits: int = 3) -> str:
     return significant_text(float(to_mm(value)), digits)
-
-
-COLOURS = 128
-
-
-def calibration_report_html(calibration: Calibration) -> str:
-    """Return the page: its first printed sheet is a summary for the customer. The same calibration, the same bytes."""
-    told = CalibrationFacts(calibration)
-    drawn = draw_calibration_charts(told)
-    return _page(told, drawn, _prints(drawn))
-
-
-def calibration_pngs(calibration: Calibration) -> dict[str, bytes]:
-    """Return every picture as a PNG for print, name → bytes."""
-    return _prints(draw_calibration_charts(CalibrationFacts(calibration)))
-
-
-def write_calibration_report(calibration: Calibration, folder: Path) -> list[Path]:
-    """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
-
-    Returns:
-        What was written, the page first.
-
-    Raises:
-        InputError: the folder does not exist, or may not be written.
-    """
-    told = CalibrationFacts(calibration)
-    drawn = draw_calibration_charts(told)
-    prints = _prints(drawn)
-    write_text(folder / "report.html", _page(told, drawn, prints))
-    (folder / "pictures").mkdir(exist_ok=True)
-    paths = [folder / "pictures" / f"{name}.png" for name in prints]
-    for path, data in zip(paths, prints.values(), strict=True):
-        write_bytes(path, data)
-    return [folder / "report.html", *paths]
-
-
-def _prints(drawn: tuple[Chart, ...]) -> dict[str, bytes]:
-    return {p.name: _light(chart_png(p)) for p in drawn}
-
-
-def _light(png: bytes) -> bytes:
-    """Return the PNG with a small palette: a third of the size, and no eye sees it."""
-    out = BytesIO()
-    few = Image.open(BytesIO(png)).convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    few.save(out, "PNG")
-    return out.getvalue()
-
-
-def _page(told: CalibrationFacts, drawn: tuple[Chart, ...], prints: dict[str, bytes]) -> str:
-    return load_template("calibration/report.html.j2").render(
-        page=build_calibration_page(told),
-        pictures={p.name: p for p in drawn},
-        prints={name: b64encode(data).decode("ascii") for name, data in prints.items()},
-        figures=[(p.name, safe_json(chart_json(p))) for p in drawn],
-        plotly=get_plotlyjs(),
-    )

@@ -1,7 +1,9 @@
-"""A picture as data: what is drawn, without a word on how; the page and the prints draw the same one."""
+"""A chart as data: what is drawn, not how; the page (plotly) and the prints (matplotlib) draw the same one."""
 
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
 
 from planner.common.units import Array
 
@@ -65,12 +67,16 @@ class ReferenceLine:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes; ``y_names`` names the places 0, 1, … from the top down."""
+    """One pair of axes; ``y_names`` names the places 0, 1, … from the top down.
 
-    title: str
-    x_label: str
-    y_label: str
-    series: tuple[Series, ...]
+    With ``rings`` the axes are polar: x is an angle [deg], y a deviation from the circle y = 0, which is drawn ``BASE``
+    rings from the middle; ``rings`` is the deviation from one ring to the next, three of them hold all of it.
+    """
+
+    title: str = ""
+    x_label: str = ""
+    y_label: str = ""
+    series: tuple[Series, ...] = ()
     limits: tuple[ReferenceLine, ...] = ()
     log_x: bool = False
     log_y: bool = False
@@ -79,6 +85,7 @@ class Panel:
     y_names: tuple[str, ...] = ()
     height: int = 250
     cells: Heatmap | None = None
+    rings: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -98,3 +105,40 @@ class Chart:
     caption: str
     panels: tuple[Panel, ...]
     columns: int = 1
+
+    @property
+    def rows(self) -> tuple[tuple[Panel, ...], ...]:
+        """Panels side by side, row by row."""
+        return tuple(self.panels[k : k + self.columns] for k in range(0, len(self.panels), self.columns))
+
+
+BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
+GOLDEN = 0.6180339887
+
+
+def joint_series(x: Array, values: Array, width: float = 1.5) -> tuple[Series, ...]:
+    """One line a joint, values (n, N)."""
+    return tuple(Series(f"joint {j + 1}", x, v, JOINTS[j % len(JOINTS)], width=width) for j, v in enumerate(values.T))
+
+
+def histogram_outline(edges: Array, counts: Array) -> tuple[Array, Array]:
+    """Outline of a histogram with these edges of its bars, to be filled."""
+    return np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(counts, 2), [0.0]])
+
+
+def golden_steps(n: int) -> Array:
+    """Offsets −½ … ½ (n,) that put points side by side which would lie on each other."""
+    return np.asarray(np.arange(n) * GOLDEN % 1 - 0.5)
+
+
+def weighted_means(x: Array, y: Array, weight: Array | None = None, most: int = 24) -> tuple[Array, Array]:
+    """Means of y by weight in groups of equal count along x; a quantity with few values has one group a value."""
+    weight = np.ones(len(x)) if weight is None else weight
+    values, group = np.unique(x, return_inverse=True)
+    if len(values) > most:
+        group = np.empty(len(x), dtype=int)
+        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * most // len(x)
+    total = np.bincount(group, weight)
+    kept = total > 0
+    middle = np.bincount(group, x) / np.maximum(np.bincount(group), 1)
+    return middle[kept], np.bincount(group, weight * y)[kept] / total[kept]

@@ -1,27 +1,20 @@
 """The report of a planned circular test, and its charts."""
 
-from pathlib import Path
-
 import numpy as np
-from plotly.offline import get_plotlyjs
 
-from planner.cell.cell import Cell
-from planner.common.files import write_bytes, write_text
 from planner.common.units import UM, to_deg, to_mm
 from planner.instruments.circular.plan import Arc, CircularDrive, CircularPlan
 from planner.kinematics.bar_geometry import bar_state
+from planner.motion.path.verdict import Verdict
 from planner.report.cell_view import VIEW_FRAMES, CellView, ViewFrames, ViewPose, carrier_poses, compose_cell_view
-from planner.report.cell_view_rendering import player_json, view_json, view_png
-from planner.report.chart import JOINTS, Chart, Panel, ReferenceLine, Series
-from planner.report.formatting import duration_text
-from planner.report.matplotlib_backend import chart_png
-from planner.report.page import FOLDER, load_template, safe_json
-from planner.report.plotly_backend import chart_json
+from planner.report.chart import Chart, Panel, ReferenceLine, Series, joint_series
+from planner.report.formatting import clearance_fact, duration_text, verdict_rows
+from planner.report.page import Report, Row
 
 ANGLE = "angle on the circle (deg)"
 
 
-def arc_chart(cell: Cell, arc: Arc, number: int) -> Chart:
+def arc_chart(arc: Arc, number: int) -> Chart:
     """Joint angles and speeds over the circle's angle; the sweep that is measured lies between the dotted lines."""
     c, angle = arc.circle, to_deg(arc.angle)
     span = (float(angle[0]), float(angle[-1]))
@@ -30,13 +23,8 @@ def arc_chart(cell: Cell, arc: Arc, number: int) -> Chart:
         ReferenceLine(float(to_deg(c.start + c.sweep)), "", upright=True),
     )
     motion = arc.trajectory.at(arc.trajectory.waypoint_time)
-    axes = tuple(
-        Series(f"joint {j + 1}", angle, to_deg(q), JOINTS[j % len(JOINTS)], width=1.2) for j, q in enumerate(arc.q.T)
-    )
-    speeds = tuple(
-        Series(f"joint {j + 1}", angle, to_deg(v), JOINTS[j % len(JOINTS)], width=1.2)
-        for j, v in enumerate(motion.dq.T)
-    )
+    axes = joint_series(angle, to_deg(arc.q), width=1.2)
+    speeds = joint_series(angle, to_deg(motion.dq), width=1.2)
     tool = (Series("", angle, to_mm(motion.tool_speed), "#555555"),)
     return Chart(
         f"circle_{number + 1}",
@@ -50,43 +38,21 @@ def arc_chart(cell: Cell, arc: Arc, number: int) -> Chart:
     )
 
 
-Row = tuple[str, ...]
-
-
-def write_plan_report(plan: CircularPlan, folder: Path) -> list[Path]:
-    """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
-
-    The same plan gives the same bytes.
-
-    Returns:
-        What was written, the page first.
-
-    Raises:
-        InputError: the folder does not exist, or may not be written.
-    """
-    stage = circular_view(plan)
-    drawn = [arc_chart(plan.cell, a, k) for k, a in enumerate(_arcs(plan))]
-    page = load_template("circular/plan.html.j2").render(
-        title=f"Circular test for {plan.cell.robot.title}",
-        plan=plan,
-        facts=_facts(plan),
-        circles=tuple(_circle(plan, a) for a in _arcs(plan)),
-        passes=tuple(_pass(d, k) for d in plan.drives for k in range(len(d.passes))),
-        verdicts=_verdicts(plan),
-        pictures=drawn,
-        figures=[(p.name, safe_json(chart_json(p))) for p in drawn],
-        view=safe_json(view_json(stage)),
-        player_data=safe_json(player_json(stage)),
-        player=(FOLDER / "player.js").read_text(encoding="utf-8"),
-        plotly=get_plotlyjs(),
+def report_circular_plan(plan: CircularPlan) -> Report:
+    """Return the page of a planned circular test and its pictures."""
+    arcs = _arcs(plan)
+    judged = [(f"circle {a.circle.name}", a.verdicts) for a in arcs]
+    judged += [("the ways there and between", d.verdicts) for d in plan.drives]
+    content = {
+        "plan": plan,
+        "facts": _facts(plan, [v for _, verdicts in judged for v in verdicts]),
+        "circles": [_circle(a) for a in arcs],
+        "passes": [_pass(d, k) for d in plan.drives for k in range(len(d.passes))],
+        "verdicts": [row for what, verdicts in judged for row in verdict_rows(what, verdicts, plan.cell)],
+    }
+    return Report(
+        "circular_plan.html.j2", content, tuple(arc_chart(a, k) for k, a in enumerate(arcs)), circular_view(plan)
     )
-    write_text(folder / "report.html", page)
-    (folder / "pictures").mkdir(exist_ok=True)
-    prints = [("view", view_png(stage)), *((p.name, chart_png(p)) for p in drawn)]
-    paths = [folder / "pictures" / f"{name}.png" for name, _ in prints]
-    for path, (_, data) in zip(paths, prints, strict=True):
-        write_bytes(path, data)
-    return [folder / "report.html", *paths]
 
 
 def circular_view(plan: CircularPlan) -> CellView:
@@ -120,20 +86,18 @@ def _arcs(plan: CircularPlan) -> list[Arc]:
     return [a for d in plan.drives for a in d.arcs]
 
 
-def _facts(plan: CircularPlan) -> tuple[Row, ...]:
+def _facts(plan: CircularPlan, verdicts: list[Verdict]) -> tuple[Row, ...]:
     arcs = _arcs(plan)
     measured = sum(p.arc is not None for d in plan.drives for p in d.passes)
-    verdicts = [v for _, part in _judged(plan) for v in part]
-    engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
     return (
         ("circles", str(len(arcs)), ", ".join(a.circle.name for a in arcs)),
         ("passes", str(measured), "measured, with run-up and overshoot"),
         ("driving", duration_text(sum(d.duration for d in plan.drives)), "with the bar on"),
-        ("clearance", f"{to_mm(min(v.clearance for v in verdicts)):.1f} mm", f"found by {engines}"),
+        clearance_fact(verdicts),
     )
 
 
-def _circle(plan: CircularPlan, arc: Arc) -> Row:
+def _circle(arc: Arc) -> Row:
     c = arc.circle
     centre = ", ".join(f"{v:g}" for v in np.round(to_mm(c.p_BC), 3))
     return (
@@ -157,27 +121,5 @@ def _pass(drive: CircularDrive, k: int) -> Row:
     what = way if one.arc is None else f"circle {drive.arcs[one.arc].circle.name}, {one.direction}"
     load = "" if one.load is None else f"{one.load:g} N"
     marks = ", ".join(map(str, one.marks)) or "–"
-    return (
-        what,
-        load,
-        str(one.repeat + 1) if one.arc is not None else "",
-        marks,
-        duration_text(one.trajectory.duration_s),
-    )
-
-
-def _judged(plan: CircularPlan) -> list[tuple[str, tuple]]:  # type: ignore[type-arg]
-    out = [(f"circle {a.circle.name}", a.verdicts) for a in _arcs(plan)]
-    return out + [("the ways there and between", d.verdicts) for d in plan.drives]
-
-
-def _verdicts(plan: CircularPlan) -> tuple[Row, ...]:
-    return tuple(
-        (
-            f"{what}, judged by {v.engine}",
-            f"{'free, proven between the checked states too' if v.clear else 'not proven free'}; nearest pair "
-            f"{to_mm(v.clearance):.1f} mm apart ({to_mm(plan.cell.motion.clearance):g} mm asked for)",
-        )
-        for what, part in _judged(plan)
-        for v in part
-    )
+    repeat = "" if one.arc is None else str(one.repeat + 1)
+    return (what, load, repeat, marks, duration_text(one.trajectory.duration_s))

@@ -1,9 +1,13 @@
 """Numbers and findings as sentences: a bound is never rounded to the side on which it would be wrong."""
 
+from collections.abc import Sequence
 from math import ceil, floor, isfinite, log10
 
+from planner.cell.cell import Cell
+from planner.common.units import to_mm
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
+from planner.motion.path.verdict import Verdict
 from planner.session.course import is_continuous
 from planner.session.plan_types import Plan
 
@@ -91,3 +95,22 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         else "The check of the bound's dual solution failed: take it as an estimate, not as a proof."
     )
     return tuple(out)
+
+
+def verdict_rows(what: str, verdicts: Sequence[Verdict], cell: Cell) -> list[tuple[str, str]]:
+    """Say what each engine found of a path: (which path and engine, verdict)."""
+    asked = f"{float(to_mm(cell.motion.clearance)):g} mm asked for"
+    return [
+        (
+            f"{what}, judged by {v.engine}",
+            f"{'free, proven between the checked states too' if v.clear else 'not proven free'}; "
+            f"nearest pair {float(to_mm(v.clearance)):.1f} mm apart ({asked})",
+        )
+        for v in verdicts
+    ]
+
+
+def clearance_fact(verdicts: Sequence[Verdict]) -> tuple[str, str, str]:
+    """Say how near any pair of bodies comes: (what, value, remark)."""
+    engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
+    return ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}")

@@ -1,12 +1,7 @@
 """The report of a loaded double ball bar, with the charts of the EDBB paper's figures 13 to 15."""
 
-from base64 import b64encode
-from pathlib import Path
-
 import numpy as np
-from plotly.offline import get_plotlyjs
 
-from planner.common.files import write_bytes, write_text
 from planner.common.units import UM, Array, to_deg
 from planner.instruments.loaded.circle import sine
 from planner.instruments.loaded.joint_fit import JointFit
@@ -14,9 +9,7 @@ from planner.instruments.loaded.results import SENSES, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
 from planner.report.chart import BLUE, GREEN, GREY, JOINTS, ORANGE, RED, Chart, Panel, ReferenceLine, Series
 from planner.report.formatting import significant_text
-from planner.report.matplotlib_backend import chart_png
-from planner.report.page import load_template, safe_json
-from planner.report.plotly_backend import chart_json
+from planner.report.page import Report
 
 ANGLE = "angle on the circle (degrees)"
 TURN = (0.0, 360.0)
@@ -171,34 +164,8 @@ def _lines(theta: Array, values: Array, names: list[str], first: int = 0, dashed
 URAD = 1e-6
 
 
-def loaded_report_html(found: LoadedEvaluation, joint: JointFit | None = None) -> str:
-    """Return the page. The same evaluation, the same bytes."""
-    drawn = loaded_charts(found)
-    return _page(found, joint, drawn, _prints(drawn))
-
-
-def write_loaded_report(found: LoadedEvaluation, folder: Path, joint: JointFit | None = None) -> list[Path]:
-    """Write ``report.html`` into an existing folder, and its pictures as PNGs into ``folder/pictures``.
-
-    Raises:
-        InputError: the folder does not exist, or may not be written.
-    """
-    drawn = loaded_charts(found)
-    prints = _prints(drawn)
-    write_text(folder / "report.html", _page(found, joint, drawn, prints))
-    (folder / "pictures").mkdir(exist_ok=True)
-    paths = [folder / "pictures" / f"{name}.png" for name in prints]
-    for path, data in zip(paths, prints.values(), strict=True):
-        write_bytes(path, data)
-    return [folder / "report.html", *paths]
-
-
-def _prints(drawn: tuple[Chart, ...]) -> dict[str, bytes]:
-    return {p.name: chart_png(p) for p in drawn}
-
-
-def _page(found: LoadedEvaluation, joint: JointFit | None, drawn: tuple[Chart, ...], prints: dict[str, bytes]) -> str:
-    """Fill the page."""
+def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Report:
+    """Return the page of a loaded run and its pictures."""
     c = found.compliances
     rows = [
         (
@@ -211,18 +178,14 @@ def _page(found: LoadedEvaluation, joint: JointFit | None, drawn: tuple[Chart, .
         )
         for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.told, strict=True)
     ]
-    mixed = [(k.text, share_text(k.std), k.told) for k in c.combinations]
-    return load_template("loaded/report.html.j2").render(
-        found=found,
-        compliances=rows,
-        combinations=mixed,
-        together=[] if joint is None else _together(joint),
-        left=() if joint is None else tuple(significant_text(v / UM) for v in joint.rms),
-        pictures=drawn,
-        prints={name: b64encode(data).decode("ascii") for name, data in prints.items()},
-        figures=[(p.name, safe_json(chart_json(p))) for p in drawn],
-        plotly=get_plotlyjs(),
-    )
+    content = {
+        "found": found,
+        "joint": joint,
+        "compliances": rows,
+        "combinations": [(k.text, share_text(k.std), k.told) for k in c.combinations],
+        "together": [] if joint is None else _together(joint),
+    }
+    return Report("loaded.html.j2", content, loaded_charts(found))
 
 
 def _together(joint: JointFit) -> list[tuple[str, ...]]:

@@ -5,14 +5,17 @@ from io import BytesIO
 from typing import Any
 
 import matplotlib.style
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from PIL import Image
 
-from planner.report.chart import BLUE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import BASE, BLUE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
 
-WIDTH, DPI, PX = 8.0, 160, 1 / 80  # [inch], dots an inch, inch a pixel of the page
+WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
+COLOURS = 128  # of a small picture
 LINE_COLOUR = "#666666"
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -36,49 +39,65 @@ def print_style() -> AbstractContextManager[None]:
     return matplotlib.style.context(STYLE, after_reset=True)
 
 
-def figure_png(figure: Figure) -> bytes:
-    """Return the PNG of a figure without date or program name."""
+def figure_png(figure: Figure, small: bool = False) -> bytes:
+    """Return the PNG of a figure without date or program name; a small one has a palette of few colours."""
     FigureCanvasAgg(figure)
     out = BytesIO()
     figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
-    return out.getvalue()
+    if not small:
+        return out.getvalue()
+    few = Image.open(out).convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    reduced = BytesIO()
+    few.save(reduced, "PNG")
+    return reduced.getvalue()
 
 
-def chart_png(picture: Chart) -> bytes:
-    """Return the PNG of a picture: panels in rows."""
-    many = picture.columns
-    rows = [picture.panels[k : k + many] for k in range(0, len(picture.panels), many)]
-    heights = [max(p.height for p in row) * PX for row in rows]
+def chart_png(chart: Chart, small: bool = False) -> bytes:
+    """Return the PNG of a chart: panels in rows."""
+    many = chart.columns
+    heights = [max(p.height for p in row) * PX for row in chart.rows]
+    polar = any(p.rings for p in chart.panels)
     with print_style():
         tall = sum(heights) + 0.75 * len(heights) + 0.1
-        figure = Figure(figsize=(WIDTH, tall), layout="constrained" if many == 1 else None)
-        axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False).ravel()
+        size = (POLAR, POLAR) if polar else (WIDTH, tall)
+        figure = Figure(figsize=size, layout="constrained" if many == 1 else None)
+        kind = {"projection": "polar"} if polar else None
+        axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
-        for ax, panel in zip(axes, picture.panels, strict=False):
+        for ax, panel in zip(axes, chart.panels, strict=False):
             _draw(ax, panel, named)
         if many > 1:  # of one size each, so their room need not be found out
             margin = {"left": 0.075, "right": 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
             figure.subplots_adjust(**margin, wspace=0.2, hspace=0.68 * len(heights) / sum(heights))
-        for ax in axes[len(picture.panels) :]:
+        for ax in axes[len(chart.panels) :]:
             ax.set_axis_off()
-        return figure_png(figure)
+        return figure_png(figure, small)
 
 
 def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
     ax.set_title(panel.title)
-    ax.set_xlabel(panel.x_label)
-    ax.set_ylabel(panel.y_label)
     if panel.log_x:
         ax.set_xscale("log")
     if panel.log_y:
         ax.set_yscale("log")
     if panel.cells is not None:
-        _field(ax, panel.cells)
+        _heatmap(ax, panel.cells)
     for series in panel.series:
-        _series(ax, series, "" if series.name in named else series.name)
+        _series(ax, series, "" if series.name in named else series.name, polar=panel.rings > 0)
         named.add(series.name)
-    for limit in panel.limits:
-        _limit(ax, limit)
+    if panel.rings:
+        _polar_axes(ax, panel.rings)
+        return
+    for line in panel.limits:
+        _reference_line(ax, line)
+    _axes(ax, panel)
+    labels = ax.get_legend_handles_labels()[1]
+    if len(panel.series) > 1 and labels:
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels), borderaxespad=0.1, columnspacing=1.2)
+
+
+def _axes(ax: Axes, panel: Panel) -> None:
+    ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.x_range is not None:
         ax.set_xlim(*panel.x_range)
     if panel.y_names:
@@ -87,63 +106,49 @@ def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
     elif panel.y_range is not None:
         ax.set_ylim(*panel.y_range)
     ax.grid(visible=panel.cells is None, axis="x" if panel.y_names else "y")
-    labels = ax.get_legend_handles_labels()[1]
-    if len(panel.series) > 1 and labels:
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels), borderaxespad=0.1, columnspacing=1.2)
 
 
-def _series(ax: Axes, series: Series, name: str) -> None:
-    label = name or "_unnamed"
+def _polar_axes(ax: Any, ring: float) -> None:
+    rings = ring * np.arange(-3, 4)
+    ax.set_rorigin(-BASE * ring)
+    ax.set_rlim(-3.4 * ring, 3.4 * ring)
+    ax.set_rgrids(rings, [f"{r:+g}" if r else "0" for r in rings], angle=22.5, fontsize=8)
+    ax.legend(loc="center", fontsize=9)
+
+
+def _series(ax: Axes, series: Series, name: str, polar: bool) -> None:
+    x = np.deg2rad(series.x) if polar else series.x
+    look: dict[str, Any] = {"color": series.colour, "label": name or "_unnamed"}
     if series.mark == "bars":
-        ax.barh(series.y, series.x, height=0.65, color=series.colour, label=label)
-        for x, y, text in zip(series.x, series.y, series.texts, strict=True):
-            ax.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center")
+        ax.barh(series.y, x, height=0.65, **look)
+        for at, y, text in zip(x, series.y, series.texts, strict=True):
+            ax.annotate(text, (at, y), (4, 0), textcoords="offset points", va="center")
     elif series.mark == "points":
-        ax.plot(
-            series.x,
-            series.y,
-            "o",
-            color=series.colour,
-            markersize=series.size * 4.5 / 7,
-            label=label,
-            **_faint(series),
-        )
+        faint: dict[str, Any] = {} if series.opacity == 1.0 else {"alpha": series.opacity, "markeredgewidth": 0}
+        ax.plot(x, series.y, "o", markersize=series.size * 4.5 / 7, **look, **faint)
     else:
-        dash = "--" if series.dashed else "-"
-        ax.plot(series.x, series.y, dash, color=series.colour, linewidth=series.width * 0.8, label=label)
+        ax.plot(x, series.y, "--" if series.dashed else "-", linewidth=series.width * 0.8, **look)
         if series.filled:
-            ax.fill_between(series.x, series.y, color=series.colour, alpha=0.2, linewidth=0)
+            ax.fill_between(x, series.y, color=series.colour, alpha=0.2, linewidth=0)
 
 
-def _faint(series: Series) -> dict[str, Any]:
-    return {} if series.opacity == 1.0 else {"alpha": series.opacity, "markeredgewidth": 0}
-
-
-def _field(ax: Axes, cells: Heatmap) -> None:
+def _heatmap(ax: Axes, cells: Heatmap) -> None:
     colours = LinearSegmentedColormap.from_list("signed", [RED, "#FFFFFF", BLUE])
-    field = ax.imshow(cells.values, cmap=colours, vmin=-1, vmax=1, aspect="auto")
+    image = ax.imshow(cells.values, cmap=colours, vmin=-1, vmax=1, aspect="auto")
     ax.set_xticks(range(len(cells.x_names)), cells.x_names, rotation=90)
     figure = ax.get_figure()
-    if figure is not None:
-        figure.colorbar(field, ax=ax, shrink=0.5, aspect=25)
+    assert figure is not None
+    figure.colorbar(image, ax=ax, shrink=0.5, aspect=25)
 
 
-def _limit(ax: Axes, limit: ReferenceLine) -> None:
-    if limit.upright:
-        ax.axvline(limit.at, color=LINE_COLOUR, linewidth=0.8, linestyle=":")
-        ax.annotate(
-            limit.text, (limit.at, 1), (3, -3), xycoords=ax.get_xaxis_transform(), textcoords="offset points", va="top"
-        )
-        return
-    ax.axhline(limit.at, color=LINE_COLOUR, linewidth=0.8, linestyle=":")
-    down = -3 if limit.below else 3
-    ax.annotate(
-        limit.text,
-        (1, limit.at),
-        (0, down),
-        xycoords=ax.get_yaxis_transform(),
-        textcoords="offset points",
-        ha="right",
-        va="top" if limit.below else "bottom",
-        color="#444444",
-    )
+def _reference_line(ax: Axes, line: ReferenceLine) -> None:
+    look: dict[str, Any] = {"color": LINE_COLOUR, "linewidth": 0.8, "linestyle": ":"}
+    note: dict[str, Any]
+    if line.upright:
+        ax.axvline(line.at, **look)
+        place, note = (line.at, 1.0), {"xytext": (3, -3), "xycoords": ax.get_xaxis_transform(), "va": "top"}
+    else:
+        ax.axhline(line.at, **look)
+        side = {"va": "top", "xytext": (0, -3)} if line.below else {"va": "bottom", "xytext": (0, 3)}
+        place, note = (1.0, line.at), {"xycoords": ax.get_yaxis_transform(), "ha": "right", "color": "#444444", **side}
+    ax.annotate(line.text, place, textcoords="offset points", **note)

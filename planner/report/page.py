@@ -1,21 +1,97 @@
-"""Templates of the pages, and what makes JSON safe inside one."""
+"""Reports: one page that needs nothing else, and a PNG of each of its charts."""
 
+from base64 import b64encode
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import jinja2
+from plotly.offline import get_plotlyjs
 
+from planner.common.files import write_bytes, write_text
+from planner.common.units import to_deg, to_mm
+from planner.report.cell_view import CellView
+from planner.report.cell_view_rendering import player_json, view_json, view_png
+from planner.report.chart import Chart
+from planner.report.formatting import count_text, duration_text, significant_text
+from planner.report.matplotlib_backend import chart_png
+from planner.report.plotly_backend import chart_json
+
+Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
+ENVIRONMENT = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(FOLDER),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+ENVIRONMENT.filters |= {
+    "mm": lambda value, form=".3f": f"{float(to_mm(value)):{form}}",
+    "deg": lambda value, form=".3f": f"{float(to_deg(value)):{form}}",
+    "significant": significant_text,
+    "duration": duration_text,
+    "count": count_text,
+}
 
 
-def load_template(name: str) -> jinja2.Template:
-    """Return a page's template, ``name`` relative to this folder."""
-    loader = jinja2.FileSystemLoader(FOLDER)
-    settings = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return settings.get_template(name)
+@dataclass(frozen=True)
+class Report:
+    """A page and its pictures; the same contents give the same bytes.
+
+    Attributes:
+        template: of the page, in the folder of templates.
+        content: what the template shows beside the charts.
+        charts: in the order of the files.
+        view: the cell in space, where the page shows it.
+        small_pictures: whether PNGs have a palette of few colours, a third of the size.
+    """
+
+    template: str
+    content: Mapping[str, object]
+    charts: tuple[Chart, ...]
+    view: CellView | None = None
+    small_pictures: bool = False
+
+    @cached_property
+    def pngs(self) -> dict[str, bytes]:
+        """Every picture for print, name → bytes."""
+        view = {} if self.view is None else {"view": view_png(self.view)}
+        return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts}
+
+    def html(self) -> str:
+        """Return the page."""
+        figures = {c.name: chart_json(c) for c in self.charts}
+        if self.view is not None:
+            figures["view"] = view_json(self.view)
+        return ENVIRONMENT.get_template(self.template).render(
+            **self.content,
+            charts={c.name: c for c in self.charts},
+            print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
+            figures={name: _safe_json(text) for name, text in figures.items()},
+            player_data=None if self.view is None else _safe_json(player_json(self.view)),
+            plotly=get_plotlyjs(),
+        )
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write ``report.html`` into an existing folder, and the pictures into ``folder/pictures``.
+
+        Returns:
+            What was written, the page first.
+
+        Raises:
+            InputError: the folder does not exist, or may not be written.
+        """
+        write_text(folder / "report.html", self.html())
+        (folder / "pictures").mkdir(exist_ok=True)
+        paths = [folder / "report.html"]
+        for name, data in self.pngs.items():
+            paths.append(folder / "pictures" / f"{name}.png")
+            write_bytes(paths[-1], data)
+        return paths
 
 
-def safe_json(json_text: str) -> str:
+def _safe_json(json_text: str) -> str:
     """Make JSON safe inside a script element: a name from a file cannot end it."""
     return json_text.replace("<", "\\u003c")

@@ -88,22 +88,19 @@ def check_accuracy(
 
 def write_accuracy(done: AccuracyCheck, folder: Path, stages: Stages) -> list[Path]:
     """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
-    from planner.report.accuracy_report import (
-        precision_report,
-        validation_report,  # plotting: other commands start quicker without
-    )
+    from planner.report.accuracy_report import report_precision, report_validation  # plotting takes long to load
 
     title = done.cell.robot.title
     with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "accuracy.json", accuracy_text(done.content))
         if isinstance(done.found, Validation):
             write_text(draft / "errors.csv", errors_csv(done.found))
-            page, picture = validation_report(title, done.found)
+            report = report_validation(title, done.found)
         else:
             found = done.found
-            page, picture = precision_report(title, found.run.name, found.repeats, found.master, found.notes)
-        write_text(draft / "report.html", page)
-        write_bytes(draft / "accuracy.png", picture)
+            report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
+        write_text(draft / "report.html", report.html())
+        write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
         return move_all(draft, folder)
 
 

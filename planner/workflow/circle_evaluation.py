@@ -39,11 +39,11 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
 
 def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> list[Path]:
     """Write ``circular.json``, ``report.html`` and its pictures: all of it, or nothing."""
-    from planner.report.circular_report import write_test_report  # matplotlib: other commands start quicker without
+    from planner.report.circular_report import report_circular_test  # matplotlib: other commands start quicker without
 
     with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "circular.json", circular_test_text(test))
-        write_test_report(test, draft)
+        report_circular_test(test).write(draft)
         return move_all(draft, folder)
 
 
@@ -93,7 +93,7 @@ def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> li
     ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both in
     one, as the joint fit saw them, where there was one.
     """
-    from planner.report.loaded_report import write_loaded_report  # plotting: other commands start quicker without
+    from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
 
     with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
@@ -101,5 +101,5 @@ def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> li
         write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
         if done.joint is not None:
             write_text(draft / "joint.csv", run_text(done.joint.run))
-        write_loaded_report(done.found, draft, done.joint)
+        report_loaded(done.found, done.joint).write(draft)
         return move_all(draft, folder)

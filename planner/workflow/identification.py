@@ -110,12 +110,12 @@ def write_identification(found: Calibration, folder: Path, stages: Stages) -> li
     A fit that failed its own checks is reported with the reasons, but no robot is written.
     """
     # plotting: other commands start quicker without
-    from planner.report.calibration_report import write_calibration_report
+    from planner.report.calibration_report import report_calibration
 
     with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "identification.json", found.to_json())
         write_text(draft / "residuals.csv", residuals_csv(found))
-        write_calibration_report(found, draft)
+        report_calibration(found).write(draft)
         if not found.problems:
             _write_robot(found, draft)
         if found.problems:

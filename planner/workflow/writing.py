@@ -31,12 +31,12 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
 
     Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
     """
-    from planner.report.plan_report import write_report  # matplotlib and plotly: other commands start quicker without
+    from planner.report.plan_report import report_plan  # matplotlib and plotly: other commands start quicker without
 
     with draft_folder(folder) as draft:
         with stages.stage("report"):
             write_driven(plan.cell, plan.programs, trajectory_csv(plan), draft)
-            write_report(plan, draft)
+            report_plan(plan).write(draft)
             write_text(draft / "plan.json", document_text(plan_document(plan).content()))
         return write_timings(stages, draft, folder)
 
@@ -126,12 +126,12 @@ def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> lis
     Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
     """
     # matplotlib: other commands start quicker without
-    from planner.report.circular_plan_report import write_plan_report
+    from planner.report.circular_plan_report import report_circular_plan
 
     with draft_folder(folder) as draft:
         with stages.stage("report"):
             write_driven(plan.cell, plan.programs, circular_trajectory_csv(plan), draft)
-            write_plan_report(plan, draft)
+            report_circular_plan(plan).write(draft)
             write_text(draft / "plan.json", circular_text(plan))
         return write_timings(stages, draft, folder)
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.report.plan_report import write_report
+from planner.report.plan_report import report_plan
 from planner.session.plan_types import Plan
 from tests.report.made import made_plan
 from tests.report.reading import ReadPage
@@ -16,7 +16,7 @@ def plan() -> Plan:
 @pytest.fixture(scope="package")
 def folder(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
-    write_report(plan, place)
+    report_plan(plan).write(place)
     return place
 
 

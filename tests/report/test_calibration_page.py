@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-import planner.report.calibration_report as writing
+import planner.report.page as page_module
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.identification.calibration import Calibration
 from planner.report.calibration_charts import draw_calibration_charts, histogram_chart, residual_chart
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
-from planner.report.calibration_report import build_calibration_page, calibration_report_html, write_calibration_report
+from planner.report.calibration_report import calibration_content, report_calibration
 from planner.report.calibration_text import correlation_text, headline_text, refusal_text
+from planner.report.matplotlib_backend import chart_png
 from tests.report.calibrated import calibrated
 from tests.report.reading import ReadPage
 
@@ -32,7 +33,7 @@ def c() -> Calibration:
 @pytest.fixture(scope="module")
 def folder(c: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("calibration")
-    write_calibration_report(c, place)
+    report_calibration(c).write(place)
     return place
 
 
@@ -65,9 +66,9 @@ def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
 
 def test_same_calibration_gives_same_bytes(c: Calibration, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     printed = {p.stem: p.read_bytes() for p in (folder / "pictures").glob("*.png")}
-    assert writing._prints((histogram_chart(CalibrationFacts(c)),))["histogram"] == printed["histogram"]
-    monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: printed[p.name] for p in drawn})
-    assert calibration_report_html(c) == (folder / "report.html").read_text(encoding="utf-8")
+    assert chart_png(histogram_chart(CalibrationFacts(c)), small=True) == printed["histogram"]
+    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: printed[chart.name])
+    assert report_calibration(c).html() == (folder / "report.html").read_text(encoding="utf-8")
     assert (folder / "report.html").stat().st_size < 8_000_000
 
 
@@ -126,10 +127,10 @@ def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
 
 
 def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
+    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: b"")
     bad = c.model_copy(update={"problems": ("joint 9 came out <b>odd</b>",)})
     assert refusal_text(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
-    html = calibration_report_html(bad)
+    html = report_calibration(bad).html()
     body = html[html.index("<body>") :]
     assert "joint 9 came out &lt;b&gt;odd&lt;/b&gt;" in body
     assert body.index('class="refused"') < body.index('class="proof"')
@@ -165,7 +166,7 @@ def test_parameters_stand_with_value_and_deviation(c: Calibration, page: ReadPag
 
 def test_what_moved_most_moves_the_reading_most(c: Calibration) -> None:
     """Take each error out by itself and see how far the predicted readings go."""
-    fit, rows = c.fit, build_calibration_page(CalibrationFacts(c)).moved
+    fit, rows = c.fit, calibration_content(CalibrationFacts(c))["moved"]
     whole = fit.problem.residual(fit.errors)
     moved = {}
     for j, p in enumerate(fit.model.parameters):
@@ -191,9 +192,9 @@ def test_pairs_in_words_hold() -> None:
 
 
 def test_outliers_are_listed(c: Calibration) -> None:
-    named = build_calibration_page(
+    named = calibration_content(
         CalibrationFacts(c.model_copy(update={"fit": replace(c.fit, outliers=np.array([4, 17]))}))
-    ).outliers
+    )["outliers"]
     assert [r[0] for r in named] == ["5", "18"]
     assert float(named[0][3]) == pytest.approx(1e3 * abs(c.stages[-1].residual[4, 0]), rel=6e-3)
 
@@ -224,19 +225,19 @@ def test_line_is_the_mean_of_the_residuals(c: Calibration) -> None:
 
 def test_tracker_and_balls_have_their_page() -> None:
     for kind in ("tracker", "balls"):
-        page = build_calibration_page(CalibrationFacts(calibrated(kind, 60)))
-        assert any("roll, pitch, yaw" in what for what, _ in page.gauge)
-        assert "mm in the flange frame" in dict(page.gauge)["tool point"]
-        assert len(page.stages) >= 3
+        page = calibration_content(CalibrationFacts(calibrated(kind, 60)))
+        assert any("roll, pitch, yaw" in what for what, _ in page["gauge"])
+        assert "mm in the flange frame" in dict(page["gauge"])["tool point"]
+        assert len(page["stages"]) >= 3
 
 
 def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writing, "_prints", lambda drawn: {p.name: b"" for p in drawn})
+    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: b"")
     with pytest.raises(InputError, match="nowhere"):
-        write_calibration_report(c, tmp_path / "nowhere")
+        report_calibration(c).write(tmp_path / "nowhere")
 
 
 def test_stretches_of_a_drive_are_called_so() -> None:
-    page = build_calibration_page(CalibrationFacts(calibrated("edbb_continuous", 5000)))
-    assert "on stretches that the fit never saw" in page.headline[0]
-    assert "40 stretches in 5 parts" in page.held_out
+    page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 5000)))
+    assert "on stretches that the fit never saw" in page["headline"][0]
+    assert "40 stretches in 5 parts" in page["held_out"]

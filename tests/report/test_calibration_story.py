@@ -14,7 +14,7 @@ from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.model.identification_document import DetectionLimit, Identification, log10_p, p_value
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.calibration_report import build_calibration_page
+from planner.report.calibration_report import calibration_content
 from planner.report.calibration_text import detection_text, display_unit
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, weighted_means
 from planner.runs.loader import load_run
@@ -130,17 +130,17 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
 
 
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
-    page = build_calibration_page(told)
-    assert [f.picture for f in page.loop] == [s.name for s in finding_steps(told)]
-    for f, step in zip(page.loop, finding_steps(told), strict=True):
+    page = calibration_content(told)
+    assert [f.picture for f in page["findings"]] == [s.name for s in finding_steps(told)]
+    for f, step in zip(page["findings"], finding_steps(told), strict=True):
         assert "Rivals" in f.lines[-1]
         assert step.finding.note.lower() == f.heading.lower()
         picture = finding_chart(told, step)
         assert len(picture.panels) == 2
         assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
-    assert page.found[0].startswith("Joint ")
-    assert page.limits.joints == tuple(f"joint {j}" for j in range(1, 7))
-    play = next(row for row in page.limits.rows if row[0] == "backlash")
+    assert page["summary"][0].startswith("Joint ")
+    assert page["limits"].joints == tuple(f"joint {j}" for j in range(1, 7))
+    play = next(row for row in page["limits"].rows if row[0] == "backlash")
     assert play[3] == ""  # joint 2 was found
     assert 1 < float(play[4]) < 1000
 

@@ -9,7 +9,7 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.design.observability.information import INDEX_RULES
-from planner.report.plan_report import write_report
+from planner.report.plan_report import report_plan
 from planner.session.plan_types import Plan
 from tests.report.made import FIXTURE, NOTE, PLAN_ID
 from tests.report.reading import ReadPage
@@ -45,7 +45,7 @@ def test_page_stays_small_enough_to_send(folder: Path) -> None:
 
 
 def test_same_plan_gives_same_bytes(plan: Plan, folder: Path, tmp_path: Path) -> None:
-    again = write_report(plan, tmp_path)
+    again = report_plan(plan).write(tmp_path)
     assert again[0] == tmp_path / "report.html"
     assert {p.relative_to(tmp_path) for p in again} == {p.relative_to(folder) for p in folder.rglob("*") if p.is_file()}
     for path in again:
@@ -152,7 +152,7 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
 def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:
     cell = replace(plan.cell, fixtures=plan.cell.fixtures * 2)
     second = replace(plan.drives[0], fixture=1)
-    written = write_report(replace(plan, cell=cell, drives=(plan.drives[0], second)), tmp_path)
+    written = report_plan(replace(plan, cell=cell, drives=(plan.drives[0], second))).write(tmp_path)
     assert {"bar_1.png", "bar_2.png", "tour_1.png", "tour_2.png"} < {p.name for p in written}
     read = ReadPage()
     read.feed(written[0].read_text(encoding="utf-8"))
@@ -164,4 +164,4 @@ def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> Non
 
 def test_folder_must_exist(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere"):
-        write_report(plan, tmp_path / "nowhere")
+        report_plan(plan).write(tmp_path / "nowhere")
