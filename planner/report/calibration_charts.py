@@ -6,7 +6,22 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_mm
 from planner.model.identification_document import error_size
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, PlotVariable, error_along, error_by_pose
-from planner.report.chart import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    Chart,
+    Heatmap,
+    Panel,
+    ReferenceLine,
+    Series,
+    golden_steps,
+    histogram_outline,
+    weighted_means,
+    zero_line,
+)
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
 from planner.report.formatting import significant_text
 
@@ -33,16 +48,16 @@ def residual_chart(told: CalibrationFacts, kind: str) -> Chart:
 
 def approach_chart(told: CalibrationFacts) -> Chart:
     """Residuals of every joint's two senses of approach, side by side."""
-    samples = told.calibration.run.samples
-    assert samples.direction is not None
+    direction = told.calibration.run.samples.direction
+    assert direction is not None
     which = told.looked_samples[even_positions(len(told.looked_samples), PANEL_POINTS // 3)]
-    sense = samples.direction[told.looked_samples]
+    sense = direction[told.looked_samples]
     joints = np.arange(1, sense.shape[1] + 1)
-    across = 0.14 * (np.arange(len(which)) * 0.6180339887 % 1 - 0.5)  # golden steps: points side by side, not on one
+    across = 0.14 * golden_steps(len(which))
     panels = []
     for stage, side in ((told.before, "gauge placed"), (told.after, "calibrated")):
         error = to_mm(error_along(stage.held_residual))
-        few, x = error[which], joints + 0.2 * samples.direction[which] + across[:, None]
+        few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
         seen = [(j, s, sense[:, j - 1] == s) for j in joints for s in (-1.0, 1.0) if (sense[:, j - 1] == s).any()]
         at = np.array([j + 0.2 * s for j, s, _ in seen])
@@ -69,22 +84,10 @@ def _scatter(a: PlotVariable, error: Array) -> Panel:
         name = f"along {'xyz'[k]}" if wide else "a reading"
         series.append(Series(name, a.values[shown], error[shown, k], colour, "points", size=3.5, opacity=0.4))
     for k, colour in enumerate(colours):
-        at, mean = _means(a.values, error[:, k])
-        series.append(Series("mean", at, mean, colour if wide else BLACK, width=2.0))
+        line = weighted_means(a.values, error[:, k], most=LINE_POINTS)
+        series.append(Series("mean", *line, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
-    series.append(Series("", np.array([a.values.min(), a.values.max()]), np.zeros(2), GREY, dashed=True, width=1.0))
-    return Panel("", a.label, "error (mm)", tuple(series), y_range=(-span, span), height=150)
-
-
-def _means(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of y in groups of equal count along x; a quantity with few values has one group a value."""
-    values, group = np.unique(x, return_inverse=True)
-    if len(values) > LINE_POINTS:
-        group = np.empty(len(x), dtype=int)
-        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * LINE_POINTS // len(x)
-    count = np.bincount(group)
-    kept = count > 0
-    return np.bincount(group, x)[kept] / count[kept], np.bincount(group, y)[kept] / count[kept]
+    return Panel("", a.label, "error (mm)", (*series, zero_line(a.values)), y_range=(-span, span), height=150)
 
 
 BEFORE, AFTER = ORANGE, BLUE
@@ -109,29 +112,16 @@ def histogram_chart(told: CalibrationFacts) -> Chart:
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
     edges = np.geomspace(min(low, high / 10), high, BINS + 1)
-    series = [
-        Series(f"{name}, mean {significant_text(float(e.mean()))} mm", *_steps(e, edges), colour, filled=True)
-        for name, e, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER))
-    ]
-    top = 1.1 * max(float(s.y.max()) for s in series)
-    panel = Panel(
-        "",
-        "error of a reading that the fit had not seen (mm, logarithmic)",
-        "part of the readings (%)",
-        tuple(series),
-        log_x=True,
-        x_range=(float(edges[0]), float(edges[-1])),
-        y_range=(0.0, top),
-        height=230,
-    )
+    series = []
+    for name, error, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
+        share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
+        label = f"{name}, mean {significant_text(float(error.mean()))} mm"
+        series.append(Series(label, *histogram_outline(edges, share), colour, filled=True))
+    labels = ("", "error of a reading that the fit had not seen (mm, logarithmic)", "part of the readings (%)")
+    span, top = (float(edges[0]), float(edges[-1])), 1.1 * max(float(s.y.max()) for s in series)
+    panel = Panel(*labels, tuple(series), log_x=True, x_range=span, y_range=(0.0, top), height=230)
     caption = "Every reading was predicted by a fit that had not seen it. One step of the scale is ten times less."
     return Chart("histogram", "Error before and after", caption, (panel,))
-
-
-def _steps(error: Array, edges: Array) -> tuple[Array, Array]:
-    """Outline of a histogram in per cent; what lies below the scale counts at its end."""
-    share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
-    return np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(share, 2), [0.0]])
 
 
 def pose_chart(told: CalibrationFacts) -> Chart:
@@ -139,31 +129,16 @@ def pose_chart(told: CalibrationFacts) -> Chart:
     names, before, after = error_by_pose(told)
     floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
     x = np.arange(1, len(names) + 1, dtype=float)
-    series = [
-        Series(
-            label,
-            x,
-            to_mm(np.maximum(values, floor)),
-            colour,
-            "points",
-            hover=tuple(f"{n}: {significant_text(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True)),
-            size=5.0,
-            opacity=0.8,
-        )
-        for label, values, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER))
-    ]
+    series = []
+    for label, values, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
+        hover = tuple(f"{n}: {significant_text(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True))
+        y = to_mm(np.maximum(values, floor))
+        series.append(Series(label, x, y, colour, "points", hover=hover, size=5.0, opacity=0.8))
     moving = told.calibration.run.continuous or told.calibration.run.samples.pose is None
     what = "sample drawn" if moving else "pose"
-    high = 1.5 * float(to_mm(max(before.max(), after.max())))
-    panel = Panel(
-        "",
-        f"{what}, in the order of measuring",
-        "error (mm, logarithmic)",
-        tuple(series),
-        log_y=True,
-        y_range=(float(to_mm(floor)) / 1.3, high),
-        height=270,
-    )
+    span = (float(to_mm(floor)) / 1.3, 1.5 * float(to_mm(max(before.max(), after.max()))))
+    labels = ("", f"{what}, in the order of measuring", "error (mm, logarithmic)")
+    panel = Panel(*labels, tuple(series), log_y=True, y_range=span, height=270)
     caption = f"Each {what} as predicted by a fit that had not seen it. Point at one for its number."
     return Chart("by_pose", f"Error of each {what}", caption, (panel,))
 
@@ -175,11 +150,10 @@ def correlation_chart(told: CalibrationFacts) -> Chart:
     kept = np.sort(np.argsort(-strongest, kind="stable")[:MOST_CORRELATED])
     names = tuple(told.calibration.fit.model.names[k] for k in kept)
     cells = Heatmap(matrix[np.ix_(kept, kept)], names)
-    panel = Panel("", "", "", (), y_names=names, cells=cells, height=max(240, ROW * len(names)))
+    panel = Panel(y_names=names, cells=cells, height=max(240, ROW * len(names)))
+    some = f"The {MOST_CORRELATED} of {len(matrix)} that hang together most. " if len(matrix) > MOST_CORRELATED else ""
     caption = (
-        f"The {MOST_CORRELATED} of {len(matrix)} that hang together most. " if len(matrix) > MOST_CORRELATED else ""
-    ) + (
-        "Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run knows "
-        "the two better together than each by itself."
+        f"{some}Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run "
+        "knows the two better together than each by itself."
     )
     return Chart("correlation", "Which parameters hang together", caption, (panel,))

@@ -18,6 +18,14 @@ PANEL_POINTS = 500  # of them that are drawn in one panel
 SHOWN_POSES = 1500  # that are drawn one by one
 
 
+STAGE_NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
+
+
+def stage_label(stage: Stage) -> str:
+    """Return how pages call a stage of the fit."""
+    return STAGE_NAMES.get(stage.name, stage.name)
+
+
 @dataclass(frozen=True)
 class PlotVariable:
     """What residuals are drawn against: a quantity of the samples ``Told.looked``, (m,) in the unit of ``label``."""

@@ -8,7 +8,7 @@ from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, error_size
 from planner.report.calibration_charts import draw_calibration_charts
-from planner.report.calibration_data import CalibrationFacts
+from planner.report.calibration_data import CalibrationFacts, stage_label
 from planner.report.calibration_text import (
     GROUP_NAMES,
     correlation_text,
@@ -28,7 +28,6 @@ from planner.report.page import Report, Row
 MOST_MOVED = 5  # parameters on the first sheet
 OUTLIERS = 50  # that are listed
 SHORT = 6  # stages up to which the first sheet lists all of them
-STAGE_NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
 
 
 def report_calibration(calibration: Calibration) -> Report:
@@ -106,8 +105,7 @@ def _stage(told: CalibrationFacts, k: int) -> Row:
     spread = "" if s.held_out.spread is None else f" ± {_mm(s.held_out.spread, 2)}"
     check = ("", "", "") if s.validation is None else _metrics(s.validation)
     rms, mean, largest = _metrics(s.held_out)
-    name = STAGE_NAMES.get(s.name, s.name)
-    return (name, str(s.parameters), _mm(s.train.rms), rms + spread, mean, largest, *check)
+    return (stage_label(s), str(s.parameters), _mm(s.train.rms), rms + spread, mean, largest, *check)
 
 
 def _metrics(m: Metrics) -> Row:

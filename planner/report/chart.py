@@ -1,7 +1,8 @@
 """A chart as data: what is drawn, not how; the page (plotly) and the prints (matplotlib) draw the same one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, BLACK, GREY = "#CC79A7", "#56B4E9", "#222222", "#8A8A8A"
 JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
 """Okabe and Ito's palette: told apart by every common kind of colour vision."""
+Span = tuple[float, float]
 ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
 
 
@@ -80,8 +82,8 @@ class Panel:
     limits: tuple[ReferenceLine, ...] = ()
     log_x: bool = False
     log_y: bool = False
-    x_range: tuple[float, float] | None = None
-    y_range: tuple[float, float] | None = None
+    x_range: Span | None = None
+    y_range: Span | None = None
     y_names: tuple[str, ...] = ()
     height: int = 250
     cells: Heatmap | None = None
@@ -110,6 +112,27 @@ class Chart:
     def rows(self) -> tuple[tuple[Panel, ...], ...]:
         """Panels side by side, row by row."""
         return tuple(self.panels[k : k + self.columns] for k in range(0, len(self.panels), self.columns))
+
+
+def list_panel(
+    title: str, label: str, names: Sequence[str], series: Sequence[Series], row: float = 26, rest: int = 20, **axes: Any
+) -> Panel:
+    """Axes with one name a row from the top down; a row is ``row`` [px] high, ``rest`` [px] stay for the axis."""
+    return Panel(title, label, "", tuple(series), y_names=tuple(names), height=int(row * len(names)) + rest, **axes)
+
+
+def share_panel(
+    title: str, label: str, names: Sequence[str], share: Array, hover: list[str], colour: str, span: Span, row: float
+) -> Panel:
+    """Standard deviations as parts of the prior size, one parameter a row; at the line nothing is learnt."""
+    points = Series("", share, np.arange(len(names), dtype=float), colour, "points", hover=tuple(hover))
+    prior = (ReferenceLine(1.0, "prior size", upright=True),)
+    return list_panel(title, label, names, [points], row, 30, limits=prior, log_x=True, x_range=span)
+
+
+def zero_line(x: Array) -> Series:
+    """A dashed line at zero, over all x."""
+    return Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
 
 
 BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from

@@ -11,8 +11,21 @@ from planner.effects.context import Context
 from planner.effects.parameters import Parameter
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
-from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
-from planner.report.chart import BLACK, BLUE, GREY, ORANGE, RED, Chart, Panel, Series
+from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, stage_label
+from planner.report.chart import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    Chart,
+    Panel,
+    Series,
+    golden_steps,
+    list_panel,
+    weighted_means,
+    zero_line,
+)
 from planner.report.effect_variables import EffectVariable, effect_variable
 
 MEAN_POINTS = 24  # points of the line through the residuals; more for an effect of many waves
@@ -139,7 +152,6 @@ def _pulled(added: Array, residuals: list[Array]) -> Evidence:
     )
 
 
-STAGE_LABELS = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
 SHOWN_QUANTILE = 0.98  # part of the points that the panel's height is made for
 SIZES = {"rad": "µrad", "m": "µm"}
 
@@ -147,15 +159,13 @@ SIZES = {"rad": "µrad", "m": "µm"}
 def stage_chart(told: CalibrationFacts) -> Chart:
     """Error of every stage, fitted and held out."""
     stages = told.calibration.stages
-    names = tuple(STAGE_LABELS.get(s.name, s.name) for s in stages)
-    places = np.arange(len(stages), dtype=float)
-    held, train = (
-        to_mm(np.array([m.rms for m in side])) for side in zip(*((s.held_out, s.train) for s in stages), strict=True)
-    )
+    names, places = [stage_label(s) for s in stages], np.arange(len(stages), dtype=float)
+    held, train = (to_mm(np.array(rms)) for rms in zip(*((s.held_out.rms, s.train.rms) for s in stages), strict=True))
+    spread = to_mm(np.array([s.held_out.spread or 0.0 for s in stages]))
     series = [
-        Series("", np.array([low, high]), np.array([k, k]), ORANGE, width=5.0, opacity=0.4)
-        for k, (low, high) in enumerate(zip(*_span(told, held), strict=True))
-        if high > low
+        Series("", np.array([max(h - d, 0.3 * h), h + d]), np.array([k, k]), ORANGE, width=5.0, opacity=0.4)
+        for k, (h, d) in enumerate(zip(held, spread, strict=True))
+        if d > 0
     ]
     series += [
         Series("fitted samples", train, places, GREY, "points", size=7.0),
@@ -165,46 +175,25 @@ def stage_chart(told: CalibrationFacts) -> Chart:
     if checked:
         at, rms = np.array(checked).T
         series.append(Series("validation run", to_mm(rms), at, BLUE, "points", size=7.0))
-    panel = Panel(
-        "", "rms error (mm, logarithmic)", "", tuple(series), log_x=True, y_names=names, height=_height(names)
-    )
+    rest = max(40, 150 - 26 * len(names))
+    panel = list_panel("", "rms error (mm, logarithmic)", names, series, rest=rest, log_x=True)
     caption = "From top to bottom the model grows by one effect at a time; what counts is the held-out error."
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
-
-
-def _span(told: CalibrationFacts, held: Array) -> tuple[Array, Array]:
-    spread_mm = to_mm(np.array([s.held_out.spread or 0.0 for s in told.calibration.stages]))
-    return np.maximum(held - spread_mm, 0.3 * held), held + spread_mm
-
-
-def _height(names: tuple[str, ...]) -> int:
-    return max(150, 26 * len(names) + 40)
 
 
 def finding_chart(told: CalibrationFacts, step: FindingStep) -> Chart:
     """One effect: what the residual says of it before (left) and after (right) it was added."""
     e = collect_evidence(told, step)
-    span = 1e6 * max(
-        float(np.quantile(np.abs(e.before), SHOWN_QUANTILE)),
-        1.15 * float(np.quantile(np.abs(e.fitted), SHOWN_QUANTILE)),
-        1e-12,
-    )
-    panels = tuple(
-        _panel(e, values, side, fitted, span)
-        for values, side, fitted in ((e.before, "before", True), (e.after, "after", False))
-    )
+    most, fitted = (float(np.quantile(np.abs(v), SHOWN_QUANTILE)) for v in (e.before, e.fitted))
+    span = 1e6 * max(most, 1.15 * fitted, 1e-12)
+    panels = (_panel(e, e.before, "before", True, span), _panel(e, e.after, "after", False, span))
+    what = "each as the error of the effect's own axis" if e.unit == "rad" else "along what the effect moves"
+    comma = "," if e.unit == "rad" else ""
     caption = (
-        "Held-out residuals, each as the error of the effect's own axis. Points: readings; black: their mean"
-        if e.unit == "rad"
-        else "Held-out residuals along what the effect moves. Points: readings; black: their mean"
+        f"Held-out residuals{comma} {what}. Points: readings; black: their mean; red: the effect as fitted in the end, "
+        "less what the model before it could take up."
     )
-    return Chart(
-        step.name,
-        step.finding.note,
-        f"{caption}; red: the effect as fitted in the end, less what the model before it could take up.",
-        panels,
-        columns=2,
-    )
+    return Chart(step.name, step.finding.note, caption, panels, columns=2)
 
 
 def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:
@@ -212,8 +201,7 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
     heavy = np.flatnonzero(e.weight >= 0.09 * np.median(e.weight))
     shown = heavy[even_positions(len(heavy), PANEL_POINTS)]
     inside = shown[np.abs(y[shown]) <= span]
-    zero = Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
-    series = [zero, Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
+    series = [zero_line(x), Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
     if fitted:
         series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight, e.means), RED, width=3.0))
     at, mean = weighted_means(x, y, e.weight, e.means)
@@ -226,16 +214,4 @@ def _apart(x: Array) -> Array:
     values = np.unique(x)
     if len(values) > 8 or len(values) < 2:
         return x
-    return np.asarray(x + 0.3 * float(np.diff(values).min()) * (np.arange(len(x)) * 0.6180339887 % 1 - 0.5))
-
-
-def weighted_means(x: Array, y: Array, weight: Array, most: int = MEAN_POINTS) -> tuple[Array, Array]:
-    """Means of y in groups of equal count along x, by weight; a quantity with few values has one group a value."""
-    values, group = np.unique(x, return_inverse=True)
-    if len(values) > most:
-        group = np.empty(len(x), dtype=int)
-        group[np.argsort(x, kind="stable")] = np.arange(len(x)) * most // len(x)
-    total = np.bincount(group, weight)
-    kept = total > 0
-    middle = np.bincount(group, x) / np.maximum(np.bincount(group), 1)
-    return middle[kept], np.bincount(group, weight * y)[kept] / total[kept]
+    return np.asarray(x + 0.3 * float(np.diff(values).min()) * golden_steps(len(x)))

@@ -7,70 +7,60 @@ from planner.instruments.loaded.circle import sine
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.results import SENSES, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
-from planner.report.chart import BLUE, GREEN, GREY, JOINTS, ORANGE, RED, Chart, Panel, ReferenceLine, Series
+from planner.report.chart import BLUE, GREEN, GREY, JOINTS, ORANGE, RED, Chart, Panel, Series, Span, share_panel
 from planner.report.formatting import significant_text
 from planner.report.page import Report
 
-ANGLE = "angle on the circle (degrees)"
-TURN = (0.0, 360.0)
-ROW = 24  # [px] of one name in a list
 FINEST = 1e-6  # of the prior size: what is known better is drawn there
 
 
 def loaded_charts(found: LoadedEvaluation) -> tuple[Chart, ...]:
     """Return every picture of the report."""
-    each = [p for k, c in enumerate(found.circles) for p in _of_circle(c, k, len(found.circles) > 1)]
-    return (*each, compliance_chart(found))
+    out = []
+    for k, c in enumerate(found.circles):
+        several = len(found.circles) > 1
+        stem, where = (f"_{k + 1}", f", fixture {c.curves.circle.name}") if several else ("", "")
+        for draw in (readings_chart, deflection_chart, compensated_chart, kinematic_chart):
+            name, title, caption, panels = draw(c)
+            out.append(Chart(f"{name}{stem}", f"{title}{where}", caption, tuple(panels)))
+    return (*out, compliance_chart(found))
 
 
-def _of_circle(c: EvaluatedCircle, k: int, several: bool) -> tuple[Chart, ...]:
-    stem = f"_{k + 1}" if several else ""
-    where = f", fixture {c.curves.circle.name}" if several else ""
-    return tuple(
-        draw(c, stem, where) for draw in (readings_chart, deflection_chart, compensated_chart, kinematic_chart)
-    )
+Drawing = tuple[str, str, str, list[Panel]]
+"""Name, title, caption and panels of a chart of one circle."""
 
 
-def readings_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Chart:
+def readings_chart(c: EvaluatedCircle) -> Drawing:
     """Readings at every load (paper, figure 13 a)."""
     curves = c.curves
     raw = curves.length - curves.length.mean()
-    texts = [f"{load:.0f} N" for load in curves.loads]
-    panels = tuple(
-        _panel(SENSES[sense], "reading − mean (µm)", _lines(curves.theta, raw[d], texts))
+    panels = [
+        _panel(SENSES[sense], "reading − mean (µm)", _lines(curves.theta, raw[d], _loads(c)))
         for d, sense in enumerate(curves.directions)
-    )
+    ]
     caption = f"Average of {int(curves.repeats.min())} turns at each load, in each sense of travel."
-    return Chart(f"readings{stem}", f"Readings under load{where}", caption, panels)
+    return "readings", "Readings under load", caption, panels
 
 
-def deflection_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Chart:
+def deflection_chart(c: EvaluatedCircle) -> Drawing:
     """Distance of the readings from those at the base load (paper, figure 13 b), and by the compliances."""
-    curves = c.curves
+    curves, panels = c.curves, []
     texts = [f"{load:.0f} N more" for load in curves.apparent]
-    panels = tuple(
-        _panel(
-            SENSES[sense],
-            "change of the reading (µm)",
-            [
-                *_lines(curves.theta, curves.deflection[d], texts, 1),
-                *_lines(curves.theta, c.predicted[d], [""] * len(texts), 1, dashed=True),
-            ],
-        )
-        for d, sense in enumerate(curves.directions)
-    )
+    for d, sense in enumerate(curves.directions):
+        lines = _lines(curves.theta, curves.deflection[d], texts, 1)
+        lines += _lines(curves.theta, c.predicted[d], [""] * len(texts), 1, dashed=True)
+        panels.append(_panel(SENSES[sense], "change of the reading (µm)", lines))
     caption = (
         f"Reading at a load less that at the base load of {curves.loads[0]:.0f} N, and dashed what the fitted "
         "compliances make of it."
     )
-    return Chart(f"deflections{stem}", f"Deflection along the bar{where}", caption, panels)
+    return "deflections", "Deflection along the bar", caption, panels
 
 
-def compensated_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Chart:
+def compensated_chart(c: EvaluatedCircle) -> Drawing:
     """Readings without what the arm yields, and their average with the centre's offset (paper, figure 14)."""
     curves, angle = c.curves, to_deg(c.curves.theta)
     shown = c.compensated.mean(axis=0)
-    texts = [f"{load:.0f} N" for load in curves.loads]
     lines = [
         Series("average", angle, c.averaged.mean(axis=0) / UM, BLUE),
         Series("offset of the centre", angle, sine(c.offset, curves.theta) / UM, RED, dashed=True),
@@ -78,24 +68,24 @@ def compensated_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Ch
     free = ""
     if c.paper_offset is not None:
         lines.append(Series("with b free", angle, sine(c.paper_offset, curves.theta) / UM, GREY, dashed=True))
-        free = (
-            f" (b free as in the paper: {significant_text(c.paper_offset.amplitude * 1e3)} mm, "
-            f"b = {significant_text(c.paper_offset.frequency)})"
-        )
-    panels = (
-        _panel("as without load", "reading − mean (µm)", _lines(curves.theta, shown - shown.mean(), texts)),
-        _panel("distance from their average", "distance (µm)", _lines(curves.theta, shown - shown.mean(axis=0), texts)),
-        _panel("average", "reading − mean (µm)", lines),
-    )
+        amplitude, b = (significant_text(v) for v in (c.paper_offset.amplitude * 1e3, c.paper_offset.frequency))
+        free = f" (b free as in the paper: {amplitude} mm, b = {b})"
+    read = float(np.ptp(curves.length, axis=1).max())
+    spread, read_spread, amplitude = (significant_text(v) for v in (c.spread / UM, read / UM, c.offset.amplitude * 1e3))
     caption = (
-        f"The loads' curves lie up to {significant_text(c.spread / UM)} µm apart (as read:"
-        f" {significant_text(float(np.ptp(curves.length, axis=1).max()) / UM)} µm). The circle's centre is off its"
-        f" ball, which shows once a turn with {significant_text(c.offset.amplitude * 1e3)} mm{free}."
+        f"The loads' curves lie up to {spread} µm apart (as read: {read_spread} µm). The circle's centre is off its "
+        f"ball, which shows once a turn with {amplitude} mm{free}."
     )
-    return Chart(f"compensated{stem}", f"Without the load{where}", caption, panels)
+    apart = shown - shown.mean(axis=0)
+    panels = [
+        _panel("as without load", "reading − mean (µm)", _lines(curves.theta, shown - shown.mean(), _loads(c))),
+        _panel("distance from their average", "distance (µm)", _lines(curves.theta, apart, _loads(c))),
+        _panel("average", "reading − mean (µm)", lines),
+    ]
+    return "compensated", "Without the load", caption, panels
 
 
-def kinematic_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Chart:
+def kinematic_chart(c: EvaluatedCircle) -> Drawing:
     """What is left when load and offset are taken off, beside the tracker's (paper, figure 15)."""
     angle = to_deg(c.curves.theta)
     series = [
@@ -105,12 +95,9 @@ def kinematic_chart(c: EvaluatedCircle, stem: str = "", where: str = "") -> Char
     caption = "Reading without load and without the offset of the circle's centre: the arm's own error along the bar."
     if c.tracker is not None:
         series.append(Series("tracker", angle, c.tracker.tracker / UM, GREEN, dashed=True))
-        caption += (
-            f" The tracker's unloaded circle differs by {significant_text(c.tracker.mean / UM)} µm on average, "
-            f"{significant_text(c.tracker.largest / UM)} µm at most."
-        )
-    panel = _panel("", "error along the bar (µm)", series)
-    return Chart(f"kinematic{stem}", f"Kinematic error{where}", caption, (panel,))
+        mean, largest = (significant_text(v / UM) for v in (c.tracker.mean, c.tracker.largest))
+        caption += f" The tracker's unloaded circle differs by {mean} µm on average, {largest} µm at most."
+    return "kinematic", "Kinematic error", caption, [_panel("", "error along the bar (µm)", series)]
 
 
 def compliance_chart(found: LoadedEvaluation) -> Chart:
@@ -122,8 +109,8 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
     low = 10.0 ** np.floor(np.log10(min(max(values.min(), FINEST), 0.5)))
     span = (float(low), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
     panels = (
-        _parts("each by itself, with what was known before", joints, BLUE, span),
-        _parts("combinations, by the circles alone", mixed, GREEN, span),
+        _shares("each by itself, with what was known before", joints, BLUE, span),
+        _shares("combinations, by the circles alone", mixed, GREEN, span),
     )
     caption = (
         "Standard deviation as a part of the prior size: left of the dotted line a compliance is learnt, right of it "
@@ -132,25 +119,18 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
     return Chart("known", "What the circles know of the compliances", caption, panels)
 
 
-def _parts(title: str, rows: list[tuple[str, float]], colour: str, span: tuple[float, float]) -> Panel:
-    share = np.array([max(v, FINEST) for _, v in rows])
-    place = np.arange(len(rows), dtype=float)
-    hover = tuple(f"{n}: {significant_text(v)} of the prior size" for n, v in rows)
-    return Panel(
-        title,
-        "standard deviation / prior size",
-        "",
-        (Series("", share, place, colour, "points", hover=hover),),
-        limits=(ReferenceLine(1.0, "prior size", upright=True),),
-        log_x=True,
-        x_range=span,
-        y_names=tuple(n for n, _ in rows),
-        height=ROW * len(rows) + 30,
-    )
+def _shares(title: str, parts: list[tuple[str, float]], colour: str, span: Span) -> Panel:
+    share = np.array([max(v, FINEST) for _, v in parts])
+    hover = [f"{n}: {significant_text(v)} of the prior size" for n, v in parts]
+    return share_panel(title, "standard deviation / prior size", [n for n, _ in parts], share, hover, colour, span, 24)
 
 
 def _panel(title: str, y_label: str, series: list[Series]) -> Panel:
-    return Panel(title, ANGLE, y_label, tuple(series), x_range=TURN, height=260)
+    return Panel(title, "angle on the circle (degrees)", y_label, tuple(series), x_range=(0.0, 360.0), height=260)
+
+
+def _loads(c: EvaluatedCircle) -> list[str]:
+    return [f"{load:.0f} N" for load in c.curves.loads]
 
 
 def _lines(theta: Array, values: Array, names: list[str], first: int = 0, dashed: bool = False) -> list[Series]:

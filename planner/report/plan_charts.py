@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -9,14 +10,30 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign, describe_bayesian_design
 from planner.design.observability.information import INDEX_RULES
-from planner.report.chart import BLUE, GREEN, GREY, JOINTS, ORANGE, RED, ROLES, Chart, Panel, ReferenceLine, Series
+from planner.report.chart import (
+    BLUE,
+    GREEN,
+    GREY,
+    JOINTS,
+    ORANGE,
+    RED,
+    ROLES,
+    Chart,
+    Panel,
+    ReferenceLine,
+    Series,
+    Span,
+    joint_series,
+    list_panel,
+    share_panel,
+)
 from planner.report.formatting import FILTERS, count_text, duration_text, significant_text
 from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
 from planner.session.plan_types import Drive, Plan
 
-ROW_PX = 26  # [px] of one name in a list
 FEW_POSES = 30  # poses, before which errors are off the picture
 SHORT_LABEL = 40  # letters of a label that stand beside an axis
+TIME_LABEL = "time (s)"
 
 
 def index_chart(plan: Plan) -> Chart:
@@ -25,25 +42,14 @@ def index_chart(plan: Plan) -> Chart:
     rule, n = INDEX_RULES[choice.index], len(choice.q)
     sizes, values, bounds = (np.asarray(v, float) for v in (curve.sizes, curve.values, curve.bounds))
     hover = tuple(f"{int(k)} poses: {v:.4g}, bound {b:.4g}" for k, v, b in zip(sizes, values, bounds, strict=True))
-    series = [
+    series = (
         Series("chosen from the candidates", sizes, values, BLUE, hover=hover),
         Series("proven bound", sizes, bounds, GREY, dashed=True),
-        Series(
-            f"this plan: {n} poses",
-            np.array([n]),
-            np.array([choice.value]),
-            RED,
-            "points",
-            hover=(f"{n} poses: {choice.value:.4g}",),
-        ),
-    ]
-    panel = Panel(
-        "",
-        "number of poses",
-        f"{choice.index}, {rule.what}" if len(rule.what) < SHORT_LABEL else choice.index,
-        tuple(series),
-        y_range=_room(values, bounds, choice.value),
+        _this_plan(n, choice.value, f"{n} poses: {choice.value:.4g}"),
     )
+    label = f"{choice.index}, {rule.what}" if len(rule.what) < SHORT_LABEL else choice.index
+    both = np.concatenate([values, bounds, [choice.value]])
+    span = _span(both[np.isfinite(both)], 0.08, 1e-9)
     better = "higher" if rule.maximise else "lower"
     shared = "" if choice.ball is None else " The plan shares its poses evenly between the balls, the curve does not."
     return Chart(
@@ -52,7 +58,7 @@ def index_chart(plan: Plan) -> Chart:
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line, poses moved off the grid can. "
         f"The flatter the curve, the less a further pose brings.{shared}",
-        (panel,),
+        (Panel("", "number of poses", label, series, y_range=span),),
     )
 
 
@@ -60,35 +66,21 @@ def foreseen_error_chart(ahead: BayesianDesign) -> Chart:
     """Error of the tool that is expected after each number of poses."""
     n = np.arange(1.0, len(ahead.after) + 1)
     hover = tuple(f"{int(k)} poses: {to_mm(e):.3f} mm" for k, e in zip(n, ahead.after, strict=True))
-    series = [
+    series = (
         Series("expected once the run is traced", n, to_mm(ahead.after), BLUE, hover=hover),
-        Series(
-            f"this plan: {len(n)} poses",
-            n[-1:],
-            np.array([float(to_mm(ahead.left))]),
-            RED,
-            "points",
-            hover=(f"{to_mm(ahead.left):.3f} mm",),
-        ),
-    ]
+        _this_plan(len(n), float(to_mm(ahead.left)), f"{to_mm(ahead.left):.3f} mm"),
+    )
     untraced = float(to_mm(ahead.unknown.untraced))
     bound = ReferenceLine(float(to_mm(ahead.bound)), f"no {len(n)} poses leave less", below=True)
     limits = (ReferenceLine(untraced, "geometry alone"), bound)
     top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW_POSES) - 1])))
-    panel = Panel("", "number of poses", "error of the tool (mm rms)", tuple(series), limits, y_range=(0.0, top))
-    return Chart(
-        "foresight",
-        "What the robot's error would be",
-        f"As the poses of this plan are added: {describe_bayesian_design(ahead)}.",
-        (panel,),
-    )
+    caption = f"As the poses of this plan are added: {describe_bayesian_design(ahead)}."
+    panel = Panel("", "number of poses", "error of the tool (mm rms)", series, limits, y_range=(0.0, top))
+    return Chart("foresight", "What the robot's error would be", caption, (panel,))
 
 
-def _room(values: np.ndarray, bounds: np.ndarray, value: float) -> tuple[float, float]:
-    both = np.concatenate([values, bounds, [value]])
-    both = both[np.isfinite(both)]
-    pad = 0.08 * float(np.ptp(both)) + 1e-9
-    return float(both.min()) - pad, float(both.max()) + pad
+def _this_plan(n: int, value: float, hover: str) -> Series:
+    return Series(f"this plan: {n} poses", np.array([n]), np.array([value]), RED, "points", hover=(hover,))
 
 
 def funnel_chart(plan: Plan) -> Chart:
@@ -97,93 +89,46 @@ def funnel_chart(plan: Plan) -> Chart:
     texts = [count_text(counts[0])]
     texts += [f"{count_text(v)}   {significant_text(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
-    panel = Panel(
-        "",
-        "states that are left (logarithmic scale)",
-        "",
-        (bars,),
-        log_x=True,
-        x_range=(1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2)),
-        y_names=FILTERS if plan.cell.gauge.is_attached else plan.pool.funnel.names,
-        height=ROW_PX * len(counts) + 20,
-    )
-    return Chart(
-        "funnel",
-        "From sampled states to candidate poses",
+    names = FILTERS if plan.cell.gauge.is_attached else plan.pool.funnel.names
+    span = (1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2))
+    panel = list_panel("", "states that are left (logarithmic scale)", names, [bars], log_x=True, x_range=span)
+    caption = (
         f"{count_text(len(plan.pool))} candidates are kept of the states that pass every filter; "
-        "the percentage is the part of the row above that passes.",
-        (panel,),
+        "the percentage is the part of the row above that passes."
     )
+    return Chart("funnel", "From sampled states to candidate poses", caption, (panel,))
 
 
 def parameter_chart(rows: tuple[ParameterForecast, ...]) -> Chart:
     """Predicted standard deviation of each parameter as a part of its prior size."""
     order = sorted(rows, key=lambda r: r.share)
-    share, place = np.array([r.share for r in order]), np.arange(len(order), dtype=float)
-    hover = tuple(f"{r.parameter.name}, {r.what}: {r.share:.3g} of the prior size" for r in order)
-    points = Series("", share, place, GREEN, "points", hover=hover)
-    low = 10.0 ** np.floor(np.log10(share.min()))
-    panel = Panel(
-        "",
-        "predicted standard deviation / prior size",
-        "",
-        (points,),
-        limits=(ReferenceLine(1.0, "prior size", upright=True),),
-        log_x=True,
-        x_range=(low, 10.0 ** np.ceil(np.log10(max(2.0, share.max() * 1.2)))),
-        y_names=tuple(r.parameter.name for r in order),
-        height=int(0.75 * ROW_PX * len(order)) + 30,
-    )
-    return Chart(
-        "parameters",
-        "What the poses teach",
-        "Left is well known after the measurement; a parameter at the dotted line stays as uncertain as it was.",
-        (panel,),
-    )
-
-
-TIME_LABEL = "time (s)"
+    share, names = np.array([r.share for r in order]), [r.parameter.name for r in order]
+    hover = [f"{r.parameter.name}, {r.what}: {r.share:.3g} of the prior size" for r in order]
+    span = (10.0 ** np.floor(np.log10(share.min())), 10.0 ** np.ceil(np.log10(max(2.0, share.max() * 1.2))))
+    label = "predicted standard deviation / prior size"
+    caption = "Left is well known after the measurement; a parameter at the dotted line stays as uncertain as it was."
+    panel = share_panel("", label, names, share, hover, GREEN, span, row=19.5)
+    return Chart("parameters", "What the poses teach", caption, (panel,))
 
 
 def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
     """Joint angles over the poses, in the order of selection and in the order of the tour."""
-    angles = to_deg(both.unsorted_q)
-    scale = (0.0, float(both.unsorted_t[-1]))
-    height = _span(angles)
-    panels = [
-        Panel(
-            f"{name}: {duration_text(float(t[-1]))}",
-            "time of the slowest axis (s)",
-            "joint angle (deg)",
-            _joints(t, q),
-            x_range=scale,
-            y_range=height,
-        )
-        for name, t, q in (
-            ("In the order of selection", both.unsorted_t, both.unsorted_q),
-            ("In the order of the tour", both.sorted_t, both.sorted_q),
-        )
-    ]
-    return Chart(
-        f"tour{suffix}",
-        "The tour, before and after sorting",
-        "The same poses on the same scale. A leg lasts as long as its slowest axis needs at full speed.",
-        tuple(panels),
-    )
+    axes: dict[str, Any] = {"x_range": (0.0, float(both.unsorted_t[-1])), "y_range": _angle_span(both.unsorted_q)}
+    panels = []
+    for name, t, q in (
+        ("In the order of selection", both.unsorted_t, both.unsorted_q),
+        ("In the order of the tour", both.sorted_t, both.sorted_q),
+    ):
+        labels = (f"{name}: {duration_text(float(t[-1]))}", "time of the slowest axis (s)", "joint angle (deg)")
+        panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
+    caption = "The same poses on the same scale. A leg lasts as long as its slowest axis needs at full speed."
+    return Chart(f"tour{suffix}", "The tour, before and after sorting", caption, tuple(panels))
 
 
 def joint_chart(way: DrivenPath, drive: Drive, suffix: str) -> Chart:
     """Joint angles as driven."""
-    angles = to_deg(way.motion.q)
-    panel = Panel(
-        "",
-        TIME_LABEL,
-        "joint angle (deg)",
-        _joints(way.motion.t, way.motion.q),
-        x_range=_time(way),
-        y_range=_span(angles),
-        height=330,
-    )
+    axes: dict[str, Any] = {"x_range": _time(way), "y_range": _angle_span(way.motion.q), "height": 330}
+    panel = Panel("", TIME_LABEL, "joint angle (deg)", joint_series(way.motion.t, to_deg(way.motion.q)), **axes)
     return Chart(f"joints{suffix}", "Joint angles as driven", _there(way), (panel,))
 
 
@@ -202,14 +147,12 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
         y_range=(low - pad, high + pad),
     )
     cones = sorted({float(to_deg(c)) for c in (g.cone_fixture, g.cone_map)})
+    at_fixture, at_tool = to_deg(way.tilt).T
     tilt = Panel(
         "Tilt of the bar in its ball joints",
         TIME_LABEL,
         "tilt (deg)",
-        tuple(
-            Series(f"at the {place}", t, to_deg(angle), colour)
-            for place, angle, colour in zip(("fixture", "tool"), way.tilt.T, (BLUE, ORANGE), strict=True)
-        ),
+        (Series("at the fixture", t, at_fixture, BLUE), Series("at the tool", t, at_tool, ORANGE)),
         limits=tuple(ReferenceLine(c, f"largest tilt, {c:g} deg") for c in cones),
         x_range=_time(way),
         y_range=(0.0, cones[-1] * 1.15),
@@ -222,39 +165,23 @@ def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:
     head = cell.gauge.head
     if head is None:
         return None
-    at = [v for v in drive.visits if v.contact is not None]
+    series = []
+    for k, ball in enumerate(cell.balls):
+        met = [(v, float(to_mm(v.contact))) for v in drive.visits if v.contact is not None and v.ball == k]
+        id_, off = np.array([float(v.id) for v, _ in met]), np.array([mm for _, mm in met])
+        hover = tuple(f"pose {v.id}, {v.role}: {mm:.2f} mm" for v, mm in met)
+        series.append(Series(f"ball {ball.name}", id_, off, JOINTS[k % len(JOINTS)], "points", hover=hover))
     usable = float(to_mm(head.usable))
-    series = [
-        Series(
-            f"ball {ball.name}",
-            np.array([float(v.id) for v in at if v.ball == k]),
-            np.array([float(to_mm(v.contact or 0.0)) for v in at if v.ball == k]),
-            JOINTS[k % len(JOINTS)],
-            "points",
-            hover=tuple(f"pose {v.id}, {v.role}: {to_mm(v.contact or 0.0):.2f} mm" for v in at if v.ball == k),
-        )
-        for k, ball in enumerate(cell.balls)
-    ]
-    panel = Panel(
-        "",
-        "pose",
-        "first contact off centre (mm)",
-        tuple(series),
-        limits=(ReferenceLine(usable, f"indicators make contact within {usable:g} mm"),),
-        y_range=(0.0, 1.25 * usable),
-    )
-    return Chart(
-        f"contact{suffix}",
-        "First contact of the uncalibrated robot",
-        "95 % of robots as uncertain as this one meet the ball nearer to the centre than the point shows.",
-        (panel,),
-    )
+    limit = (ReferenceLine(usable, f"indicators make contact within {usable:g} mm"),)
+    labels = ("", "pose", "first contact off centre (mm)")
+    caption = "95 % of robots as uncertain as this one meet the ball nearer to the centre than the point shows."
+    panel = Panel(*labels, tuple(series), limit, y_range=(0.0, 1.25 * usable))
+    return Chart(f"contact{suffix}", "First contact of the uncalibrated robot", caption, (panel,))
 
 
 def speed_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
     """Speed of the tool point and of the joints against their limits, and the largest use of every limit."""
-    t, limit = way.motion.t, float(to_mm(cell.motion.tool_speed))
-    speed = to_mm(way.motion.tool_speed)
+    t, limit, speed = way.motion.t, float(to_mm(cell.motion.tool_speed)), to_mm(way.motion.tool_speed)
     limited = bool(np.isfinite(drive.trajectory.tool_speed_limit).any())
     tool = Panel(
         "Speed of the tool point",
@@ -265,48 +192,23 @@ def speed_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart
         x_range=_time(way),
         y_range=(0.0, 1.25 * max(limit if limited else 0.0, float(speed.max()))),
     )
-    share = 100 * way.share
-    axes = Panel(
-        "Speed of the joints",
-        TIME_LABEL,
-        "part of its limit (%)",
-        tuple(Series(f"joint {j + 1}", t, s, JOINTS[j % len(JOINTS)], width=1.1) for j, s in enumerate(share.T)),
-        x_range=_time(way),
-        y_range=(0.0, max(1.0, 1.15 * float(share.max()))),
-    )
-    return Chart(f"speeds{suffix}", "Speeds against their limits", _there(way), (tool, axes, _use(drive)))
+    axes: dict[str, Any] = {"x_range": _time(way), "y_range": (0.0, max(1.0, 115 * float(way.share.max())))}
+    lines = joint_series(t, 100 * way.share, width=1.1)
+    joints = Panel("Speed of the joints", TIME_LABEL, "part of its limit (%)", lines, **axes)
+    return Chart(f"speeds{suffix}", "Speeds against their limits", _there(way), (tool, joints, _limit_use(drive)))
 
 
-def _use(drive: Drive) -> Panel:
+def _limit_use(drive: Drive) -> Panel:
     """Largest use of each joint's limits over the whole drive, both ways, on dense samples."""
-    report = drive.limits
-    names = [f"joint {j + 1}" for j in range(len(report.speed))]
-    place = np.arange(len(names), dtype=float)
-    kinds = (("speed", report.speed), ("acceleration", report.acceleration), ("jerk", report.jerk))
-    return Panel(
-        "Largest use of every limit, the whole drive",
-        "part of the limit (%)",
-        "",
-        tuple(
-            Series(
-                f"{kind}",
-                100 * use,
-                place,
-                JOINTS[k],
-                "points",
-                hover=tuple(f"{n} {kind}: {100 * u:.1f} %" for n, u in zip(names, use, strict=True)),
-            )
-            for k, (kind, use) in enumerate(kinds)
-        ),
-        limits=(ReferenceLine(100.0, "limit", upright=True),),
-        x_range=(0.0, 112.0),
-        y_names=tuple(names),
-        height=26 * len(names) + 20,
-    )
-
-
-def _joints(t: Array, q: Array) -> tuple[Series, ...]:
-    return tuple(Series(f"joint {j + 1}", t, a, JOINTS[j % len(JOINTS)]) for j, a in enumerate(to_deg(q).T))
+    names = [f"joint {j + 1}" for j in range(len(drive.limits.speed))]
+    series = []
+    for kind, colour in zip(("speed", "acceleration", "jerk"), JOINTS, strict=False):
+        use = 100 * getattr(drive.limits, kind)
+        hover = tuple(f"{n} {kind}: {u:.1f} %" for n, u in zip(names, use, strict=True))
+        series.append(Series(kind, use, np.arange(len(names), dtype=float), colour, "points", hover=hover))
+    limit = (ReferenceLine(100.0, "limit", upright=True),)
+    title = "Largest use of every limit, the whole drive"
+    return list_panel(title, "part of the limit (%)", names, series, limits=limit, x_range=(0.0, 112.0))
 
 
 def _visits(way: DrivenPath, drive: Drive) -> list[Series]:
@@ -323,14 +225,19 @@ def _visits(way: DrivenPath, drive: Drive) -> list[Series]:
     return out
 
 
-def _time(way: DrivenPath) -> tuple[float, float]:
+def _time(way: DrivenPath) -> Span:
     """Room for a point at either end."""
     return -0.008 * way.ends, 1.008 * way.ends
 
 
-def _span(angles: Array) -> tuple[float, float]:
-    pad = 0.06 * float(np.ptp(angles)) + 1.0
-    return float(angles.min()) - pad, float(angles.max()) + pad
+def _angle_span(q: Array) -> Span:
+    return _span(to_deg(q), 0.06, 1.0)
+
+
+def _span(values: Array, share: float, least: float) -> Span:
+    """Range of the values with room at either end: a share of it and at least so much."""
+    pad = share * float(np.ptp(values)) + least
+    return float(values.min()) - pad, float(values.max()) + pad
 
 
 def _there(way: DrivenPath) -> str:

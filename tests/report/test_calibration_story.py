@@ -16,7 +16,8 @@ from planner.model.identification_document import DetectionLimit, Identification
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
 from planner.report.calibration_text import detection_text, display_unit
-from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, weighted_means
+from planner.report.chart import weighted_means
+from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps
 from planner.runs.loader import load_run
 from planner.tracing.trace import trace
 from tests.generator.arm import Arm
