@@ -5,8 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.common.determinism import Positions
 from planner.common.units import Array, read_only
-from planner.compensation.rotations import turn_between
+from planner.kinematics.inverse_kinematics import rotation_between, shorten, solve_ik, tool_pose
 from planner.kinematics.robot import Robot
 
 
@@ -25,22 +26,7 @@ class NominalPoser:
 
     def flange(self, q: Array) -> tuple[Array, Array]:
         """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""
-        motion = self.robot.chain.forward(self.robot.theta(q))
-        return motion.x.T, np.moveaxis(motion.R, 2, 0)
-
-
-def flange_jacobian(robot: Robot, q: Array) -> Array:
-    """Return the motion of the flange per controller angle, (n, 6, N): velocity [m] above angular velocity [rad].
-
-    Both in the base frame; read off the screws of the joints' elementary transforms.
-    """
-    motion = robot.chain.forward(robot.theta(q))
-    moving = [k for k, t in enumerate(robot.transforms) if t.joint is not None]
-    joints = np.array([t.joint for t in robot.transforms if t.joint is not None])
-    screws = np.concatenate([motion.point_screws()[moving], motion.u[moving]], axis=1)  # (N, 6, n)
-    per_theta = np.empty((q.shape[0], 6, robot.n_joints))
-    per_theta[:, :, joints] = np.moveaxis(screws, (0, 1, 2), (2, 1, 0))
-    return per_theta @ robot.sense_matrix
+        return tool_pose(self.robot.chain, self.robot, q)[:2]
 
 
 TOLERANCE = 1e-9  # [m and rad] of a solved target
@@ -123,47 +109,49 @@ def solve_flange_ik(
 
     All targets step together; those that have arrived rest. A target that cannot be met ends at the best angles seen.
     """
-    q, best = start.copy(), np.full(len(start), np.inf)
-    q_best = start.copy()
-    first, last = rounds[0], sum(rounds)
-    for count in range(last + 1):
-        e = _error(robot, poser, q, p, R)
-        size = np.abs(e).max(axis=1, initial=0.0)
-        better = size < best
-        best, q_best = np.where(better, size, best), np.where(better[:, None], q, q_best)
-        far = np.flatnonzero(best > TOLERANCE)
-        if not far.size or count == last:
-            return q_best, count
-        if count < first:
-            J = flange_jacobian(robot, q[far])
-        else:
-            q[far] = q_best[far] if count == first else q[far]
-            e[far] = _error(robot, poser, q[far], p[far], R[far])
-            J = _own_jacobian(poser, q[far])
-        q[far] += _step(robot, J, e[far], R[far])
-    raise AssertionError("the loop above returns")
+
+    def task(q: Array, rows: Positions) -> tuple[Array, Array]:
+        J = tool_pose(robot.chain, robot, q)[2]
+        return _error(robot, poser, q, p[rows], R[rows]), _across_spin(robot, J, R[rows])
+
+    found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=TOLERANCE)
+    far = np.flatnonzero(found.error > TOLERANCE)
+    if not len(far) or not rounds[1]:
+        return found.best, found.iterations
+
+    def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
+        wanted = p[far[rows]], R[far[rows]]
+        return _error(robot, poser, q, *wanted), _across_spin(robot, _own_jacobian(poser, q), wanted[1])
+
+    again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=TOLERANCE)
+    q = found.best.copy()
+    q[far] = again.best
+    return q, found.iterations + again.iterations
 
 
 def _error(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> Array:
     """Return what is missing, (n, 6) [m, rad] in the base frame; five joints leave the turn about the flange's z."""
     x, R_now = poser.flange(q)
-    turn = turn_between(R_now, R)
+    turn = rotation_between(R_now, R)
     if robot.n_joints == 5:
         turn = _across(turn, R[:, :, 2])
     return np.concatenate([p - x, turn], axis=1)
 
 
-def _step(robot: Robot, J: Array, e: Array, R: Array) -> Array:
-    if robot.n_joints == 5:
-        J = J.copy()
-        J[:, 3:] = J[:, 3:] - R[:, :, 2, None] * np.einsum("ni,nij->nj", R[:, :, 2], J[:, 3:])[:, None, :]
-    dq = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=PIVOT), e)
-    longest = np.abs(dq).max(axis=1, keepdims=True)
-    return np.asarray(dq * np.minimum(1.0, STEP_LIMIT / np.maximum(longest, STEP_LIMIT)))
+def _across_spin(robot: Robot, J: Array, R: Array) -> Array:
+    """Return the Jacobian (n, 6, N) of what is missing: five joints leave the turn about the flange's z."""
+    if robot.n_joints != 5:
+        return J
+    return np.concatenate([J[:, :3], np.swapaxes(_across(np.swapaxes(J[:, 3:], 1, 2), R[:, None, :, 2]), 1, 2)], axis=1)
+
+
+def _step(J: Array, missing: Array) -> Array:
+    step = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=PIVOT), missing)
+    return shorten(step, np.abs(step).max(axis=1), STEP_LIMIT)
 
 
 def _across(v: Array, axis: Array) -> Array:
-    return np.asarray(v - axis * np.einsum("ij,ij->i", v, axis)[:, None])
+    return np.asarray(v - axis * np.einsum("...j,...j->...", v, axis)[..., None])
 
 
 def _own_jacobian(poser: Poser, q: Array) -> Array:
@@ -173,5 +161,5 @@ def _own_jacobian(poser: Poser, q: Array) -> Array:
     both = (q[:, None, None, :] + np.stack([shift, -shift])[None]).reshape(-1, N)
     x, R = poser.flange(both)
     x, R = x.reshape(n, 2, N, 3), R.reshape(n, 2, N, 3, 3)
-    turn = turn_between(R[:, 1].reshape(-1, 3, 3), R[:, 0].reshape(-1, 3, 3)).reshape(n, N, 3)
+    turn = rotation_between(R[:, 1].reshape(-1, 3, 3), R[:, 0].reshape(-1, 3, 3)).reshape(n, N, 3)
     return np.swapaxes(np.concatenate([x[:, 0] - x[:, 1], turn], axis=2), 1, 2) / (2 * DIFFERENCE)

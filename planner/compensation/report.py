@@ -8,8 +8,8 @@ import numpy as np
 from planner.common.units import DEG, MM, UM, Array
 from planner.compensation.correction import NominalPoser, Poser, flange_deviation, solve_flange_ik
 from planner.compensation.nominal_angles import flange_of
-from planner.compensation.rotations import turn_between
 from planner.compensation.targets import Note, Target, list_lines
+from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
 
 FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is near a singular position
@@ -44,7 +44,7 @@ def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> I
         if old.pose is None or new.pose is None or old.pose.spelling != "abc":
             continue
         was, is_ = old.pose.words / DEG, new.pose.words / DEG
-        turn = float(np.linalg.norm(turn_between(old.pose.T_BT[None, :3, :3], new.pose.T_BT[None, :3, :3])))
+        turn = float(np.linalg.norm(rotation_between(old.pose.T_BT[None, :3, :3], new.pose.T_BT[None, :3, :3])))
         if np.abs(new.pose.words - old.pose.words).max() > max(TURNED, 3.0 * turn):
             yield (
                 old.line,

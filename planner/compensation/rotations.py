@@ -6,11 +6,6 @@ from scipy.spatial.transform import Rotation
 from planner.common.units import Array, read_only
 
 
-def turn_between(R_from: Array, R_to: Array) -> Array:
-    """Return the rotation vector (n, 3) [rad], in the base frame, that turns R_from (n, 3, 3) into R_to."""
-    return np.asarray(Rotation.from_matrix(R_to @ np.swapaxes(R_from, 1, 2)).as_rotvec())
-
-
 def frame(p: Array, R: Array) -> Array:
     """Return transforms (n, 4, 4) from p (n, 3) [m] and R (n, 3, 3)."""
     T = np.zeros((len(p), 4, 4))

@@ -3,9 +3,11 @@ become such sequences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.common.units import Array
 
@@ -84,6 +86,13 @@ class Chain:
     def __len__(self) -> int:
         """Return the number of elementary transforms K."""
         return len(self.transforms)
+
+    @cached_property
+    def joint_places(self) -> NDArray[np.intp]:
+        """Position among the transforms of each joint's, in the joints' order."""
+        return np.array(
+            [k for _, k in sorted((t.joint, k) for k, t in enumerate(self.transforms) if t.joint is not None)]
+        )
 
     def index(self, name: str) -> int:
         """Return the position of the transform called ``name``."""

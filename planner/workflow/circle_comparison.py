@@ -15,10 +15,10 @@ from planner.cell.setup import Targets
 from planner.common.errors import NoSolutionError
 from planner.common.units import MM, Array, read_only
 from planner.gauges.frame_gauge import ToolPosition
-from planner.instruments.circular.inverse_kinematics import solve_ik, tool_frames
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.circular.planned_test import circle_samples
 from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.plan_types import Plan
@@ -93,11 +93,11 @@ def place_fixtures_by_robot(cell: Cell, model: Model, errors: Array) -> Array:
 
 def solve_fixture_pose(cell: Cell, p_BX: Array) -> Array:
     """A state (1, N) [rad] with the measured point on the fixture, the tool turned as at home or as little off it."""
-    _, R, _ = tool_frames(cell, cell.home[None])
+    _, R, _ = tool_pose(cell.chain, cell.robot, cell.home[None])
     for turn in np.deg2rad([0, 90, -90, 180]):
         for tilt in np.deg2rad([0, 20, -20, 40, -40]):
             wanted = Rotation.from_euler("xz", [tilt, turn]).as_matrix() @ R
-            q, good = solve_ik(cell, cell.home[None], p_BX[None], wanted, ROUNDS)
+            q, good = solve_pose_ik(cell.chain, cell.robot, cell.home[None], p_BX[None], wanted, ROUNDS)
             if good[0]:
                 return q
     raise NoSolutionError(

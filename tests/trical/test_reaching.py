@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import fsolve
 
-from planner.design.candidates.inverse_kinematics import PointIk, retract_tool
+from planner.kinematics.inverse_kinematics import retract_tool, solve_point_ik
 
 
 def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
@@ -16,20 +16,21 @@ def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
         x, _, ok, _ = fsolve(lambda v: tool_pose([*v, *wrist])[0] - ball, start, full_output=True)
         if ok == 1:
             known.add(tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)))
-    found = PointIk(cell).position(np.hstack([starts, np.tile(wrist, (300, 1))]), ball)
-    on = found.q[found.off < 1e-9][:, :3]
+    starts = np.hstack([starts, np.tile(wrist, (300, 1))])
+    found, off = solve_point_ik(cell.chain, cell.robot, starts, ball)
+    on = found[off < 1e-9][:, :3]
     mine = {tuple(np.round((x + np.pi) % (2 * np.pi), 5) % round(2 * np.pi, 5)) for x in on}
     assert len(known) >= 4
     assert all(min(np.abs(np.subtract(k, m)).max() for m in mine) < 1e-4 for k in known)
-    for q in found.q[found.off < 1e-9][:20]:
+    for q in found[off < 1e-9][:20]:
         assert np.linalg.norm(tool_pose(q)[0] - ball) < 1e-8
 
 
 def test_the_tool_withdraws_along_its_own_axis(cell, pool, tool_pose):
-    back = retract_tool(cell, pool.q[:60], 0.04)
-    done = back.off < 1e-8
+    back, off = retract_tool(cell.chain, cell.robot, pool.q[:60], 0.04 * cell.tool.axis_F)
+    done = off < 1e-8
     assert done.all()
-    for q, away in zip(pool.q[:60], back.q, strict=True):
+    for q, away in zip(pool.q[:60], back, strict=True):
         (p, R), (p_back, R_back) = tool_pose(q), tool_pose(away)
         assert np.allclose(p_back, p - 0.04 * R @ cell.tool.axis_F, atol=1e-7)
         assert np.allclose(R_back, R, atol=1e-6)
@@ -39,8 +40,8 @@ def test_out_of_reach_the_nearest_miss_is_told(cell):
     far = np.array([1.5, 0.0, 0.4])
     rng = np.random.default_rng(0)
     q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (4000, 6))
-    found = PointIk(cell).position(q, far)
+    _, off = solve_point_ik(cell.chain, cell.robot, q, far)
     blind = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (400_000, 6))
     nearest = np.linalg.norm(cell.map_position(blind) - far, axis=1)
-    assert found.off.min() < nearest.min() + 1e-3
-    assert found.off.min() > nearest.min() - 0.03
+    assert off.min() < nearest.min() + 1e-3
+    assert off.min() > nearest.min() - 0.03

@@ -11,8 +11,8 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, read_only, to_mm
-from planner.design.candidates.inverse_kinematics import ON, PointIk, retract_tool
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
+from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, retract_tool, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 
@@ -137,7 +137,7 @@ class _BallFilter:
     def __init__(self, cell: Cell, ball: int, world: CollisionWorld, contact: FirstContact) -> None:
         self.cell, self.ball, self.contact = cell, ball, contact
         self.away, self.at = world, CollisionWorld(world.scene.at_ball(ball))
-        self.reaching, self.workspace = PointIk(cell), Workspace(cell, bar=False)
+        self.workspace = Workspace(cell, bar=False)
         self.nearest, self.hit, self.met = np.inf, np.zeros(len(self.at.scene.pairs), dtype=int), np.zeros(0)
 
     def draw(self, count: int, seed: int) -> tuple[Array, Array, BallFunnel]:
@@ -160,11 +160,11 @@ class _BallFilter:
         return q, back, funnel
 
     def _filter(self, sample: Array) -> tuple[Array, Array, BallFunnel]:
-        reached = self.reaching.position(sample, self.cell.p_BS[self.ball])
-        self.nearest = min(self.nearest, float(reached.off.min()))
-        within = (self.workspace.stage("joint_limits", reached.q) > SAFETY_MARGIN).all(axis=1)
-        on = within & (reached.off < ON)
-        q = reached.q[on]
+        q, off = solve_point_ik(self.cell.chain, self.cell.robot, sample, self.cell.p_BS[self.ball])
+        self.nearest = min(self.nearest, float(off.min()))
+        within = (self.workspace.stage("joint_limits", q) > SAFETY_MARGIN).all(axis=1)
+        on = within & (off < POINT_TOLERANCE)
+        q = q[on]
         cable = (self.workspace.stage("cable", q) > SAFETY_MARGIN).all(axis=1)
         q = q[cable]
         hits = self.at.collides(q, self.cell.motion.clearance + NEAR)
@@ -184,13 +184,13 @@ class _BallFilter:
             return q, np.zeros(0, dtype=bool)
         cell = self.cell
         assert cell.gauge.head is not None
-        back = retract_tool(cell, q, cell.gauge.head.approach)
-        ok = (back.off < 10 * ON) & (self.workspace.margins(back.q) > SAFETY_MARGIN).all(axis=1)
-        ok[ok] = ~self.away.collides(back.q[ok], cell.motion.clearance + SAFETY_MARGIN)
+        back, off = retract_tool(cell.chain, cell.robot, q, cell.gauge.head.approach * cell.tool.axis_F)
+        ok = (off < 10 * POINT_TOLERANCE) & (self.workspace.margins(back) > SAFETY_MARGIN).all(axis=1)
+        ok[ok] = ~self.away.collides(back[ok], cell.motion.clearance + SAFETY_MARGIN)
         for share in ON_THE_WAY:
-            between = q + share * (back.q - q)
+            between = q + share * (back - q)
             ok[ok] = ~self.at.collides(between[ok], cell.motion.clearance + NEAR)
-        return back.q, ok
+        return back, ok
 
     def _blame(self, q: Array) -> None:
         """Count which pairs keep the first colliding states from being poses."""
@@ -202,7 +202,7 @@ class _BallFilter:
         head = f"no candidate pose is left at ball {name}: {funnel.text()}."
         if funnel.workspace == 0:
             place = ", ".join(f"{v:.0f}" for v in to_mm(self.cell.p_BS[self.ball]))
-            if self.nearest < ON:
+            if self.nearest < POINT_TOLERANCE:
                 return f"{head} Only joint angles beyond the limits reach it: move the artifact."
             return (
                 f"ball {name}, at [{place}] mm in the base frame, is out of reach by "

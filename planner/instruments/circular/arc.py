@@ -17,9 +17,9 @@ from planner.instruments.circular.configurations import (
     fine_angles,
     orientations,
 )
-from planner.instruments.circular.inverse_kinematics import solve_ik
 from planner.instruments.circular.plan import Arc
 from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import Trajectory, check_limits, plan_trajectory
@@ -109,7 +109,8 @@ def _finish_arc(
     """Drive one way finely; returned is it, or a sentence that says what is wrong with it."""
     angle = fine_angles(circle)
     guess = np.column_stack([np.interp(angle, ways.angle, column) for column in ways.q[k].T])
-    q, good = solve_ik(cell, guess, circle.points(angle), orientations(circle, angle, ways.R_BF[k]), IK_ROUNDS)
+    wanted = circle.points(angle), orientations(circle, angle, ways.R_BF[k])
+    q, good = solve_pose_ik(cell.chain, cell.robot, guess, *wanted, IK_ROUNDS)
     if not good.all():
         return None, f"the arm loses its configuration at {to_deg(angle[np.argmin(good)]):.0f}°"
     q = round_angles(q)

@@ -12,8 +12,8 @@ from planner.cell.circles import Circle
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
-from planner.instruments.circular.inverse_kinematics import conditioning, solve_ik
 from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
 SAGITTA = 1e-6  # [m] between the circle and the straight line from point to point
 PATIENCE = 0.03  # [s] from point to point at least: controllers plan no quicker
@@ -156,7 +156,7 @@ def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[A
     which = np.repeat(np.arange(len(R)), len(unit))
     q = np.tile(low + unit * (high - low), (len(R), 1))
     x = np.broadcast_to(circle.points(np.array([angle])), (len(q), 3))
-    q, good = solve_ik(cell, q, x, R[which], SEARCH)
+    q, good = solve_pose_ik(cell.chain, cell.robot, q, x, R[which], SEARCH)
     q, which = _remove_turns(cell, q[good]), which[good]
     _, first = np.unique(np.round(np.column_stack([which, q / SAME_POSE])).astype(int), axis=0, return_index=True)
     return q[first], R[which[first]]
@@ -188,7 +188,7 @@ def _follow_circle(cell: Cell, circle: Circle, angle: Array, start: Array, R: Ar
         last = q[alive, k - 1]
         guess = last if k == 1 else 2 * last - q[alive, k - 2]
         wanted = np.concatenate([orientations(circle, angle[k : k + 1], r) for r in R[alive]])
-        q[alive, k], good = solve_ik(cell, guess, np.tile(x[k], (len(alive), 1)), wanted, FOLLOW)
+        q[alive, k], good = solve_pose_ik(cell.chain, cell.robot, guess, np.tile(x[k], (len(alive), 1)), wanted, FOLLOW)
         good &= np.abs(q[alive, k] - last).max(axis=1) < LARGEST_STEP
         alive = alive[good]
         reached[alive] = k + 1
@@ -209,7 +209,7 @@ def _margins(cell: Cell, circle: Circle, q: Array) -> Array:
 
 def _condition(cell: Cell, q: Array) -> Array:
     m, k, n = q.shape
-    return np.asarray(conditioning(cell, q.reshape(-1, n)).reshape(m, k).min(axis=1))
+    return np.asarray(smallest_singular_value(cell.chain, cell.robot, q.reshape(-1, n)).reshape(m, k).min(axis=1))
 
 
 def _explain_unreached(circle: Circle, angle: float, over: Array) -> str:

@@ -14,8 +14,8 @@ from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CirclePlane
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, read_only
-from planner.instruments.circular.inverse_kinematics import conditioning, solve_ik
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
+from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
 ANGLES = 36  # of a circle that is followed
 STEPS = (7, 6)  # of the grid in distance from axis 1, and in height
@@ -127,7 +127,9 @@ def _follow_circles(
     course = np.repeat(q[:, None], ANGLES, axis=1)
     alive = np.arange(len(which))
     for k in range(1, ANGLES if len(alive) else 0):
-        course[alive, k], good = solve_ik(cell, course[alive, k - 1], round_[which[alive], k], R[alive], FOLLOW)
+        course[alive, k], good = solve_pose_ik(
+            cell.chain, cell.robot, course[alive, k - 1], round_[which[alive], k], R[alive], FOLLOW
+        )
         good &= np.abs(course[alive, k] - course[alive, k - 1]).max(axis=1) < LEAP
         alive = alive[good]
         if not len(alive):
@@ -160,7 +162,7 @@ def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.nd
     against = [Rotation.align_vectors(-n[None], cell.tool.axis_F[None])[0].as_matrix() for n in normals]
     R = np.repeat(np.array([[a @ s for s in spin] for a in against]).reshape(-1, 3, 3), len(seeds), axis=0)
     which = np.repeat(np.arange(len(x)), SPINS * len(seeds))
-    q, good = solve_ik(cell, np.tile(seeds, (len(x) * SPINS, 1)), x[which], R, SEARCH)
+    q, good = solve_pose_ik(cell.chain, robot, np.tile(seeds, (len(x) * SPINS, 1)), x[which], R, SEARCH)
     q = (q + np.pi) % (2 * np.pi) - np.pi
     good &= ((q > robot.q_lower) & (q < robot.q_upper)).all(axis=1)
     return which[good], q[good], R[good]
@@ -176,6 +178,6 @@ def _smallest_margin(cell: Cell, q: Array, p_BX: Array, axis_B: Array) -> float:
             (q - robot.q_lower).min(),
             (cell.gauge.cone_fixture - tilt_angle(direction, axis_B)).min(),
             (cell.gauge.cone_map - tilt_angle(-direction, cell.map_axis(q))).min(),
-            conditioning(cell, q).min(),
+            smallest_singular_value(cell.chain, cell.robot, q).min(),
         )
     )
