@@ -48,22 +48,23 @@ def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
 
 def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | None = None) -> Outcome:
     """Return the best tour found from ``search`` on, and the lower bound proven for it over ``nodes`` of the tree."""
-    size = len(instance.cost)
+    size, tour = len(instance.cost), list(search.tour)
     near = nearest_neighbours(instance.weighted(), _NEIGHBOURS)
     first = np.column_stack([np.repeat(np.arange(size), near.shape[1]), near.ravel()])
-    relaxation = Relaxation(instance, instance.length(search.tour), np.concatenate([first, _legs(search.tour)]))
+    relaxation = Relaxation(instance, instance.length(tour), np.concatenate([first, _legs(tour)]))
     reduced = relaxation.optimize()
     search.neighbours = nearest_neighbours(reduced, _NEIGHBOURS)
-    search.improve(size)
-    length, root = instance.length(search.tour), relaxation.bound(reduced)
+    search.improve(2 * size)
+    tour = search.tour if instance.length(search.tour) < instance.length(tour) else tour  # of equals the first found
+    length, root = instance.length(tour), relaxation.bound(reduced)
     bound = -(-root // _GRID)
     limit = _NODE_LIMIT if nodes is None else nodes
     if bound >= length or limit == 0:
-        return Outcome(search.tour, min(bound, length), 0)
+        return Outcome(tour, min(bound, length), 0)
     useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
     if instance.required is not None:
         useful[tuple(sorted(instance.required))] = True
-    return _search_tree(instance, search.tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
+    return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
 
 
 class _Program:
