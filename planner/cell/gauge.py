@@ -222,7 +222,7 @@ class Gauge(ABC):
     def lag_moves(self) -> tuple[Any, ...]:
         """Return how a late clock shows in the reading, per second."""
 
-    def errors(self, site: Any) -> Iterator[Any]:
+    def errors(self, run: Any) -> Iterator[Any]:
         """Yield the effects of the catalogue that are errors of the gauge itself."""
         return iter(())
 

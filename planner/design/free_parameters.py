@@ -12,12 +12,12 @@ from planner.design.observability.explanations import explain_direction
 from planner.design.observability.identifiability import DroppedParameter, Identifiability
 from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
-from planner.effects.parameters import Parameter, compliance_parameters
+from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
+from planner.effects.parameters import Parameter
 from planner.model.model import Model
 from planner.model.tool_error import uniform_states
 from planner.runs.run import Samples
 
-COMPLIANCE = "joint compliance"  # the kind that fits have most often beside geometry
 PROBE_STATES = 50  # states that tell whether an effect has a name
 PROBE_POSES = 2000  # poses of a pool that tell which effects show
 DEFAULT_POSES = 80  # poses, where the plan does not say how many
@@ -48,7 +48,7 @@ def declared_parameters(
     kinds = tuple(dict.fromkeys((*cell.plan.effects, *more)))
     if not kinds:
         return []
-    entries = [e for e in catalogue(setup, samples) if e.inner is None]
+    entries = [e for e in catalogue(setup, samples) if e.nonlinear is None]
     known = {e.kind for e in entries}
     for wanted in cell.plan.effects:
         if wanted not in known:
@@ -128,7 +128,7 @@ def hold_measured_tool(
 
 def unloaded_compliances(kinds: tuple[str, ...], model: Model) -> tuple[DroppedParameter, ...]:
     """Return the joint compliances that are asked for and no pose can show, as no weight turns the joint."""
-    if COMPLIANCE not in kinds:
+    if JOINT_COMPLIANCE not in kinds:
         return ()
     missing = [p for p in compliance_parameters(model.setup) if p.name not in model.names]
     return tuple(DroppedParameter(p.name, explain_direction(d := ((p.name, 1.0),)), d) for p in missing)

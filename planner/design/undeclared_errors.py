@@ -7,8 +7,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array
 from planner.design.free_parameters import planned_model
+from planner.effects.compliance import compliance_parameters
 from planner.effects.nonparametric import CURVE_SIZE, gear_curve
-from planner.effects.parameters import compliance_parameters
 from planner.model.model import Model
 from planner.model.tool_error import ToolError
 

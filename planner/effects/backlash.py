@@ -1,112 +1,20 @@
-"""Effects of how a joint arrives: backlash, hysteresis, settling and servo lag."""
+"""Effects of how a joint came to where it stands: backlash, hysteresis, angles read before it settled, servo lag."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.units import Array
-from planner.effects.basis import Phi
+from planner.common.units import Array, to_deg
+from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.catalogue import register
+from planner.effects.compliance import LoadTorque
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Excitation, NonlinearParameter, effect_of, with_group
-from planner.effects.load_functions import TorqueSign
+from planner.effects.effect import Effect, NonlinearParameter, Place, Role, joint_place
+from planner.effects.excitation import CONTINUOUS_RUN, Excitation
 from planner.effects.parameters import Parameter, ParameterMove, transform_move
 
-
-@dataclass(frozen=True)
-class SpeedSign:
-    """φ = ±½ by the sign of a joint's speed."""
-
-    joint: int
-
-    @property
-    def key(self) -> str:
-        """``speed-sign:3`` for joint 3."""
-        return f"speed-sign:{self.joint + 1}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return half the sign."""
-        assert c.samples.speed is not None
-        return np.asarray(0.5 * np.sign(c.samples.speed[:, self.joint]))
-
-
-@dataclass(frozen=True)
-class ApproachDirection:
-    """φ = ±½ by the side from which a joint was last approached."""
-
-    joint: int
-
-    @property
-    def key(self) -> str:
-        """``approach:3`` for joint 3."""
-        return f"approach:{self.joint + 1}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return half the direction."""
-        assert c.samples.direction is not None
-        return np.asarray(0.5 * c.samples.direction[:, self.joint])
-
-
-@dataclass(frozen=True)
-class Hysteresis:
-    """φ = −½ … ½: friction on a spring goes from one side to the other over ``width`` [rad] of travel.
-
-    The play operator (Visintin 1994, Differential Models of Hysteresis, ch. III), run from each sample's last few
-    reversals (n, N, M) [rad], the latest last, to where the joint stands.
-    """
-
-    joint: int
-    width: float
-
-    @property
-    def key(self) -> str:
-        """``hysteresis:3:0.1``."""
-        return f"hysteresis:{self.joint + 1}:{self.width!r}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return the state of the spring."""
-        turned = np.asarray(getattr(c.samples, "reversals", None))[:, self.joint]
-        way = np.diff(np.column_stack([turned, c.samples.q[:, self.joint]]), axis=1)
-        state = np.zeros(len(way))
-        for step in way.T:
-            state = np.clip(state + step / self.width, -0.5, 0.5)
-        return state
-
-
-@dataclass(frozen=True)
-class SpeedLag:
-    """φ = −speed [rad/s] of a joint: the arm stands where it was read a lag ago, sense of the kinematic row."""
-
-    joint: int
-
-    @property
-    def key(self) -> str:
-        """``behind:3`` for joint 3."""
-        return f"behind:{self.joint + 1}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return minus the speed."""
-        assert c.samples.speed is not None
-        return np.asarray(-c.samples.speed @ c.setup.robot.sense_matrix[self.joint])
-
-
-@dataclass(frozen=True)
-class SettlingError:
-    """φ = commanded − read angle [rad] of a joint, sense of the kinematic row."""
-
-    joint: int
-
-    @property
-    def key(self) -> str:
-        """``unsettled:3`` for joint 3."""
-        return f"unsettled:{self.joint + 1}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return the difference."""
-        assert c.samples.q_cmd is not None
-        assert c.samples.q_read is not None
-        return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.setup.robot.sense_matrix[self.joint])
+HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
 
 
 @dataclass(frozen=True)
@@ -116,104 +24,198 @@ class EffectSize:
     unit: str
     usual: float
     largest: float
-    source: str
+    literature: str
 
 
-BACKLASH_SIZE = EffectSize(
+BACKLASH = EffectSize(
     "rad", 1e-4, 1e-2, "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(5): backlash of a serial robot, 0.01-0.1 mm"
 )
-LAG_SIZE = EffectSize("s", 2e-3, 0.1, "estimated")
-SETTLING_SIZE = EffectSize("1", 0.5, 2.0, "estimated")
-HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
+LAG = EffectSize("s", 2e-3, 0.1, "estimated")
+SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
 
-def backlash(site: Excitation) -> Iterator[Effect]:
+@dataclass(frozen=True)
+class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False):
+    """φ = ±½ by the sign of a joint's speed."""
+
+    joint: int
+    plot_label = "joint JOINT: moving from above (−1) or below (+1)"
+    plot_factor = 2.0
+    uncorrected = "what depends on the sense of motion"
+
+    def __call__(self, c: Context) -> Array:
+        """Return half the sign."""
+        assert c.samples.speed is not None
+        return np.asarray(0.5 * np.sign(c.samples.speed[:, self.joint]))
+
+
+@dataclass(frozen=True)
+class ApproachDirection(BasisFunction, key="approach:JOINT", static=False):
+    """φ = ±½ by the side from which a joint was last approached."""
+
+    joint: int
+    plot_label = "joint JOINT: approached from above (−1) or below (+1)"
+    plot_factor = 2.0
+    uncorrected = "play"
+
+    def __call__(self, c: Context) -> Array:
+        """Return half the direction."""
+        assert c.samples.direction is not None
+        return np.asarray(0.5 * c.samples.direction[:, self.joint])
+
+
+@dataclass(frozen=True)
+class TorqueSign(BasisFunction, key="torque-sign:JOINT", loads=True):
+    """φ = ±½ by the sign of the load torque about a joint: the side on which the teeth lie."""
+
+    joint: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return half the sign."""
+        return np.asarray(0.5 * np.sign(c.load_torque[:, self.joint]))
+
+    def plot_variable(self, c: Context) -> EffectVariable | None:
+        """Draw against the torque."""
+        return LoadTorque(self.joint).plot_variable(c)
+
+
+@dataclass(frozen=True)
+class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False):
+    """φ = −½ … ½: friction on a spring goes from one side to the other over ``width`` [rad] of travel.
+
+    The play operator (Visintin 1994, Differential Models of Hysteresis, ch. III), run from each sample's last few
+    reversals (n, N, M) [rad], the latest last, to where the joint stands.
+    """
+
+    joint: int
+    width: float
+    plot_label = "joint JOINT: side of its play (−½ … ½)"
+    uncorrected = "hysteresis"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the state of the spring."""
+        turned = np.asarray(c.samples.reversals)[:, self.joint]
+        way = np.diff(np.column_stack([turned, c.samples.q[:, self.joint]]), axis=1)
+        state = np.zeros(len(way))
+        for step in way.T:
+            state = np.clip(state + step / self.width, -0.5, 0.5)
+        return state
+
+
+@dataclass(frozen=True)
+class SpeedLag(BasisFunction, key="behind:JOINT", static=False):
+    """φ = −speed [rad/s] of a joint: the arm stands where it was read a lag ago, sense of the kinematic row."""
+
+    joint: int
+    plot_label = "speed of joint JOINT (deg/s)"
+    plot_factor = float(-to_deg(1.0))
+    uncorrected = "lag behind the command"
+
+    def __call__(self, c: Context) -> Array:
+        """Return minus the speed."""
+        assert c.samples.speed is not None
+        return np.asarray(-c.samples.speed @ c.setup.robot.sense_matrix[self.joint])
+
+
+@dataclass(frozen=True)
+class SettlingError(BasisFunction, key="unsettled:JOINT", static=False):
+    """φ = commanded − read angle [rad] of a joint, sense of the kinematic row."""
+
+    joint: int
+    plot_label = "joint JOINT: commanded less read (deg)"
+    plot_factor = float(to_deg(1.0))
+    uncorrected = "standing elsewhere than commanded"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the difference."""
+        assert c.samples.q_cmd is not None
+        assert c.samples.q_read is not None
+        return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.setup.robot.sense_matrix[self.joint])
+
+
+@register("backlash", needs="poses come to from both sides of the joint")
+def backlash(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side from which a joint comes: its speed's sign, or its last approach."""
-    s = site.samples
-    for i in site.moving:
-        if s.speed is not None:
-            phi: Phi = SpeedSign(i)
-            both = np.ptp(np.sign(s.speed[:, i])) > 1
-        elif s.direction is not None:
-            phi, both = ApproachDirection(i), np.ptp(s.direction[:, i]) > 1
-        else:
-            return
-        if both:
+    if not (run.has("speed") or run.has("direction")):
+        return
+    phi = SpeedSign if run.has("speed") else ApproachDirection
+    for i in run.moving:
+        if np.ptp(run.values(phi(i))) > 0.5:
             sentence = f"joint {i + 1}: play of {{size}} between the two directions"
-            yield _joint_effect(site, "backlash", i, phi, BACKLASH_SIZE, sentence)
+            yield _of_joint(run, "backlash", i, phi(i), BACKLASH, sentence)
 
 
-def backlash_by_load(site: Excitation) -> Iterator[Effect]:
+@register("backlash by load")
+def backlash_by_load(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side on which the load lies."""
-    for i in range(site.n_joints):
-        sign = np.sign(site.context.load_torque[:, i])
+    for i in run.joints:
+        sign = run.values(TorqueSign(i))
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
             sentence = f"joint {i + 1}: play of {{size}}, on the side on which the load lies"
-            yield _joint_effect(site, "backlash by load", i, TorqueSign(i), BACKLASH_SIZE, sentence, True)
+            role = Role.LIKE_ANY_COMPLIANCE
+            yield _of_joint(run, "backlash by load", i, TorqueSign(i), BACKLASH, sentence, static=True, role=role)
 
 
-def hysteresis(site: Excitation) -> Iterator[Effect]:
+@register("hysteresis", needs=CONTINUOUS_RUN)
+def hysteresis(run: Excitation) -> Iterator[Effect]:
     """Friction on a spring: the joint turns gradually from one side of its play to the other."""
-    if getattr(site.samples, "reversals", None) is None:
-        return
-    inner = NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True)
-    for i in site.moving:
-        sentence = f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel"
-        make = partial(_hysteresis_of_joint, site, i)
+    for i in run.moving if run.has("reversals") else ():
+
+        def parameter(width: float, i: int = i) -> tuple[Parameter, ...]:
+            return (_parameter(run, "hysteresis", i, Hysteresis(i, width), BACKLASH),)
+
         yield Effect(
-            "hysteresis", f"joint {i + 1}", make, sentence, BACKLASH_SIZE.largest, BACKLASH_SIZE.source, inner, False
-        )
+            "hysteresis", joint_place(i), parameter,
+            f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel",
+            BACKLASH.largest, BACKLASH.literature,
+            NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True), static=False,
+        )  # fmt: skip
 
 
-def _hysteresis_of_joint(site: Excitation, i: int, width: float | None) -> tuple[Parameter, ...]:
-    assert width is not None
-    moves = transform_move(site.theta(i), Hysteresis(i, width))
-    what = f"hysteresis of joint {i + 1}"
-    return with_group(
-        "hysteresis",
-        f"joint {i + 1}",
-        Parameter(f"hysteresis{i + 1}", BACKLASH_SIZE.unit, BACKLASH_SIZE.usual, what, moves),
-    )
-
-
-def settling(site: Excitation) -> Iterator[Effect]:
+@register("unsettled angle", needs="both read and commanded angles in the run (q1_deg ... and cmd1_deg ...)")
+def settling(run: Excitation) -> Iterator[Effect]:
     """The arm stood between the commanded and the read angle."""
-    s = site.samples
+    s = run.samples
     if s.q_cmd is None or s.q_read is None:
         return
     gap = np.abs(s.q_cmd - s.q_read).max(axis=0)
     if not np.any(gap > 0):
         return
     sentence = "angles were read before the arm had settled: it stood {size} of the way on to the commanded ones"
-    yield _all_joints_effect(site, "unsettled angle", SettlingError(0), SETTLING_SIZE, sentence)
-    for i in np.flatnonzero(gap > 0):
+    yield _of_all_joints(run, "unsettled angle", SettlingError, SETTLING, sentence)
+    for i in (int(k) for k in np.flatnonzero(gap > 0)):
         sentence = f"joint {i + 1}: was read before it had settled, {{size}} of the way to the commanded angle missing"
-        yield _joint_effect(site, "unsettled angle", int(i), SettlingError(int(i)), SETTLING_SIZE, sentence)
+        yield _of_joint(run, "unsettled angle", i, SettlingError(i), SETTLING, sentence)
 
 
-def servo_lag(site: Excitation) -> Iterator[Effect]:
+@register("servo lag", needs=CONTINUOUS_RUN)
+def servo_lag(run: Excitation) -> Iterator[Effect]:
     """Joints that stand where they were read a moment ago."""
-    if not site.varies("speed"):
+    if not run.varies("speed"):
         return
     sentence = "all joints: the arm runs {size} behind the angles as logged"
-    yield _all_joints_effect(site, "servo lag", SpeedLag(0), LAG_SIZE, sentence)
-    for i in site.moving:
-        sentence = f"joint {i + 1}: runs {{size}} behind its logged angle"
-        yield _joint_effect(site, "servo lag", i, SpeedLag(i), LAG_SIZE, sentence)
+    yield _of_all_joints(run, "servo lag", SpeedLag, LAG, sentence)
+    for i in run.moving:
+        yield _of_joint(run, "servo lag", i, SpeedLag(i), LAG, f"joint {i + 1}: runs {{size}} behind its logged angle")
 
 
-def _joint_effect(
-    site: Excitation, kind: str, i: int, phi: Phi, sizes: EffectSize, sentence: str, static: bool = False
+def _parameter(run: Excitation, kind: str, i: int, phi: BasisFunction, size: EffectSize) -> Parameter:
+    moves = transform_move(run.rotation(i), phi)
+    return Parameter(f"{kind.replace(' ', '_')}{i + 1}", size.unit, size.usual, f"{kind} of joint {i + 1}", moves)
+
+
+def _of_joint(
+    run: Excitation, kind: str, i: int, phi: BasisFunction, size: EffectSize, sentence: str,
+    static: bool = False, role: Role = Role.ORDINARY,
+) -> Effect:  # fmt: skip
+    parameters = (_parameter(run, kind, i, phi, size),)
+    return Effect(kind, joint_place(i), parameters, sentence, size.largest, size.literature, static=static, role=role)
+
+
+def _of_all_joints(
+    run: Excitation, kind: str, phi: Callable[[int], BasisFunction], size: EffectSize, sentence: str
 ) -> Effect:
-    on, label = f"joint {i + 1}", f"{kind.replace(' ', '_')}{i + 1}"
-    moves = transform_move(site.theta(i), phi)
-    parameter = Parameter(label, sizes.unit, sizes.usual, f"{kind} of {on}", moves)
-    return effect_of(kind, on, [parameter], sentence, sizes.largest, sizes.source, static)
-
-
-def _all_joints_effect(
-    site: Excitation, kind: str, phi: SettlingError | SpeedLag, sizes: EffectSize, sentence: str
-) -> Effect:
-    moves = tuple(ParameterMove("transform", site.theta(i), replace(phi, joint=i)) for i in range(site.n_joints))
-    parameter = Parameter(f"{kind.replace(' ', '_')}_all", sizes.unit, sizes.usual, f"{kind} of all joints", moves)
-    return effect_of(kind, "all joints", [parameter], sentence, sizes.largest, sizes.source, False)
+    moves = tuple(ParameterMove("transform", run.rotation(i), phi(i)) for i in run.joints)
+    name, what = f"{kind.replace(' ', '_')}_all", f"{kind} of all joints"
+    parameters = (Parameter(name, size.unit, size.usual, what, moves),)
+    return Effect(kind, Place("all joints"), parameters, sentence, size.largest, size.literature, static=False)

@@ -1,32 +1,103 @@
-"""Basis functions φ of an effect: what multiplies a parameter, sample by sample (value = nominal + Σ φ·p)."""
+"""Basis functions φ of an effect: what multiplies a parameter, sample by sample (value = nominal + Σ φ·p).
 
-from dataclasses import dataclass
-from typing import Protocol
+Each class states its key, the name that it has in files. A key is a word and its arguments, for instance
+``hysteresis:JOINT:NUMBER``; the arguments are the fields of the class, in order.
+"""
+
+import re
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
 from planner.common.units import Array
 from planner.effects.context import Context
 
-
-class Phi(Protocol):
-    """A basis function; ``key`` is its name in files, and tells it from every other."""
-
-    @property
-    def key(self) -> str:
-        """Name in files, for instance ``torque:2``."""
-        ...
-
-    def __call__(self, c: Context) -> Array:
-        """Return φ for every sample, (n,) or (1,)."""
-        ...
+FUNCTIONS: list[type["BasisFunction"]] = []
+COUNTED_FROM_ONE = ("JOINT", "LINK")
 
 
 @dataclass(frozen=True)
-class One:
-    """φ = 1: a geometric error, an offset of the gauge."""
+class EffectVariable:
+    """What an effect is drawn against: values (n,) in the unit of ``label``, folded at ``period`` where it repeats."""
 
-    key = "1"
+    label: str
+    values: Array
+    period: float | None = None
+
+    @property
+    def folded(self) -> Array:
+        """Values within one period."""
+        return self.values if self.period is None else np.mod(self.values, self.period)
+
+
+@dataclass(frozen=True)
+class BasisFunction(ABC):
+    """A basis function; its fields are the arguments of its key.
+
+    Attributes:
+        pattern: of the keys: a word, which may offer alternatives in parentheses (the first field says which), then the
+            kinds of the arguments: NUMBER any number, PHI another key (always last), else an index, see
+            :data:`planner.effects.phi_keys.INDEX_RANGES`.
+        is_static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
+        needs_loads: whether it needs to know how the base stands and what the tool weighs.
+        of_gauge: whether it belongs to the gauge, not to the robot.
+        of_run: whether it depends on the clock or the sessions of one run and means nothing for another.
+        plot_label: of what it is drawn against, if that is the function itself times ``plot_factor``; JOINT stands for
+            its joint.
+        uncorrected: what a corrected program leaves as it is where the function is not static.
+    """
+
+    pattern: ClassVar[str] = ""
+    is_static: ClassVar[bool] = True
+    needs_loads: ClassVar[bool] = False
+    of_gauge: ClassVar[bool] = False
+    of_run: ClassVar[bool] = False
+    plot_label: ClassVar[str] = ""
+    plot_factor: ClassVar[float] = 1.0
+    uncorrected: ClassVar[str] = ""
+
+    def __init_subclass__(
+        cls, key: str = "", *, static: bool = True, loads: bool = False, gauge: bool = False, run: bool = False
+    ) -> None:
+        super().__init_subclass__()
+        cls.pattern, cls.is_static, cls.needs_loads, cls.of_gauge, cls.of_run = key, static, loads, gauge, run
+        if key:
+            FUNCTIONS.append(cls)
+
+    @abstractmethod
+    def __call__(self, c: Context) -> Array:
+        """Return φ for every sample, (n,) or (1,)."""
+
+    @property
+    def key(self) -> str:
+        """Name in files, for instance ``torque:2``; it tells the function from every other."""
+        word, *kinds = self.pattern.split(":")
+        values = [getattr(self, f.name) for f in fields(self)]
+        if "(" in word:
+            word = re.sub(r"\(.*\)", values.pop(0), word)
+        return ":".join([word, *(_text(kind, value) for kind, value in zip(kinds, values, strict=False))])
+
+    def plot_variable(self, c: Context) -> EffectVariable | None:
+        """Return what the effect is drawn against, ``None`` where it depends on several things at once."""
+        if not self.plot_label:
+            return None
+        label = self.plot_label.replace("JOINT", str(getattr(self, "joint", 0) + 1))
+        return EffectVariable(label, self.plot_factor * self(c))
+
+
+def _text(kind: str, value: "int | float | BasisFunction") -> str:
+    if isinstance(value, BasisFunction):
+        return value.key
+    if kind == "NUMBER":
+        return repr(value)
+    return str(int(value) + (kind in COUNTED_FROM_ONE))
+
+
+@dataclass(frozen=True)
+class One(BasisFunction, key="1"):
+    """φ = 1: a geometric error, an offset of the gauge."""
 
     def __call__(self, c: Context) -> Array:
         """Return one."""
@@ -34,16 +105,23 @@ class One:
 
 
 @dataclass(frozen=True)
-class AtPlace:
+class Times(BasisFunction, key="times:NUMBER:PHI"):
+    """φ times a number."""
+
+    factor: float
+    phi: BasisFunction
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        return self.factor * self.phi(c)
+
+
+@dataclass(frozen=True)
+class AtPlace(BasisFunction, key="place:INDEX", static=False, gauge=True):
     """φ = ±1 where the gauge stands at this place (fixture, plate, station), else 0."""
 
     place: int
     sign: float = 1.0
-
-    @property
-    def key(self) -> str:
-        """``place:0`` for the first."""
-        return f"place:{self.place}"
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""
@@ -51,15 +129,10 @@ class AtPlace:
 
 
 @dataclass(frozen=True)
-class AtPoint:
+class AtPoint(BasisFunction, key="point:INDEX", static=False, gauge=True):
     """φ = 1 where this target on the tool was measured, else 0."""
 
     point: int
-
-    @property
-    def key(self) -> str:
-        """``point:0`` for the first."""
-        return f"point:{self.point}"
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""
@@ -67,40 +140,4 @@ class AtPoint:
         return np.full(1, float(self.point == 0)) if point is None else (point == self.point).astype(float)
 
 
-@dataclass(frozen=True)
-class LoadTorque:
-    """φ = torque [Nm] with which gravity, payload and the bar turn this joint, in the sense of its kinematic row.
-
-    A parameter on the joint's own rotation with this φ is its compliance [rad/Nm] (TriCal paper, c2 … c6).
-    """
-
-    joint: int
-
-    @property
-    def key(self) -> str:
-        """``torque:2`` for joint 2."""
-        return f"torque:{self.joint + 1}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return the load torque."""
-        return c.load_torque[:, self.joint]
-
-
 ONE = One()
-
-
-@dataclass(frozen=True)
-class Times:
-    """φ times a number."""
-
-    phi: Phi
-    factor: float
-
-    @property
-    def key(self) -> str:
-        """``times:0.86:warmth:21.5``."""
-        return f"times:{self.factor!r}:{self.phi.key}"
-
-    def __call__(self, c: Context) -> Array:
-        """Return the product."""
-        return self.factor * self.phi(c)

@@ -1,50 +1,114 @@
-"""``catalogue()``: every effect that a setup and the logged columns of a run can show."""
+"""The catalogue: the registry of all effects, and those that a measurement set-up and the logged columns can show.
 
+A file of effects states its basis functions and registers generators of :class:`Effect` under the names of their kinds;
+simulation, tracing, the discrimination of rivals and the report find them here. The files in ``SHIPPED`` come with the
+package; any other module that registers effects adds to them when it is imported.
+"""
+
+import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
 
-import planner.effects.backlash as play
-import planner.effects.compliance as weights
-import planner.effects.compliance as yielding
-import planner.effects.gears as gears
-import planner.effects.sessions as sessions
-import planner.effects.thermal as heat
 from planner.cell.setup import MeasurementSetup
-from planner.effects.effect import Effect, Excitation
+from planner.common.errors import InputError, did_you_mean
+from planner.effects.effect import Effect
+from planner.effects.excitation import Excitation
 from planner.runs.run import Samples
 
-EFFECT_SOURCES: tuple[Callable[[Excitation], Iterator[Effect]], ...] = (
-    yielding.joint_compliance,
-    yielding.drive_compliance,
-    weights.payload_compliance,
-    yielding.link_bending,
-    yielding.base_compliance,
-    yielding.tool_compliance,
-    weights.wrong_mass,
-    gears.encoder_eccentricity,
-    gears.stated_gear_ripple,
-    gears.gear_ripple,
-    gears.reduction_ratio,
-    gears.coupling,
-    gears.axis_wobble,
-    play.backlash,
-    play.backlash_by_load,
-    play.hysteresis,
-    play.settling,
-    play.servo_lag,
-    heat.link_growth,
-    heat.drift,
-    heat.warm_up,
-    lambda site: site.setup.gauge.errors(site),
-    sessions.zero_step,
-    sessions.frame_step,
-    sessions.remounting,
-)  # fmt: skip
+SHIPPED = ("compliance", "gears", "backlash", "thermal", "gauge_errors", "sessions", "nonparametric")
+EffectGenerator = Callable[[Excitation], Iterator[Effect]]
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Kinds of effects.
+
+    Attributes:
+        kinds: their names.
+        generator: yields those of them that a run can show.
+        needs: what a run needs to show them.
+        by_gauge: whether a gauge names the generator among its own errors, see ``Gauge.errors``.
+    """
+
+    kinds: tuple[str, ...]
+    generator: EffectGenerator
+    needs: str
+    by_gauge: bool
+
+    @property
+    def order(self) -> int:
+        """Position of its file among those that come with the package, behind them for any other."""
+        module = self.generator.__module__.removeprefix(f"{__package__}.")
+        return SHIPPED.index(module) if module in SHIPPED else len(SHIPPED)
+
+
+_REGISTRY: list[Registration] = []
+
+
+def register(
+    *kinds: str, needs: str = "another kind of run", by_gauge: bool = False
+) -> Callable[[EffectGenerator], EffectGenerator]:
+    """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`."""
+
+    def enter(generator: EffectGenerator) -> EffectGenerator:
+        _REGISTRY.append(Registration(kinds, generator, needs, by_gauge))
+        return generator
+
+    return enter
+
+
+def registrations() -> list[Registration]:
+    """Return all registered effects in the order of the catalogue, which is that of their files."""
+    for name in SHIPPED:
+        import_module(f"{__package__}.{name}")
+    return sorted(_REGISTRY, key=lambda r: r.order)
+
+
+def effect_kinds() -> tuple[str, ...]:
+    """Return the names of all kinds of effects."""
+    return tuple(dict.fromkeys(kind for r in registrations() for kind in r.kinds))
+
+
+def needs_of(kind: str) -> str:
+    """Return what a run needs to show effects of a kind."""
+    return next((r.needs for r in registrations() if kind in r.kinds), "another kind of run")
+
+
+def strip_repeat(name: str) -> str:
+    """Return the name of an effect without its number, where it came again: ``gear ripple (2), joint 1``."""
+    return re.sub(r" \(\d+\)(?=, |$)", "", name)
+
+
+def check_effect_name(name: str, n_joints: int, where: str) -> None:
+    """Check that an effect is one that there is, on a joint that an arm of ``n_joints`` has.
+
+    Args:
+        name: ``encoder once a turn, joint 2``.
+        n_joints: joints of the robot.
+        where: file and place of the name, for the message.
+
+    Raises:
+        InputError: with the nearest kind, or the joints that there are.
+    """
+    kind, comma, place = strip_repeat(name).partition(", ")
+    kinds = effect_kinds()
+    if kind not in kinds or not comma:
+        allowed = "" if comma else "; it is called KIND, PLACE, like 'backlash, joint 2'"
+        raise InputError(
+            f"{where}: '{name}' is no effect{did_you_mean(kind, list(kinds))}{allowed} (known kinds:"
+            f" {', '.join(kinds)})"
+        )
+    for part, most in (("joint", n_joints), ("link", n_joints + 1)):
+        for number in re.findall(rf"\b{part} (\d+)", place):
+            if not 1 <= int(number) <= most:
+                raise InputError(f"{where}: '{name}': the robot has {part}s 1 to {most}")
 
 
 def catalogue(setup: MeasurementSetup, samples: Samples) -> tuple[Effect, ...]:
-    """Return every entry that the setup can have and the samples can tell of.
+    """Return every effect that the set-up can have and the samples can tell of.
 
-    What needs a column that was not logged, or that never changes, is left out. Entries stand in a fixed order.
+    What needs a column that was not logged, or that never changes, is left out. Effects stand in a fixed order.
     """
-    site = Excitation.of(setup, samples)
-    return tuple(entry for kind in EFFECT_SOURCES for entry in kind(site))
+    excitation = Excitation.of(setup, samples)
+    return tuple(effect for r in registrations() if not r.by_gauge for effect in r.generator(excitation))

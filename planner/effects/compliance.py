@@ -1,165 +1,286 @@
-"""Compliance of joints, links, base and tool under weight, payload and the pull of the bar, and masses other than
-stated."""
+"""Compliance of joints, links, base and tool under weight, payload and the pull of the bar, and wrong masses."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.effects.basis import LoadTorque, Phi
-from planner.effects.effect import Effect, Excitation, effect_of, twist_moves
-from planner.effects.load_functions import DriveTorque, LoadMoment, PayloadTorque, TipMoment, WeightTorque
-from planner.effects.parameters import Parameter, transform_move
+from planner.cell.setup import MeasurementSetup
+from planner.common.units import Array
+from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.catalogue import register
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Place, Role, joint_place
+from planner.effects.excitation import Excitation
+from planner.effects.parameters import Parameter, ParameterMove, transform_move
 
+JOINT_COMPLIANCE = "joint compliance"
 USUAL_TURN, LARGEST_TURN = 3e-4, 1e-2  # [rad] under the run's largest load: one sigma, and the most that is plausible
-LEAST_LOAD = 1e-6  # [Nm] load below which nothing is asked of it
-SOURCE_COMPLIANCE = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
-SOURCE_BENDING = (
-    "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"
-)
+LEAST_LOAD = 1e-6  # [Nm] below which nothing is asked of it
+LARGEST_MASS_TURN = 2e-3  # [rad] under the largest load by a mass other than stated
+JOINTS_SHOWN = 2  # those that a mass loads most, at which it may show
+TRICAL = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
+BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"
+MASSES = "estimated: a mass wrong by a third of a link or payload, at joints as soft as in the TriCal paper, Table 8"
 
 
-def joint_compliance(site: Excitation) -> Iterator[Effect]:
+@dataclass(frozen=True)
+class LoadTorque(BasisFunction, key="torque:JOINT", loads=True):
+    """φ = torque [Nm] with which gravity, payload and the bar turn this joint, in the sense of its kinematic row.
+
+    A parameter on the joint's own rotation with this φ is its compliance [rad/Nm] (TriCal paper, c2 … c6).
+    """
+
+    joint: int
+    plot_label = "load on joint JOINT (Nm)"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the load torque."""
+        return c.load_torque[:, self.joint]
+
+
+@dataclass(frozen=True)
+class LoadMoment(BasisFunction, key="moment:STATION:AXIS", loads=True):
+    """φ = moment [Nm] of weights and the bar's pull about an axis (0, 1, 2) of a station, see ``Context``."""
+
+    station: int
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the moment."""
+        return np.asarray(c.moments[self.station, self.axis])
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the moment."""
+        return EffectVariable(f"moment of the weights about {'xyz'[self.axis]} (Nm)", self(c))
+
+
+@dataclass(frozen=True)
+class TipMoment(BasisFunction, key="tip:AXIS", loads=True):
+    """φ = moment [Nm/kg] about an axis of the flange of a unit mass in the measured point: a tool of unknown weight."""
+
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the moment."""
+        moment = np.cross(c.motion.x - c.stations.p[-1], c.setup.gravity_B[:, None], axis=0)
+        return np.asarray(np.einsum("in,in->n", c.stations.R[-1][:, self.axis], moment))
+
+
+@dataclass(frozen=True)
+class StationTwist(BasisFunction, key="twist:STATION:AXIS:PART:PHI"):
+    """φ = one of the six numbers by which a turn about an axis of a station moves the whole arm as seen at its base.
+
+    Part 0, 1, 2 go with the base's shifts, 3, 4, 5 with its turns; all six together, times ``by``, turn everything
+    beyond the station about its axis (a screw in Plücker coordinates: u and p × u).
+    """
+
+    station: int
+    axis: int
+    part: int
+    by: BasisFunction
+
+    def __call__(self, c: Context) -> Array:
+        """Return the number."""
+        u = c.stations.R[self.station, :, self.axis]
+        if self.part >= 3:
+            return np.asarray(u[self.part - 3] * self.by(c))
+        p, k, m = c.stations.p[self.station], (self.part + 1) % 3, (self.part + 2) % 3
+        return np.asarray((p[k] * u[m] - p[m] * u[k]) * self.by(c))
+
+
+@dataclass(frozen=True)
+class WeightTorque(BasisFunction, key="weight:JOINT:LINK", loads=True):
+    """φ = torque [Nm/kg] about a joint of a unit mass in the centre of a link or (link = N) of the payload."""
+
+    joint: int
+    link: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the torque."""
+        k = c.joints[self.joint]
+        lever = c.centres[self.link] - c.motion.p[k]
+        return np.asarray(np.einsum("in,in->n", c.motion.u[k], np.cross(lever, c.setup.gravity_B[:, None], axis=0)))
+
+
+@dataclass(frozen=True)
+class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True):
+    """φ = torque [Nm] of the logged payload alone about a joint."""
+
+    joint: int
+    plot_label = "torque of the payload about joint JOINT (Nm)"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the torque."""
+        assert c.samples.payload is not None
+        return c.samples.payload * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
+
+
+@dataclass(frozen=True)
+class DriveTorque(BasisFunction, key="drive:JOINT", static=False):
+    """φ = torque [Nm] against which a joint's drive holds, as logged, in the sense of the kinematic row."""
+
+    joint: int
+    plot_label = "measured torque of joint JOINT (Nm)"
+    uncorrected = "giving way under measured drive torques"
+
+    def __call__(self, c: Context) -> Array:
+        """Return minus the logged torque."""
+        assert c.samples.torque is not None
+        sense = c.setup.robot.sense_matrix[self.joint, self.joint]
+        return np.asarray(-c.samples.torque[:, self.joint] * np.sign(sense))
+
+
+def twist_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMove, ...]:
+    """Turn everything beyond a station about one of its axes, which need not be a transform of its own."""
+    return tuple(ParameterMove("transform", part, StationTwist(station, axis, part, by)) for part in range(6))
+
+
+def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
+    """Compliance of each joint under gravity, payload and the bar's pull, as far as the robot's file expects it."""
+    joints = [(k, t.joint) for k, t in enumerate(setup.chain.transforms) if t.joint is not None]
+    prior = setup.robot.priors.compliance
+    return [
+        Parameter(f"compliance{i + 1}", "rad/Nm", prior, f"compliance of joint {i + 1}",
+                  transform_move(k, LoadTorque(i)), JOINT_COMPLIANCE)
+        for k, i in sorted(joints, key=lambda pair: pair[1])
+    ]  # fmt: skip
+
+
+def is_joint_compliance(parameter: Parameter) -> bool:
+    """Tell whether a parameter is the compliance of a joint under its load torque."""
+    return isinstance(parameter.main.phi, LoadTorque)
+
+
+@register(JOINT_COMPLIANCE)
+def joint_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
-    unknown = [k for k, m in enumerate(site.setup.robot.masses) if m is None]
-    for i in range(site.n_joints):
-        on = f"joint {i + 1}"
-        loads: list[tuple[str, Phi]] = [(f"compliance{i + 1}", LoadTorque(i))]
+    unknown = [k for k, m in enumerate(run.setup.robot.masses) if m is None]
+    for i in run.joints:
+        loads: list[tuple[str, BasisFunction]] = [(f"compliance{i + 1}", LoadTorque(i))]
         loads += [(f"compliance{i + 1}_link{k + 1}", WeightTorque(i, k)) for k in unknown if k >= i]
-        parameters = [
-            p for label, phi in loads if (p := compliance_parameter(site, i, phi, label, f"compliance of {on}"))
-        ]
-        if parameters:
-            sentence = f"{on}: gives way under load"
-            sentence += ", {size}" if len(parameters) == 1 else "; how much a newton metre only the links' masses tell"
-            yield effect_of(
-                "joint compliance", on, parameters, sentence, largest_compliance(parameters), SOURCE_COMPLIANCE
-            )
+        what = f"compliance of joint {i + 1}"
+        parameters = [p for name, phi in loads for p in _compliance(run, i, phi, name, what)]
+        size = ", {size}" if len(parameters) == 1 else "; how much a newton metre only the links' masses tell"
+        sentence = f"joint {i + 1}: gives way under load{size}"
+        yield from _effect(JOINT_COMPLIANCE, joint_place(i), parameters, sentence, TRICAL, Role.COMPLIANCE)
 
 
-def drive_compliance(site: Excitation) -> Iterator[Effect]:
+@register("compliance under drive torque", needs="the drives' torques in the run (torque1_Nm ...)")
+def drive_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the torque that its drive reports."""
-    if not site.varies("torque"):
-        return
     kind = "compliance under drive torque"
-    for i in range(site.n_joints):
-        on = f"joint {i + 1}"
-        parameter = compliance_parameter(site, i, DriveTorque(i), f"drive_compliance{i + 1}", f"{kind} of {on}")
-        if parameter is not None:
-            sentence = f"{on}: gives way under the torque that its drive reports, {{size}}"
-            yield effect_of(kind, on, [parameter], sentence, largest_compliance([parameter]), SOURCE_COMPLIANCE)
+    for i in run.joints if run.varies("torque") else ():
+        what = f"{kind} of joint {i + 1}"
+        parameters = _compliance(run, i, DriveTorque(i), f"drive_compliance{i + 1}", what)
+        sentence = f"joint {i + 1}: gives way under the torque that its drive reports, {{size}}"
+        yield from _effect(kind, joint_place(i), parameters, sentence, TRICAL)
 
 
-def link_bending(site: Excitation) -> Iterator[Effect]:
+@register("payload compliance", needs="the same poses with another payload (payload_kg in the run)")
+def payload_compliance(run: Excitation) -> Iterator[Effect]:
+    """A joint gives way under the payload alone: a counterweight or the controller takes care of the rest."""
+    for i in run.joints if run.varies("payload") else ():
+        what = f"yielding of joint {i + 1} to payload"
+        parameters = _compliance(run, i, PayloadTorque(i), f"payload_compliance{i + 1}", what)
+        sentence = f"joint {i + 1}: gives way under the payload, {{size}}"
+        yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL)
+
+
+@register("link bending")
+def link_bending(run: Excitation) -> Iterator[Effect]:
     """A link, or the bearing at its end, bends about the two axes across the next joint's."""
-    for link in range(1, site.n_joints):
-        sentence = f"link {link}: bends under load at the bearing of joint {link + 1}, {{size}}"
-        parameters = _transverse_tilts(site, link + 1, f"bending{link}", f"link {link}")
-        if parameters:
-            yield effect_of(
-                "link bending", f"link {link}", parameters, sentence, largest_compliance(parameters), SOURCE_BENDING
-            )
+    for link in run.joints[:-1]:
+        parameters = _transverse_tilts(run, link + 2, f"bending{link + 1}", f"link {link + 1}")
+        sentence = f"link {link + 1}: bends under load at the bearing of joint {link + 2}, {{size}}"
+        yield from _effect("link bending", Place("link", link), parameters, sentence, BENDING)
 
 
-def base_compliance(site: Excitation) -> Iterator[Effect]:
+@register("soft base")
+def base_compliance(run: Excitation) -> Iterator[Effect]:
     """Floor, pedestal or bolts give way: the base tips over, about either axis by a stiffness of its own."""
     parameters = []
     for axis in (0, 1):
-        load = site.largest(LoadMoment(0, axis))
+        load = run.largest(LoadMoment(0, axis))
         if load > LEAST_LOAD:
-            what = f"tipping of the base about {'xy'[axis]}"
             moves = transform_move(3 + axis, LoadMoment(0, axis))
+            what = f"tipping of the base about {'xy'[axis]}"
             parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", USUAL_TURN / load, what, moves))
-    if parameters:
-        sentence = "the base tips on its floor or pedestal under the arm's weight, {size}"
-        yield effect_of("soft base", "base", parameters, sentence, largest_compliance(parameters), "estimated")
+    sentence = "the base tips on its floor or pedestal under the arm's weight, {size}"
+    yield from _effect("soft base", Place("base"), parameters, sentence, "estimated")
 
 
-def tool_compliance(site: Excitation) -> Iterator[Effect]:
+@register("tool compliance")
+def tool_compliance(run: Excitation) -> Iterator[Effect]:
     """Flange, adapter or tool bends under what it carries; of unknown weight, that hangs at the measured point."""
-    station = site.n_joints + 1
-    parameters = _transverse_tilts(site, station, "tool_bending", "tool") or [
-        p for axis in (0, 1) if (p := _tilt(site, station, axis, TipMoment(axis), "tool_bending", "tool"))
+    station = run.setup.robot.n_joints + 1
+    parameters = _transverse_tilts(run, station, "tool_bending", "tool") or [
+        p for axis in (0, 1) for p in _tilt(run, station, axis, TipMoment(axis), "tool_bending", "tool")
     ]
-    if parameters:
-        sentence = "flange, adapter or tool bends under its load, {size}"
-        yield effect_of("tool compliance", "tool", parameters, sentence, largest_compliance(parameters), "estimated")
+    sentence = "flange, adapter or tool bends under its load, {size}"
+    yield from _effect("tool compliance", Place("tool"), parameters, sentence, "estimated")
 
 
-def compliance_parameter(site: Excitation, joint: int, phi: Phi, label: str, what: str) -> Parameter | None:
-    """Turn of a joint by a load, where there is one that varies."""
-    load = phi(site.context)
-    size = float(np.abs(load).max())
-    if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
-        return None
-    return Parameter(label, "rad/Nm", USUAL_TURN / size, what, transform_move(site.theta(joint), phi))
-
-
-def largest_compliance(parameters: Sequence[Parameter]) -> float:
-    """Largest plausible compliance of some parameters [rad/Nm]."""
-    return max(p.prior for p in parameters) * LARGEST_TURN / USUAL_TURN
-
-
-def _transverse_tilts(site: Excitation, station: int, label: str, what: str) -> list[Parameter]:
-    """Turns of a station about its two transverse axes, each by its load moment."""
-    turn = 2 if station > site.n_joints else site.setup.chain.transforms[site.theta(station - 1)].axis
-    tilts = (_tilt(site, station, k, LoadMoment(station, k), label, what) for k in range(3) if k != turn)
-    return [p for p in tilts if p is not None]
-
-
-def _tilt(site: Excitation, station: int, axis: int, phi: Phi, label: str, what: str) -> Parameter | None:
-    """Turn of a station about one of its axes by a load, where there is one."""
-    load = site.largest(phi)
-    if load < LEAST_LOAD:
-        return None
-    what = f"bending of {what} about {'xyz'[axis]}"
-    return Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", USUAL_TURN / load, what, twist_moves(station, axis, phi))
-
-
-JOINTS_SHOWN = 2  # joints, those that the weight loads most, at which it may show
-LARGEST_MASS_TURN = 2e-3  # [rad] under the largest such load
-SOURCE_MASS = (
-    "estimated: a mass wrong by a third of a link or payload, at joints as soft as in the TriCal paper, Table 8"
-)
-
-
-def payload_compliance(site: Excitation) -> Iterator[Effect]:
-    """A joint gives way under the payload alone: a counterweight or the controller takes care of the rest."""
-    if not site.varies("payload"):
-        return
-    for i in range(site.n_joints):
-        on = f"joint {i + 1}"
-        parameter = compliance_parameter(
-            site, i, PayloadTorque(i), f"payload_compliance{i + 1}", f"yielding of {on} to payload"
-        )
-        if parameter is not None:
-            sentence = f"{on}: gives way under the payload, {{size}}"
-            yield effect_of(
-                "payload compliance", on, [parameter], sentence, largest_compliance([parameter]), SOURCE_COMPLIANCE
-            )
-
-
-def wrong_mass(site: Excitation) -> Iterator[Effect]:
+@register("link mass", "payload mass")
+def wrong_mass(run: Excitation) -> Iterator[Effect]:
     """Payload or a link heavier or lighter than stated, as seen through the joints that it loads most."""
-    for link in range(site.n_joints + 1):
-        payload = link == site.n_joints
-        on = "payload" if payload else f"link {link + 1}"
-        kind = "payload mass" if payload else "link mass"
-        parameters = _mass_parameters(site, link, "payload_mass" if payload else f"link_mass{link + 1}")
-        if parameters:
-            whose = "payload or tool" if payload else f"link {link + 1}"
-            sentence = f"{whose}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}}"
-            largest = max(p.prior for p in parameters) * LARGEST_MASS_TURN / USUAL_TURN
-            yield effect_of(kind, on, parameters, sentence, largest, SOURCE_MASS)
+    for i in run.joints:
+        name = f"link {i + 1}"
+        yield from _mass(run, i, "link mass", Place("link", i), f"link_mass{i + 1}", name, Role.UNTRACED)
+    payload, name = run.setup.robot.n_joints, "payload or tool"
+    yield from _mass(run, payload, "payload mass", Place("payload"), "payload_mass", name, Role.LIKE_COMPLIANCE)
 
 
-def _mass_parameters(site: Excitation, link: int, label: str) -> list[Parameter]:
-    phis = [WeightTorque(i, link) for i in range(min(link + 1, site.n_joints))]
-    load = np.array([np.ptp(phi(site.context)) for phi in phis])
+def _mass(run: Excitation, link: int, kind: str, place: Place, label: str, name: str, role: Role) -> Iterator[Effect]:
+    parameters = _mass_parameters(run, link, label)
+    sentence = f"{name}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}}"
+    yield from _effect(kind, place, parameters, sentence, MASSES, role, LARGEST_MASS_TURN)
+
+
+def _mass_parameters(run: Excitation, link: int, label: str) -> list[Parameter]:
+    phis = [WeightTorque(i, link) for i in run.joints[: link + 1]]
+    load = np.array([np.ptp(run.values(phi)) for phi in phis])
     out = []
-    for i in sorted(np.argsort(-load, kind="stable")[:JOINTS_SHOWN]):
-        size = site.largest(phis[i])
+    for i in sorted(int(k) for k in np.argsort(-load, kind="stable")[:JOINTS_SHOWN]):
+        size = run.largest(phis[i])
         if load[i] > max(LEAST_LOAD, 1e-3 * size):
             what = f"turn of joint {i + 1} by the weight of a kilogram more"
-            moves = transform_move(site.theta(int(i)), phis[i])
+            moves = transform_move(run.rotation(i), phis[i])
             out.append(Parameter(f"{label}_at{i + 1}", "rad/Nm", USUAL_TURN / size, what, moves))
     return out
+
+
+def _effect(
+    kind: str, place: Place, parameters: Sequence[Parameter], sentence: str, literature: str,
+    role: Role = Role.ORDINARY, turn: float = LARGEST_TURN,
+) -> Iterator[Effect]:  # fmt: skip
+    """Yield the effect if it has parameters; ``turn`` [rad] is the most that is plausible under the largest load."""
+    if parameters:
+        largest = max(p.prior for p in parameters) * turn / USUAL_TURN
+        yield Effect(kind, place, tuple(parameters), sentence, largest, literature, role=role)
+
+
+def _compliance(run: Excitation, joint: int, phi: BasisFunction, name: str, what: str) -> list[Parameter]:
+    """Turn of a joint by a load, where there is one that varies."""
+    load = run.values(phi)
+    size = float(np.abs(load).max())
+    if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
+        return []
+    return [Parameter(name, "rad/Nm", USUAL_TURN / size, what, transform_move(run.rotation(joint), phi))]
+
+
+def _transverse_tilts(run: Excitation, station: int, label: str, what: str) -> list[Parameter]:
+    """Turns of a station about its two transverse axes, each by its load moment."""
+    chain, tool = run.setup.chain.transforms, station > run.setup.robot.n_joints
+    turn = 2 if tool else chain[run.rotation(station - 1)].axis
+    axes = [k for k in range(3) if k != turn]
+    return [p for k in axes for p in _tilt(run, station, k, LoadMoment(station, k), label, what)]
+
+
+def _tilt(run: Excitation, station: int, axis: int, phi: BasisFunction, label: str, what: str) -> list[Parameter]:
+    """Turn of a station about one of its axes by a load, where there is one."""
+    load = run.largest(phi)
+    if load < LEAST_LOAD:
+        return []
+    what = f"bending of {what} about {'xyz'[axis]}"
+    return [Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", USUAL_TURN / load, what, twist_moves(station, axis, phi))]

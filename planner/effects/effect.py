@@ -1,24 +1,76 @@
-"""An effect: a physical cause at one place and its parameters; and what the samples of a run excite."""
+"""An effect: a physical cause at one place, with the parameters by which it enters the model."""
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from enum import Flag, auto
 
-import numpy as np
-
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
-from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.effects.basis import Phi
-from planner.effects.context import Context
-from planner.effects.load_functions import StationTwist
-from planner.effects.parameters import Parameter, ParameterMove
-from planner.runs.run import Samples
+from planner.effects.parameters import Parameter
+
+
+class Role(Flag):
+    """What the search for effects must know of a kind beyond its columns."""
+
+    ORDINARY = 0
+    COMPLIANCE = auto()
+    """Compliance of a joint: every arm has it, and masses of links other than stated show through it."""
+    LIKE_COMPLIANCE = auto()
+    """Explains much of what the compliances of the joints on which it acts explain, and is less likely."""
+    LIKE_ANY_COMPLIANCE = auto()
+    """The same of the compliances of all joints."""
+    GEAR_WAVE = auto()
+    """One wave of a gear's error, which a curve of the whole error may replace."""
+    GEAR_CURVE = auto()
+    """The whole error of a gear over its angle."""
+    REPEATABLE = auto()
+    """May come more than once at a place, each time with another value of its nonlinear parameter."""
+    UNTRACED = auto()
+    """Shows through other effects only and is fitted with them."""
+    NONPARAMETRIC = auto()
+    """A smooth correction without a physical cause."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """What an effect acts on.
+
+    Attributes:
+        part: ``joint`` or ``link`` where it has a ``number``; else ``base``, ``gauge``, ``all joints`` and the like.
+        number: of the joint or link, from 0.
+        driver: the joint that moves this one, from 0, where another one does.
+    """
+
+    part: str
+    number: int | None = None
+    driver: int | None = None
+
+    def __str__(self) -> str:
+        number = "" if self.number is None else f" {self.number + 1}"
+        return f"{self.part}{number}" + ("" if self.driver is None else f" by joint {self.driver + 1}")
+
+    @classmethod
+    def parse(cls, text: str) -> "Place":
+        """Read what ``str`` writes; all else is a part without a number."""
+        match = re.fullmatch(r"(joint|link) (\d+)(?: by joint (\d+))?", text)
+        if match is None:
+            return cls(text)
+        return cls(match[1], int(match[2]) - 1, None if match[3] is None else int(match[3]) - 1)
+
+    @property
+    def joint(self) -> int | None:
+        """Number of the joint, from 0, where it is one."""
+        return self.number if self.part == "joint" else None
+
+
+def joint_place(joint: int, driver: int | None = None) -> Place:
+    """Return the place of a joint, from 0, moved by itself or by another one."""
+    return Place("joint", joint, None if driver == joint else driver)
 
 
 @dataclass(frozen=True)
 class NonlinearParameter:
-    """A number inside the basis functions that is not known beforehand: a frequency, a time constant, a lag.
+    """A number inside the basis functions that is not known beforehand: a frequency, a time constant, a width.
 
     Attributes:
         name, unit: for instance ``frequency`` and ``1/turn``.
@@ -32,133 +84,67 @@ class NonlinearParameter:
     log: bool = False
 
 
+Parameters = Callable[[float], Iterable[Parameter]]
+
+
 @dataclass(frozen=True)
 class Effect:
     """One physical cause at one place.
 
     Attributes:
-        kind: for instance ``gear ripple``; ``on``: ``joint 3``, ``base``, ``gauge``.
-        make: its parameters for a value of the inner number (``None`` where there is none).
-        sentence: what a mechanic would say, with ``{size}`` and, where there is one, ``{inner}`` to be filled in.
+        kind: its name in findings, in ``[plan] effects`` and in ``TRUTH.toml``, for instance ``gear ripple``.
+        place: what it acts on.
+        parameters: those by which it enters the model; with a nonlinear parameter, a function of its value.
+        sentence: what a mechanic would say, with ``{size}`` and, with a nonlinear parameter, ``{inner}`` to fill in.
         largest: size beyond which it is not plausible, in the unit of its parameters.
-        source: where kind and size come from.
-        inner: the number to be scanned.
+        literature: where kind and size come from.
+        nonlinear: the number to be scanned.
         static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
+        role: in the search.
+        repeat: 2 and more for those that come again at the same place.
     """
 
     kind: str
-    on: str
-    make: Callable[[float | None], tuple[Parameter, ...]]
+    place: Place
+    parameters: tuple[Parameter, ...] | Parameters
     sentence: str
     largest: float
-    source: str
-    inner: NonlinearParameter | None = None
+    literature: str
+    nonlinear: NonlinearParameter | None = None
     static: bool = True
+    role: Role = Role.ORDINARY
+    repeat: int = 1
+
+    @property
+    def family(self) -> str:
+        """``gear ripple, joint 3``: the group of its parameters, and its name unless it comes again."""
+        return f"{self.kind}, {self.place}"
 
     @property
     def name(self) -> str:
-        """``gear ripple, joint 3``: the group of its parameters."""
-        return f"{self.kind}, {self.on}"
-
-
-SAMPLES_LOOKED_AT = 4_000  # samples of a long run that are looked at
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """A setup and some samples of the run, evenly spread, with what the entries ask of them."""
-
-    setup: MeasurementSetup
-    samples: Samples
-
-    @classmethod
-    def of(cls, setup: MeasurementSetup, samples: Samples) -> "Excitation":
-        """Look at the samples of a run."""
-        n = len(samples)
-        return cls(setup, samples.take(even_positions(n, SAMPLES_LOOKED_AT)))
-
-    @cached_property
-    def context(self) -> Context:
-        """The samples as basis functions see them."""
-        return Context(self.setup, self.samples)
+        """Name, for instance ``gear ripple, joint 3``, or ``gear ripple (2), joint 3`` for the second one."""
+        return self.family if self.repeat == 1 else f"{self.kind} ({self.repeat}), {self.place}"
 
     @property
-    def n_joints(self) -> int:
-        """Number of joints N."""
-        return self.setup.robot.n_joints
-
-    @cached_property
-    def moving(self) -> tuple[int, ...]:
-        """Joints that stand at more than one angle."""
-        return tuple(int(i) for i in np.flatnonzero(np.ptp(self.samples.q, axis=0) > 1e-3))
-
-    def theta(self, joint: int) -> int:
-        """Position of a joint's rotation in the setup's chain."""
-        return int(self.context.joints[joint])
-
-    @cached_property
-    def lengths(self) -> tuple[tuple[int, float], ...]:
-        """The robot's nominal lengths: position in the setup's chain, and value [m]."""
-        robot = enumerate(self.setup.robot.transforms)
-        return tuple(
-            (N_BASE_TRANSFORMS + k, t.nominal) for k, t in robot if t.kind == "translation" and t.nominal != 0.0
-        )
-
-    def varies(self, column: str) -> bool:
-        """Whether a column was logged, and is not the same for all samples."""
-        values = getattr(self.samples, column, None)
-        return values is not None and bool(np.any(np.ptp(values, axis=0) > 0))
-
-    @cached_property
-    def warmth(self) -> float:
-        """Mean temperature [°C], to a hundredth."""
-        assert self.samples.temperature is not None
-        return round(float(self.samples.temperature.mean()), 2)
-
-    @cached_property
-    def start(self) -> float:
-        """Time of the first sample [s]."""
-        assert self.samples.t is not None
-        return float(self.samples.t.min())
-
-    @cached_property
-    def duration(self) -> float:
-        """Time from first to last sample [s]."""
-        return 0.0 if self.samples.t is None else float(np.ptp(self.samples.t))
+    def unit(self) -> str:
+        """Unit of its size."""
+        return self.make(self.grid[0])[0].unit
 
     @property
-    def timed(self) -> bool:
-        """Whether there is a clock that runs."""
-        return self.duration > 0.0
+    def grid(self) -> tuple[float | None, ...]:
+        """Values of the nonlinear parameter that are scanned, ``None`` alone where there is none."""
+        return (None,) if self.nonlinear is None else tuple(float(v) for v in self.nonlinear.values)
 
-    @cached_property
-    def sessions(self) -> tuple[int, ...]:
-        """Sessions after the first."""
-        return () if self.samples.session is None else tuple(int(s) for s in np.unique(self.samples.session)[1:])
+    def has(self, role: Role) -> bool:
+        """Tell whether it has any of the roles."""
+        return bool(self.role & role)
 
-    def largest(self, phi: Phi) -> float:
-        """Largest size of a basis function over the samples."""
-        return float(np.abs(phi(self.context)).max())
-
-
-def with_group(kind: str, on: str, *parameters: Parameter) -> tuple[Parameter, ...]:
-    """Put the parameters of an entry into a group of its name."""
-    return tuple(replace(p, group=f"{kind}, {on}") for p in parameters)
-
-
-def effect_of(
-    kind: str, on: str, parameters: Iterable[Parameter], sentence: str, largest: float, source: str, static: bool = True
-) -> Effect:
-    """Make an entry without an inner number."""
-    known = with_group(kind, on, *parameters)
-    return Effect(kind, on, lambda _: known, sentence, largest, source, None, static)
-
-
-def twist_moves(station: int, axis: int, by: Phi) -> tuple[ParameterMove, ...]:
-    """Turn everything beyond a station about one of its axes, which need not be a transform of its own."""
-    return tuple(ParameterMove("transform", part, StationTwist(station, axis, part, by)) for part in range(6))
-
-
-def value_range(values: Array) -> float:
-    """Range of some values."""
-    return float(np.ptp(values))
+    def make(self, value: float | None = None) -> tuple[Parameter, ...]:
+        """Return its parameters at a value of the nonlinear one."""
+        if callable(self.parameters):
+            assert value is not None
+            made = tuple(self.parameters(value))
+        else:
+            made = self.parameters
+        suffix = "" if self.repeat == 1 else f"_{self.repeat}"
+        return tuple(replace(p, name=f"{p.name}{suffix}", group=self.family) for p in made)

@@ -1,126 +1,316 @@
-"""Errors of the gauge itself."""
+"""Errors of the gauge itself, on its reading: of a bar or wire of length L, or of a tracker's frame."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from planner.effects.basis import Phi
-from planner.effects.effect import Effect, Excitation, NonlinearParameter, effect_of, value_range, with_group
-from planner.effects.gauge_functions import (
-    BallOffset,
-    BarLength,
-    BarSag,
-    BeamRefraction,
-    GaugeRay,
-    LengthGrowth,
-    LengthLag,
-    LengthPower,
-    PointLag,
-    RayGrowth,
-    ScaleWave,
-)
+from planner.cell.setup import MeasurementSetup
+from planner.common.units import Array, to_mm
+from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.catalogue import register
+from planner.effects.context import Context
+from planner.effects.effect import Effect, NonlinearParameter, Place
+from planner.effects.excitation import CONTINUOUS_RUN, Excitation
 from planner.effects.parameters import Parameter, ParameterMove, reading_move
+from planner.effects.thermal import temperature_variable
 
-ESTIMATED = "estimated"
-SOURCE_BAR = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
-SOURCE_SAG = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying, ch. 6); size estimated"
-SOURCE_TRACKER = (
-    "Muralikrishnan, Phillips & Sawyer 2016, Precision Engineering 44: laser trackers, some parts in a million"
-)
-SHORTEST_PERIOD, LONGEST_PERIOD = 5e-4, 2e-2  # [m] periods of a scale that are scanned
+KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
+TAPE = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying, ch. 6); size estimated"
+TRACKER = "Muralikrishnan, Phillips & Sawyer 2016, Precision Engineering 44: laser trackers, some parts in a million"
+WARM_GAUGE = "a run with temperature_degC logged while the gauge warms up or cools down and the arm does not"
+PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
+SHORTEST, LONGEST = 5e-4, 2e-2  # [m] periods of a scale that are scanned
 USUAL_PERIODS = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] usual ones below
 SCAN_STEP = 0.25  # of a wave over the range of lengths between neighbours of the scan
 
 
-def length_gauge_errors(site: Excitation) -> Iterator[Effect]:
-    """Scale, growth, bent scale, sag and lag of a gauge that reads lengths."""
-    length = site.context.length
-    about, half = round(float((length.max() + length.min()) / 2), 3), max(round(value_range(length) / 2, 3), 1e-3)
-    yield _length_effect(
-        "gauge scale", "1", BarLength(), 1e-4, 5e-3, "the gauge's scale is off, {size} of its length", SOURCE_BAR
-    )
-    for power, word in ((2, "bent"), (3, "bent like an S")):
-        kind = "gauge nonlinearity" if power == 2 else "gauge cubic nonlinearity"
-        sentence = f"the gauge's scale is {word}, {{size}} at the ends of its range"
-        yield _length_effect(kind, "m", LengthPower(about, half, power), 2e-5, 2e-3, sentence, ESTIMATED)
-    sentence = "bar or wire hangs through under its own weight, {size} at its middle length"
-    yield _length_effect("gauge sag", "m", BarSag(about), 2e-5, 2e-3, sentence, SOURCE_SAG)
-    if site.varies("temperature"):
-        growth = LengthGrowth(site.warmth)
-        yield _length_effect(
-            "gauge growth", "1/K", growth, 1.2e-5, 2e-4, "the gauge grows with temperature, {size}", ESTIMATED
+def _length_variable(c: Context) -> EffectVariable:
+    return EffectVariable("length (mm)", to_mm(c.length))
+
+
+@dataclass(frozen=True)
+class BarLength(BasisFunction, key="length", static=False, gauge=True):
+    """φ = L [m]: a scale error."""
+
+    def __call__(self, c: Context) -> Array:
+        """Return the length."""
+        return c.length
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the length."""
+        return _length_variable(c)
+
+
+@dataclass(frozen=True)
+class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=False, gauge=True):
+    """φ = ((L − about)/span)^power: a scale that is bent over its range."""
+
+    about: float
+    span: float
+    power: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the power."""
+        return np.asarray(((c.length - self.about) / self.span) ** self.power)
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the length."""
+        return _length_variable(c)
+
+
+@dataclass(frozen=True)
+class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True):
+    """φ = (T − about)·L [K m]: thermal growth of the bar or of its scale."""
+
+    about: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        assert c.samples.temperature is not None
+        return (c.samples.temperature - self.about) * c.length
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the temperature."""
+        return temperature_variable(c)
+
+
+@dataclass(frozen=True)
+class LengthLag(BasisFunction, key="length-lag", static=False, gauge=True):
+    """φ = −dL/dt [m/s]: a reading that comes late shows what was."""
+
+    plot_label = "speed of the length (mm/s)"
+    plot_factor = float(-to_mm(1.0))
+
+    def __call__(self, c: Context) -> Array:
+        """Return minus the rate."""
+        return np.asarray(-np.einsum("ni,ni->n", c.velocity, c.bar.direction))
+
+
+@dataclass(frozen=True)
+class BallOffset(BasisFunction, key="bar-(fixture|tool):AXIS", static=False, gauge=True):
+    """φ = component of the bar's direction along an axis (0, 1, 2) of base or flange: a ball off its centre."""
+
+    end: Literal["fixture", "tool"]
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the component."""
+        e = c.bar.direction
+        return np.asarray(
+            e[:, self.axis] if self.end == "fixture" else np.einsum("ni,in->n", e, c.motion.R[:, self.axis])
         )
-    if site.varies("speed"):
-        yield _length_effect("gauge lag", "s", LengthLag(), 2e-3, 0.2, "the gauge's clock runs {size} late", ESTIMATED)
 
 
-def ball_centres(site: Excitation) -> Iterator[Effect]:
+@dataclass(frozen=True)
+class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
+    """φ = (L/span)³ · (1 − (e·g)²/g²): a wire or rod that hangs through under its own weight.
+
+    The sag correction of surveyor's tapes, w² L³ cos²(slope) / (24 T²) (Ghilani & Wolf, Elementary Surveying, ch. 6).
+    """
+
+    span: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the shape of the correction."""
+        down = c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
+        return np.asarray((c.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the length."""
+        return _length_variable(c)
+
+
+@dataclass(frozen=True)
+class ScaleWave(BasisFunction, key="scale-(sin|cos):NUMBER", static=False, gauge=True):
+    """φ = sin or cos(2π·reading/period) of the length as it was read: interpolation error of a scale."""
+
+    wave: Literal["sin", "cos"]
+    period: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the wave."""
+        return np.asarray((np.sin if self.wave == "sin" else np.cos)(2 * np.pi / self.period * c.length))
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the length, folded."""
+        period = float(to_mm(self.period))
+        return EffectVariable(f"length, folded at {period:.4g} mm (mm)", to_mm(c.length), period)
+
+
+@dataclass(frozen=True)
+class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
+    """φ = component, along an axis of the base, of the way from gauge to point [m]: scale of a tracker."""
+
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the component."""
+        return c.ray[:, self.axis]
+
+
+@dataclass(frozen=True)
+class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge=True):
+    """φ = (T − about) times the component of ``GaugeRay`` [K m]."""
+
+    axis: int
+    about: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        assert c.samples.temperature is not None
+        return np.asarray((c.samples.temperature - self.about) * c.ray[:, self.axis])
+
+
+@dataclass(frozen=True)
+class PointLag(BasisFunction, key="point-lag:AXIS", static=False, gauge=True):
+    """φ = −velocity of the point along an axis of the base [m/s]: a tracker whose clock runs late."""
+
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return minus the velocity."""
+        return -c.velocity[:, self.axis]
+
+
+@dataclass(frozen=True)
+class BeamRefraction(BasisFunction, key="refraction:AXIS", static=False, gauge=True):
+    """φ = component along an axis of the base of the bend of a light ray, upwards by its range squared [m²]."""
+
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the component."""
+        up = -c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
+        return np.asarray(up[self.axis] * np.einsum("ni,ni->n", c.ray, c.ray))
+
+
+def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
+    """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
+    what = "lag of the gauge's clock behind the controller's"
+    return Parameter("lag", "s", PRIOR_LAG, what, setup.gauge.lag_moves(), "gauge")
+
+
+@register()
+def own_errors(run: Excitation) -> Iterator[Effect]:
+    """Those errors that the gauge of the run can have."""
+    yield from run.setup.gauge.errors(run)
+
+
+@register("gauge scale", by_gauge=True)
+def length_scale(run: Excitation) -> Iterator[Effect]:
+    """Scale of a bar or wire."""
+    sentence = "the gauge's scale is off, {size} of its length"
+    yield _of_gauge("gauge scale", "1", reading_move(BarLength()), 1e-4, 5e-3, sentence, KAKINO)
+
+
+@register("gauge nonlinearity", "gauge cubic nonlinearity", "gauge sag", by_gauge=True)
+def length_nonlinearity(run: Excitation) -> Iterator[Effect]:
+    """A bent scale, and the sag of a bar or wire."""
+    length = run.context.length
+    about, half = round(float((length.max() + length.min()) / 2), 3), max(round(float(np.ptp(length)) / 2, 3), 1e-3)
+    for power, kind, word in ((2, "gauge nonlinearity", "bent"), (3, "gauge cubic nonlinearity", "bent like an S")):
+        sentence = f"the gauge's scale is {word}, {{size}} at the ends of its range"
+        moves = reading_move(LengthPower(about, half, power))
+        yield _of_gauge(kind, "m", moves, 2e-5, 2e-3, sentence, "estimated")
+    sentence = "bar or wire hangs through under its own weight, {size} at its middle length"
+    yield _of_gauge("gauge sag", "m", reading_move(BarSag(about)), 2e-5, 2e-3, sentence, TAPE)
+
+
+@register("gauge growth", needs=WARM_GAUGE, by_gauge=True)
+def length_growth(run: Excitation) -> Iterator[Effect]:
+    """Thermal growth of a bar or wire."""
+    if run.varies("temperature"):
+        moves, sentence = reading_move(LengthGrowth(run.mean_temperature)), "the gauge grows with temperature, {size}"
+        yield _of_gauge("gauge growth", "1/K", moves, 1.2e-5, 2e-4, sentence, "estimated")
+
+
+@register("gauge lag", needs=CONTINUOUS_RUN, by_gauge=True)
+def gauge_lag(run: Excitation) -> Iterator[Effect]:
+    """A clock of the gauge that runs late."""
+    if run.varies("speed"):
+        moves, sentence = run.setup.gauge.lag_moves(), "the gauge's clock runs {size} late"
+        yield _of_gauge("gauge lag", "s", moves, 2e-3, 0.2, sentence, "estimated")
+
+
+@register("ball centre", by_gauge=True)
+def ball_centres(run: Excitation) -> Iterator[Effect]:
     """Balls that are not where their sockets' centres are; geometry usually takes that whole."""
     ends: tuple[tuple[Literal["fixture", "tool"], str], ...] = (("fixture", "at the fixture"), ("tool", "on the tool"))
-    for end, word in ends:
-        on = f"ball {word}"
-        each = [
-            Parameter(
-                f"ball_{end}_{a}", "m", 2e-5, f"ball {word} off centre along {a}", reading_move(BallOffset(end, k))
-            )
+    for end, where in ends:
+        name = f"ball {where}"
+        offsets = tuple(
+            Parameter(f"ball_{end}_{a}", "m", 2e-5, f"{name} off centre along {a}", reading_move(BallOffset(end, k)))
             for k, a in enumerate("xyz")
-        ]
-        sentence = f"the ball {word} is off its centre by {{size}}"
-        yield effect_of("ball centre", on, each, sentence, 1e-3, SOURCE_BAR, False)
+        )
+        sentence = f"the {name} is off its centre by {{size}}"
+        yield Effect("ball centre", Place(name), offsets, sentence, 1e-3, KAKINO, static=False)
 
 
-def scale_interpolation(site: Excitation) -> Iterator[Effect]:
-    """The gauge's own scale errs with each of its periods."""
-    if site.samples.length is None:
+@register("scale interpolation", by_gauge=True)
+def scale_interpolation(run: Excitation) -> Iterator[Effect]:
+    """The scale of a bar or wire errs with each of its periods."""
+    if not run.has("length"):
         return
-    step = SCAN_STEP / max(value_range(site.context.length), 1e-3)
-    often = np.arange(1 / LONGEST_PERIOD, 1 / SHORTEST_PERIOD, step)
-    inner = NonlinearParameter("period", "m", np.concatenate([USUAL_PERIODS, 1 / often[::-1]]), True)
-    sentence = "the gauge's scale errs by {size} with a period of {inner}"
-    yield Effect("scale interpolation", "gauge", _scale_waves, sentence, 5e-4, SOURCE_BAR, inner, False)
+    step = SCAN_STEP / max(float(np.ptp(run.context.length)), 1e-3)
+    often = np.arange(1 / LONGEST, 1 / SHORTEST, step)
+    yield Effect(
+        "scale interpolation", Place("gauge"), _scale_waves,
+        "the gauge's scale errs by {size} with a period of {inner}", 5e-4, KAKINO,
+        NonlinearParameter("period", "m", np.concatenate([USUAL_PERIODS, 1 / often[::-1]]), True), static=False,
+    )  # fmt: skip
 
 
-def position_gauge_errors(site: Excitation) -> Iterator[Effect]:
-    """Scale, growth, lag and bent light of a gauge that reads positions."""
-    sockets = len(site.setup.p_GS) > 0
-    what = "the plate's distances are" if sockets else "the tracker's scale is"
-    yield _position_effect(
-        "gauge scale", "1", [GaugeRay(a) for a in range(3)], 1e-5, 5e-3, f"{what} off, {{size}}", SOURCE_TRACKER
-    )
-    if site.varies("temperature"):
-        grows = [RayGrowth(a, site.warmth) for a in range(3)]
-        whose = "plate" if sockets else "tracker's scale"
-        sentence = f"the {whose} grows with temperature, {{size}}"
-        yield _position_effect("gauge growth", "1/K", grows, 1e-5, 2e-4, sentence, SOURCE_TRACKER)
-    if site.varies("speed"):
-        lags = [PointLag(a) for a in range(3)]
-        yield _position_effect("gauge lag", "s", lags, 2e-3, 0.2, "the gauge's clock runs {size} late", ESTIMATED)
-    if not sockets:
-        bends = [BeamRefraction(a) for a in range(3)]
+@register("gauge scale", by_gauge=True)
+def position_scale(run: Excitation) -> Iterator[Effect]:
+    """Scale of a tracker, or of the distances in a plate of balls."""
+    what = "the plate's distances are" if _in_sockets(run) else "the tracker's scale is"
+    moves = _each_axis([GaugeRay(a) for a in range(3)])
+    yield _of_gauge("gauge scale", "1", moves, 1e-5, 5e-3, f"{what} off, {{size}}", TRACKER)
+
+
+@register("gauge growth", needs=WARM_GAUGE, by_gauge=True)
+def position_growth(run: Excitation) -> Iterator[Effect]:
+    """Thermal growth of a plate, or of a tracker's scale."""
+    if run.varies("temperature"):
+        what = "plate" if _in_sockets(run) else "tracker's scale"
+        moves = _each_axis([RayGrowth(a, run.mean_temperature) for a in range(3)])
+        sentence = f"the {what} grows with temperature, {{size}}"
+        yield _of_gauge("gauge growth", "1/K", moves, 1e-5, 2e-4, sentence, TRACKER)
+
+
+@register("refraction", by_gauge=True)
+def refraction(run: Excitation) -> Iterator[Effect]:
+    """Light of a tracker that is bent by warm air."""
+    if not _in_sockets(run):
+        moves = _each_axis([BeamRefraction(a) for a in range(3)])
         sentence = "warm air bends the tracker's beam, {size}"
-        yield _position_effect("refraction", "1/m", bends, 1e-6, 3e-5, sentence, SOURCE_TRACKER)
+        yield _of_gauge("refraction", "1/m", moves, 1e-6, 3e-5, sentence, TRACKER)
 
 
-def _length_effect(kind: str, unit: str, phi: Phi, prior: float, largest: float, sentence: str, source: str) -> Effect:
-    parameter = Parameter(kind.replace(" ", "_"), unit, prior, kind, reading_move(phi))
-    return effect_of(kind, "gauge", [parameter], sentence, largest, source, False)
+LENGTH_ERRORS = (length_scale, length_nonlinearity, length_growth, gauge_lag, ball_centres, scale_interpolation)
+POSITION_ERRORS = (position_scale, position_growth, gauge_lag, refraction)
 
 
-def _position_effect(
-    kind: str, unit: str, phis: Sequence[Phi], prior: float, largest: float, sentence: str, source: str
+def _in_sockets(run: Excitation) -> bool:
+    return len(run.setup.p_GS) > 0
+
+
+def _of_gauge(
+    kind: str, unit: str, moves: tuple[ParameterMove, ...], prior: float, largest: float, sentence: str, source: str
 ) -> Effect:
-    moves = tuple(ParameterMove("reading", axis, phi) for axis, phi in enumerate(phis))
     parameter = Parameter(kind.replace(" ", "_"), unit, prior, kind, moves)
-    return effect_of(kind, "gauge", [parameter], sentence, largest, source, False)
+    return Effect(kind, Place("gauge"), (parameter,), sentence, largest, source, static=False)
 
 
-def _scale_waves(period: float | None) -> tuple[Parameter, ...]:
-    assert period is not None
+def _each_axis(phis: list[BasisFunction]) -> tuple[ParameterMove, ...]:
+    return tuple(ParameterMove("reading", axis, phi) for axis, phi in enumerate(phis))
+
+
+def _scale_waves(period: float) -> tuple[Parameter, ...]:
     label, what = f"scale_{period * 1e3:.8g}mm", f"error of the scale with period {period * 1e3:.8g} mm"
-    return with_group(
-        "scale interpolation",
-        "gauge",
+    return (
         Parameter(f"{label}_sin", "m", 5e-6, f"{what}, sine", reading_move(ScaleWave("sin", period))),
         Parameter(f"{label}_cos", "m", 5e-6, f"{what}, cosine", reading_move(ScaleWave("cos", period))),
     )

@@ -1,5 +1,11 @@
-"""Effects that are smooth curves without a physical model: the error of a gear over its angle, and corrections
-without a name."""
+"""Smooth functions of a joint's angle without a physical model, which the search makes from what a run leaves.
+
+The whole error of a gear over its angle: its waves are expected the smaller the quicker they run (a Gaussian process
+with a squared exponential kernel, in its Fourier series; Rasmussen & Williams 2006, ch. 4). And, for structure that no
+other effect explains, the turn of a joint as a smooth function of any joint's angle: waves of half a period over its
+range and its multiples, the smaller the shorter they are, as of a smoothing spline (Wahba 1990). How smooth it is the
+run decides, as the sizes of all parameters of an effect share a factor that is fitted.
+"""
 
 from collections.abc import Iterator
 
@@ -7,20 +13,29 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
-from planner.effects.effect import Effect
-from planner.effects.gears import Cosine, Sine
+from planner.effects.catalogue import register
+from planner.effects.effect import Effect, Role, joint_place
+from planner.effects.excitation import Excitation
+from planner.effects.gears import FULL_TURN, WAVES, JointWave
 from planner.effects.parameters import Parameter, transform_move
 
-GEAR_CURVE = "gear error curve"
-QUICKEST_MODELLED = 2.0  # times the quickness: the quickest waves that are modelled
-CURVE_SIZE = 2e-4  # [rad], root mean square
-LARGEST_CURVE = 5e-3  # [rad]
-PERIOD_OVER_RANGE = 1.3  # length over which the function repeats itself, over the joint's range
-FULL_TURN = 2 * np.pi
+GEAR_CURVE, NONPARAMETRIC = "gear error curve", "unnamed"
+QUICKEST_MODELLED = 2.0  # times the quickness: the quickest waves of a curve
+CURVE_SIZE, LARGEST_CURVE = 2e-4, 5e-3  # [rad], root mean square
+PERIOD_OVER_RANGE = 1.3  # length over which the curve repeats itself, over the joint's range
+CORRECTION_WAVES = 6
+CORRECTION_SIZE, LARGEST_CORRECTION = 3e-4, 1e-2  # [rad], one sigma of the longest wave
+
+
+@register(GEAR_CURVE, needs="nothing that can be planned: a whole curve takes the shape of whatever the readings hold")
+@register(NONPARAMETRIC, needs="nothing that can be planned: the correction has no cause that could be compared")
+def made_by_search(run: Excitation) -> Iterator[Effect]:
+    """None of these is offered beforehand: the search makes them."""
+    yield from ()
 
 
 def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -> Effect:
-    """Return the curve of a joint as an entry.
+    """Return the whole error of a joint's gear.
 
     Args:
         setup: the measurement set-up.
@@ -28,59 +43,49 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
         joint: from 0.
         quickest: waves a turn within which most of the error lies.
     """
-    spread = min(FULL_TURN, PERIOD_OVER_RANGE * float(np.ptp(q[:, joint])))
-    step = FULL_TURN / spread
-    waves = step * np.arange(1, max(2, int(QUICKEST_MODELLED * quickest / step) + 1))
-    size = np.exp(-0.5 * (waves / quickest) ** 2)
+    step = FULL_TURN / min(FULL_TURN, PERIOD_OVER_RANGE * float(np.ptp(q[:, joint])))
+    frequencies = step * np.arange(1, max(2, int(QUICKEST_MODELLED * quickest / step) + 1))
+    size = np.exp(-0.5 * (frequencies / quickest) ** 2)
     size *= CURVE_SIZE / np.sqrt((size**2).sum())
-    where = next(k for k, t in enumerate(setup.chain.transforms) if t.joint == joint)
-    on = f"joint {joint + 1}"
+    rotation = _rotations(setup)[joint]
     parameters = tuple(
         Parameter(
-            f"gear_curve{joint + 1}_{name}{k}", "rad", float(s), f"gear error of {on}, {w:.4g} waves a turn",
-            transform_move(where, phi), f"{GEAR_CURVE}, {on}",
+            f"gear_curve{joint + 1}_{wave}{k}", "rad", float(s),
+            f"gear error of joint {joint + 1}, {f:.4g} waves a turn",
+            transform_move(rotation, JointWave(wave, joint, float(f))),
         )
-        for k, (w, s) in enumerate(zip(waves, size, strict=True), 1)
-        for name, phi in (("sin", Sine(joint, float(w))), ("cos", Cosine(joint, float(w))))
+        for k, (f, s) in enumerate(zip(frequencies, size, strict=True), 1) for wave in WAVES
     )  # fmt: skip
-    sentence = f"{on}: gear or encoder runs unevenly over the joint's own angle, {{size}}"
-    return Effect(
-        GEAR_CURVE, on, lambda _: parameters, sentence, LARGEST_CURVE, "measured curve: no model of a gear behind it"
-    )
-
-
-NONPARAMETRIC = "unnamed"
-CORRECTION_WAVES = 6
-CORRECTION_SIZE = 3e-4  # [rad], one sigma of the longest wave
-LARGEST_CORRECTION = 1e-2  # [rad]
+    sentence = f"joint {joint + 1}: gear or encoder runs unevenly over the joint's own angle, {{size}}"
+    literature = "measured curve: no model of a gear behind it"
+    return Effect(GEAR_CURVE, joint_place(joint), parameters, sentence, LARGEST_CURVE, literature, role=Role.GEAR_CURVE)
 
 
 def nonparametric_effects(setup: MeasurementSetup, q: Array) -> Iterator[Effect]:
     """Yield corrections of each joint over its own angle, then over another joint's; q (n, N) [rad]."""
-    turns = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
-    spread = np.ptp(q, axis=0)
-    moving = [int(i) for i in np.flatnonzero(spread > 1e-2)]
-    for i, by in sorted(((i, k) for i in turns for k in moving), key=lambda pair: (pair[0] != pair[1], pair)):
-        yield _smooth_correction(turns[i], i, by, float(spread[by]))
+    rotations, ranges = _rotations(setup), np.ptp(q, axis=0)
+    moving = [int(i) for i in np.flatnonzero(ranges > 1e-2)]
+    for i, by in sorted(((i, k) for i in rotations for k in moving), key=lambda pair: (pair[0] != pair[1], pair)):
+        yield _correction(rotations[i], i, by, float(ranges[by]))
 
 
-def _smooth_correction(where: int, i: int, by: int, spread: float) -> Effect:
-    on = f"joint {i + 1}" + ("" if i == by else f" by joint {by + 1}")
+def _correction(rotation: int, i: int, by: int, angle_range: float) -> Effect:
+    place = joint_place(i, by)
     label = f"unnamed{i + 1}" + ("" if i == by else f"_by{by + 1}")
     parameters = tuple(
         Parameter(
-            f"{label}_{wave}{k}",
-            "rad",
-            CORRECTION_SIZE / k**2,
-            f"smooth correction of {on}",
-            transform_move(where, phi),
-            f"{NONPARAMETRIC}, {on}",
+            f"{label}_{wave}{k}", "rad", CORRECTION_SIZE / k**2, f"smooth correction of {place}",
+            transform_move(rotation, JointWave(wave, by, k * np.pi / angle_range)),
         )
-        for k in range(1, CORRECTION_WAVES + 1)
-        for wave, phi in (("sin", Sine(by, k * np.pi / spread)), ("cos", Cosine(by, k * np.pi / spread)))
+        for k in range(1, CORRECTION_WAVES + 1) for wave in WAVES
     )  # fmt: skip
     over = "its own angle" if i == by else f"joint {by + 1}'s angle"
     sentence = f"joint {i + 1}: moves smoothly with {over} by {{size}}, for a cause that has no name here"
-    return Effect(
-        NONPARAMETRIC, on, lambda _: parameters, sentence, LARGEST_CORRECTION, "none: a description, not a cause"
-    )
+    literature = "none: a description, not a cause"
+    role = Role.NONPARAMETRIC
+    return Effect(NONPARAMETRIC, place, parameters, sentence, LARGEST_CORRECTION, literature, role=role)
+
+
+def _rotations(setup: MeasurementSetup) -> dict[int, int]:
+    """Position of each joint's rotation in the chain, by joint."""
+    return {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}

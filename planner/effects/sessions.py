@@ -1,67 +1,108 @@
 """What changes between sessions: the gauge's zero, the frame it stands in, a fixture that was mounted anew."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.effects.effect import Effect, Excitation, effect_of
+from planner.common.units import Array
+from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.catalogue import register
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Place
+from planner.effects.excitation import Excitation
 from planner.effects.parameters import Parameter, reading_move, transform_move
-from planner.effects.thermal import InSession, MountedAnew
 
 STEP, LARGEST_STEP = 5e-5, 5e-3  # [m]
-STEP_TURN, LARGEST_STEP_TURN = 1e-4, 1e-2  # [rad]
-ESTIMATED = "estimated"
+TURN, LARGEST_TURN = 1e-4, 1e-2  # [rad]
 
 
-def zero_step(site: Excitation) -> Iterator[Effect]:
-    """The bar's zero is not the same in every session."""
-    if not site.setup.gauge.has_zero or not site.sessions:
+@dataclass(frozen=True)
+class InSession(BasisFunction, key="session:INDEX", static=False, run=True):
+    """φ = 1 in one session, else 0."""
+
+    session: int
+    uncorrected = "steps between sessions"
+
+    def __call__(self, c: Context) -> Array:
+        """Return the indicator."""
+        return np.asarray(c.samples.session == self.session, dtype=float)
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the session."""
+        return _session_variable(c)
+
+
+@dataclass(frozen=True)
+class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, gauge=True, run=True):
+    """φ = 1 at one place in one session, else 0: where a fixture stands after it was mounted anew."""
+
+    place: int
+    session: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the indicator."""
+        return np.asarray((c.samples.session == self.session) & (c.samples.place == self.place), dtype=float)
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the session."""
+        return _session_variable(c)
+
+
+def _session_variable(c: Context) -> EffectVariable:
+    assert c.samples.session is not None
+    return EffectVariable("session", c.samples.session.astype(float))
+
+
+@register("session step", needs="poses measured in several sessions, the bar taken off in between")
+def session_step(run: Excitation) -> Iterator[Effect]:
+    """In every session the bar's zero is another one, and base and gauge stand otherwise to each other."""
+    if not run.sessions:
         return
-    steps = [
-        Parameter(f"zero_session{s}", "m", STEP, f"step of the zero in session {s}", reading_move(InSession(s)))
-        for s in site.sessions
-    ]
-    sentence = "the gauge's zero steps from session to session, {size}"
-    yield effect_of("session step", "gauge", steps, sentence, LARGEST_STEP, ESTIMATED, False)
+    if run.setup.gauge.has_zero:
+        zeros = tuple(
+            Parameter(f"zero_session{s}", "m", STEP, f"step of the zero in session {s}", reading_move(InSession(s)))
+            for s in run.sessions
+        )
+        sentence = "the gauge's zero steps from session to session, {size}"
+        yield _step("session step", "gauge", zeros, sentence)
+    shifts = _frame_steps(run.sessions, "base_{}_session{}", "base along {}, session {}", InSession)
+    yield _step("session step", "base", shifts, "the base shifts against the gauge from session to session, {size}")
+    tilts = _frame_steps(run.sessions, "base_r{}_session{}", "base tilt along {}, session {}", InSession, turn=True)
+    yield _step("session step", "base tilt", tilts, "the base tilts against the gauge from session to session, {size}")
 
 
-def frame_step(site: Excitation) -> Iterator[Effect]:
-    """Base and gauge stand otherwise to each other in every session."""
-    if not site.sessions:
-        return
-    for kind_of, unit, size, largest, first, word in (
-        ("base", "m", STEP, LARGEST_STEP, 0, "shifts"),
-        ("base tilt", "rad", STEP_TURN, LARGEST_STEP_TURN, 3, "tilts"),
-    ):
-        steps = [
-            Parameter(
-                f"base_{'' if first == 0 else 'r'}{a}_session{s}", unit, size, f"{kind_of} along {a}, session {s}",
-                transform_move(first + k, InSession(s)),
-            )
-            for s in site.sessions
-            for k, a in enumerate("xyz")
-        ]  # fmt: skip
-        sentence = f"the base {word} against the gauge from session to session, {{size}}"
-        yield effect_of("session step", kind_of, steps, sentence, largest, ESTIMATED, False)
-
-
-def remounting(site: Excitation) -> Iterator[Effect]:
+@register("remounting", needs="poses measured in several sessions, the fixture mounted anew in between")
+def remounting(run: Excitation) -> Iterator[Effect]:
     """A fixture, plate or station that stands otherwise each time it was mounted, one of several."""
-    places = np.unique(site.samples.place)
-    if not site.sessions or len(places) < 2:
+    places = np.unique(run.samples.place)
+    if not run.sessions or len(places) < 2:
         return
-    for place in places:
-        mine = np.asarray(site.samples.session)[site.samples.place == place]
-        later = [int(s) for s in np.unique(mine)[1:]]
-        name = site.setup.place_names[int(place)]
-        steps = [
-            Parameter(
-                f"fixture_{name}_{a}_session{s}", "m", STEP, f"{name} along {a}, session {s}",
-                transform_move(k, MountedAnew(int(place), s)),
-            )
-            for s in later
-            for k, a in enumerate("xyz")
-        ]  # fmt: skip
+    for place in (int(p) for p in places):
+        mine = np.asarray(run.samples.session)[run.samples.place == place]
+        later = tuple(int(s) for s in np.unique(mine)[1:])
+        name = run.setup.place_names[place]
+
+        def phi(session: int, place: int = place) -> BasisFunction:
+            return PlaceInSession(place, session)
+
+        steps = _frame_steps(later, f"fixture_{name}_{{}}_session{{}}", f"{name} along {{}}, session {{}}", phi)
         if steps:
-            sentence = f"{name}: stands otherwise after it was mounted anew, {{size}}"
-            yield effect_of("remounting", name, steps, sentence, LARGEST_STEP, ESTIMATED, False)
+            yield _step("remounting", name, steps, f"{name}: stands otherwise after it was mounted anew, {{size}}")
+
+
+def _frame_steps(
+    sessions: tuple[int, ...], name: str, what: str, phi: Callable[[int], BasisFunction], turn: bool = False
+) -> tuple[Parameter, ...]:
+    """Steps of the base along, or about, each axis in each session; ``name`` and ``what`` take axis and session."""
+    unit, prior, first = ("rad", TURN, 3) if turn else ("m", STEP, 0)
+    return tuple(
+        Parameter(name.format(a, s), unit, prior, what.format(a, s), transform_move(first + k, phi(s)))
+        for s in sessions
+        for k, a in enumerate("xyz")
+    )
+
+
+def _step(kind: str, part: str, parameters: tuple[Parameter, ...], sentence: str) -> Effect:
+    largest = LARGEST_TURN if parameters[0].unit == "rad" else LARGEST_STEP
+    return Effect(kind, Place(part), parameters, sentence, largest, "estimated", static=False)

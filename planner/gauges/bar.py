@@ -17,10 +17,11 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.effects.basis import AtPlace
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Excitation
-from planner.effects.gauge_errors import ball_centres, length_gauge_errors, scale_interpolation
-from planner.effects.gauge_functions import LengthLag
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
+from planner.effects.effect import Effect
+from planner.effects.excitation import Excitation
+from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
+from planner.effects.geometry import tool_parameters
+from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
 from planner.gauges.lines import LineGauge
 from planner.gauges.placement.lengths import place_lengths
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
@@ -112,11 +113,10 @@ class LengthGauge(LineGauge):
         """Return how a late clock shows in the length."""
         return reading_move(LengthLag())
 
-    def errors(self, site: Excitation) -> Iterator[Effect]:
+    def errors(self, run: Excitation) -> Iterator[Effect]:
         """Yield scale, sag, growth and lag, balls off their centres, and the scale's own period."""
-        yield from length_gauge_errors(site)
-        yield from ball_centres(site)
-        yield from scale_interpolation(site)
+        for generator in LENGTH_ERRORS:
+            yield from generator(run)
 
     def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
         """Yield length and direction of the bar."""

@@ -16,10 +16,11 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, from_deg, read_only
 from planner.effects.basis import ONE, AtPlace
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Excitation
-from planner.effects.gauge_errors import position_gauge_errors
-from planner.effects.gauge_functions import PointLag
-from planner.effects.parameters import Parameter, ParameterMove, tool_parameters, transform_move
+from planner.effects.effect import Effect
+from planner.effects.excitation import Excitation
+from planner.effects.gauge_errors import POSITION_ERRORS, PointLag
+from planner.effects.geometry import tool_parameters
+from planner.effects.parameters import Parameter, ParameterMove, transform_move
 from planner.gauges.lines import LineGauge
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA
 from planner.kinematics.chain import ForwardPass
@@ -98,9 +99,10 @@ class FrameGauge(LineGauge):
         """Return how a late clock shows in the position."""
         return tuple(ParameterMove("reading", a, PointLag(a)) for a in range(3))
 
-    def errors(self, site: Excitation) -> Iterator[Effect]:
+    def errors(self, run: Excitation) -> Iterator[Effect]:
         """Yield scale, growth, lag and refraction."""
-        yield from position_gauge_errors(site)
+        for generator in POSITION_ERRORS:
+            yield from generator(run)
 
     def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
         """Yield the position."""

@@ -12,26 +12,14 @@ from scipy.spatial.transform import Rotation
 from planner.cell.setup import N_BASE_TRANSFORMS, STANDARD_GRAVITY, MeasurementSetup, RobotSetup
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.effects.basis import Phi
+from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
-from planner.effects.phi_keys import belongs_to_gauge, is_static, needs_loads, patterns_of, phi_from_key
+from planner.effects.phi_keys import belongs_to_gauge, functions_in, is_static, needs_loads, phi_from_key
 from planner.identification.calibration import Calibration
 from planner.kinematics.robot import Loads, Robot, RobotEffect
 from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_robot
 from planner.runs.run import Samples
 
-CAUSES = {  # by the first word of the basis function
-    "drive": "giving way under measured drive torques",
-    "speed-sign": "what depends on the sense of motion",
-    "behind": "lag behind the command",
-    "approach": "play",
-    "hysteresis": "hysteresis",
-    "unsettled": "standing elsewhere than commanded",
-    "warmth": "growth with temperature",
-    "elapsed": "drift with time",
-    "warm-up": "warming up",
-    "session": "steps between sessions",
-}
 OTHER_CAUSE = "what belongs to the gauge"
 
 
@@ -43,7 +31,7 @@ def uncorrected_text(effects: Iterable[RobotEffect]) -> str | None:
     """
     where = dict[str, dict[str, list[int]]]()
     for e in effects:
-        cause = next((CAUSES[f.word] for f in patterns_of(e.phi) if f.word in CAUSES), OTHER_CAUSE)
+        cause = next((f.uncorrected for f in functions_in(e.phi) if f.uncorrected), OTHER_CAUSE)
         part, number = _part(e.on)
         numbers = where.setdefault(cause, {}).setdefault(part, [])
         if number is not None and number not in numbers:
@@ -115,7 +103,7 @@ class CalibratedRobot:
         """What the effects add to every transform of the setup's chain [m, rad]."""
         setup = self._nominal_setup
         context = Context(setup, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
-        known: dict[Phi, Array] = {}
+        known: dict[BasisFunction, Array] = {}
         out: list[float | Array] = [0.0] * len(self._setup.chain)
         for k, phi, value in self._acting:
             if phi not in known:
@@ -132,11 +120,11 @@ class CalibratedRobot:
         return replace(self._setup, robot=self.robot.nominal)
 
     @cached_property
-    def _acting(self) -> tuple[tuple[int, Phi, float], ...]:
+    def _acting(self) -> tuple[tuple[int, BasisFunction, float], ...]:
         """Transform, basis function and value of every effect that is used."""
         return tuple(self._checked())
 
-    def _checked(self) -> Iterator[tuple[int, Phi, float]]:
+    def _checked(self) -> Iterator[tuple[int, BasisFunction, float]]:
         names = [t.name for t in self._setup.chain.transforms[: N_BASE_TRANSFORMS + len(self.robot.transforms)]]
         for e in self.robot.effects:
             where = f"{self.robot.path}: effect '{e.name}'"

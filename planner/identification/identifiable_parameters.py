@@ -16,7 +16,9 @@ from planner.design.free_parameters import (
     unloaded_compliances,
 )
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, find_identifiable
-from planner.effects.parameters import Parameter, clock_offset_parameter, compliance_parameters
+from planner.effects.compliance import compliance_parameters
+from planner.effects.gauge_errors import clock_offset_parameter
+from planner.effects.parameters import Parameter
 from planner.identification.noise import Whitener
 from planner.model.model import Model
 from planner.runs.run import Run, Samples

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
-from planner.design.free_parameters import COMPLIANCE
+from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import TRACEABLE_READINGS, assess_fit, too_few_text
 from planner.identification.calibration import Calibration, TracingResult
@@ -81,10 +81,10 @@ def identify(
         return assess_fit([*stages, *more], free, bench, cell, validation, traced, notes)
     if tracer is not None:
         notes.append(too_few_text(bench.spare(free.model)))
-    if COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
-        say(COMPLIANCE)
+    if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
+        say(JOINT_COMPLIANCE)
         stages, free = add_stage_if_gain(
-            stages, free, choose_parameters(cell, setup, run, (COMPLIANCE,)), COMPLIANCE, bench
+            stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, bench
         )
     return assess_fit(stages, free, bench, cell, validation, TracingResult(), notes)
 

@@ -44,7 +44,7 @@ def _timeless(found: Fit) -> Model:
     def standing(move: ParameterMove) -> ParameterMove:
         if not depends_on_run(move.phi.key):
             return move
-        return replace(move, phi=Times(ONE, float(np.mean(found.problem.context.value(move.phi)))))
+        return replace(move, phi=Times(float(np.mean(found.problem.context.value(move.phi))), ONE))
 
     fixed = tuple((replace(p, moves=tuple(standing(m) for m in p.moves)), v) for p, v in model.fixed)
     return replace(model, fixed=fixed)

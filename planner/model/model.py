@@ -14,9 +14,10 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, Targets, setup_of
 from planner.common.units import Array
-from planner.effects.basis import Phi
+from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
-from planner.effects.parameters import Parameter, gauge_parameters, robot_parameters
+from planner.effects.geometry import gauge_parameters, robot_parameters
+from planner.effects.parameters import Parameter
 from planner.kinematics.chain import ForwardPass
 from planner.model.noise import ReadingNoise
 from planner.runs.run import Samples
@@ -206,7 +207,7 @@ class Model:
         return self.setup.gauge.residual(self.setup, context.samples, motion, targets)
 
 
-def basis_values(parameters: Sequence[Parameter], context: Context) -> dict[Phi, Array]:
+def basis_values(parameters: Sequence[Parameter], context: Context) -> dict[BasisFunction, Array]:
     """Every basis function that the parameters use, (n,) or (1,) each, computed once."""
     return {m.phi: context.value(m.phi) for p in parameters for m in p.moves}
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_mm
-from planner.effects.basis import ONE
+from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
 from planner.effects.parameters import Parameter
 from planner.model.identification_document import Finding, Stage
@@ -26,7 +26,6 @@ from planner.report.chart import (
     weighted_means,
     zero_line,
 )
-from planner.report.effect_variables import EffectVariable, effect_variable
 
 MEAN_POINTS = 24  # points of the line through the residuals; more for an effect of many waves
 FAINT_LEVERAGE = 0.3  # part of its usual leverage below which a reading says nothing of an effect
@@ -106,7 +105,7 @@ def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
         residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
-    looked = effect_variable(own[0].main.phi, context) if _single(own) else None
+    looked = own[0].main.phi.plot_variable(context) if _single(own) else None
     if looked is None:
         return _pulled(added, residuals)
     first = own[0]

@@ -14,8 +14,9 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import StrictModel, read_toml
 from planner.common.units import DEG, MM, UM, Array, read_only
 from planner.effects.catalogue import catalogue
+from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect
-from planner.effects.parameters import Parameter, compliance_parameters
+from planner.effects.parameters import Parameter
 from planner.kinematics.calibration_tables import si_unit
 from planner.model.model import Model
 from planner.runs.run import Samples
@@ -53,37 +54,37 @@ def effects_from_file(
     """
     if not files:
         return ()
-    entries = catalogue(setup, samples)
-    return tuple(_read_effect(f"{path}: [[effects]] number {k}", f, entries) for k, f in enumerate(files, start=1))
+    offered = catalogue(setup, samples)
+    return tuple(_read_effect(f"{path}: [[effects]] number {k}", f, offered) for k, f in enumerate(files, start=1))
 
 
-def _read_effect(where: str, file: TruthEffectFile, entries: tuple[Effect, ...]) -> TrueEffect:
-    entry = _find_effect(where, file, entries)
-    if (file.inner is None) != (entry.inner is None):
-        wanted = "takes no 'inner'" if entry.inner is None else f"needs 'inner', its {entry.inner.name}"
-        unit = "" if entry.inner is None else f" [{entry.inner.unit}]"
-        raise InputError(f"{where}: {entry.name} {wanted}{unit}")
-    parameters = entry.make(file.inner)
+def _read_effect(where: str, file: TruthEffectFile, offered: tuple[Effect, ...]) -> TrueEffect:
+    effect = _find_effect(where, file, offered)
+    if (file.inner is None) != (effect.nonlinear is None):
+        wanted = "takes no 'inner'" if effect.nonlinear is None else f"needs 'inner', its {effect.nonlinear.name}"
+        unit = "" if effect.nonlinear is None else f" [{effect.nonlinear.unit}]"
+        raise InputError(f"{where}: {effect.name} {wanted}{unit}")
+    parameters = effect.make(file.inner)
     values = file.value if isinstance(file.value, tuple) else (file.value,)
     if len(values) > len(parameters) or (len(values) < len(parameters) and isinstance(file.value, tuple)):
         names = ", ".join(p.name for p in parameters)
-        raise InputError(f"{where}: {len(values)} values found, {entry.name} has {len(parameters)} ({names})")
+        raise InputError(f"{where}: {len(values)} values found, {effect.name} has {len(parameters)} ({names})")
     values += (0.0,) * (len(parameters) - len(values))
     factor = _unit_factor(where, file.unit, parameters[0].unit)
     inner = "" if file.inner is None else f", inner = {file.inner:g}"
-    said = f'{{kind = "{entry.kind}", on = "{entry.on}", value = {file.value}, unit = "{file.unit}"{inner}}}'
+    said = f'{{kind = "{effect.kind}", on = "{effect.place}", value = {file.value}, unit = "{file.unit}"{inner}}}'
     return TrueEffect(parameters, tuple(v * factor for v in values), said.replace("(", "[").replace(")", "]"))
 
 
-def _find_effect(where: str, file: TruthEffectFile, entries: tuple[Effect, ...]) -> Effect:
-    of_kind = [e for e in entries if e.kind == file.kind]
+def _find_effect(where: str, file: TruthEffectFile, offered: tuple[Effect, ...]) -> Effect:
+    of_kind = [e for e in offered if e.kind == file.kind]
     if not of_kind:
-        known = list(dict.fromkeys(e.kind for e in entries))
+        known = list(dict.fromkeys(e.kind for e in offered))
         raise InputError(
             f"{where}: kind = '{file.kind}' is no effect that this run could show{did_you_mean(file.kind, known)} "
             f"(there are: {', '.join(known)})"
         )
-    there = [e.on for e in of_kind]
+    there = [str(e.place) for e in of_kind]
     if file.on is None and len(of_kind) > 1:
         raise InputError(f"{where}: the key 'on' is missing; {file.kind} may act on {', '.join(there)}")
     if file.on is not None and file.on not in there:
@@ -188,7 +189,7 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
     model = _truth_model(cell)
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
     sizes = np.array(drawn) * model.prior
-    gives = np.array([p.group == "joint compliance" for p in model.parameters])
+    gives = np.array([is_joint_compliance(p) for p in model.parameters])
     errors = np.where(gives, np.abs(sizes), sizes)
     short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
     return Truth(model, read_only(short))

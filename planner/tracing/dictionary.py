@@ -1,10 +1,10 @@
-"""Every entry of the catalogue at every inner number, laid out so that all are scored by a few matrix products.
+"""Every effect of the catalogue at every nonlinear value, laid out so that all are scored by a few matrix products.
 
-A column of an entry is the whitened screw of one transform, the same for all entries on it, times φ. Products with the
-model's basis therefore need only φ itself: with Q_k = Σ_r screw_r · Q_r, the shadow of a column is Q_kᵀ φ.
+A column of an effect is the whitened screw of one transform, the same for all effects on it, times φ. Products with the
+model's basis therefore need only φ itself: with Q_k = Σ_r screw_r · Q_r, the projection of a column is Q_kᵀ φ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,11 +21,10 @@ EffectAtValue = tuple[Effect, float | None]
 
 @dataclass(frozen=True)
 class DictionaryItem:
-    """One entry at one inner number, with its parameters and where their columns stand."""
+    """One effect at one value of its nonlinear parameter, and where the columns of its parameters stand."""
 
-    entry: Effect
-    inner: float | None
-    parameters: tuple[Parameter, ...]
+    effect: Effect
+    value: float | None
     columns: slice
 
 
@@ -40,43 +39,42 @@ class ColumnBlock:
 
 @dataclass(frozen=True)
 class EffectDictionary:
-    """Entries laid out over the samples of a context.
+    """Effects laid out over the samples of a context.
 
     Attributes:
         items: in the order given.
-        sheets: of the columns that move one thing.
+        blocks: of the columns that move one thing.
         mixed: positions of the columns that move several things, and their parameters.
         width: number of columns.
     """
 
     context: Context
     items: tuple[DictionaryItem, ...]
-    sheets: tuple[ColumnBlock, ...]
-    mixed: tuple[tuple[int, Parameter], ...]
+    blocks: tuple[ColumnBlock, ...]
+    mixed: dict[int, Parameter]
     width: int
 
     @classmethod
     def of(cls, context: Context, pairs: Sequence[EffectAtValue]) -> "EffectDictionary":
-        """Lay out entries at their inner numbers."""
-        items, mixed = list[DictionaryItem](), list[tuple[int, Parameter]]()
-        by_place: dict[tuple[str, int], list[tuple[int, Parameter]]] = {}
+        """Lay out effects at their nonlinear values."""
+        items, mixed = list[DictionaryItem](), dict[int, Parameter]()
+        by_move: dict[tuple[str, int], list[tuple[int, Parameter]]] = {}
         width = 0
-        for entry, inner in pairs:
-            parameters = entry.make(inner)
-            items.append(DictionaryItem(entry, inner, parameters, slice(width, width + len(parameters))))
-            for k, p in enumerate(parameters):
+        for effect, value in pairs:
+            parameters = effect.make(value)
+            items.append(DictionaryItem(effect, value, slice(width, width + len(parameters))))
+            for k, p in enumerate(parameters, width):
                 if len(p.moves) == 1:
-                    by_place.setdefault((p.main.on, p.main.index), []).append((width + k, p))
+                    by_move.setdefault((p.main.on, p.main.index), []).append((k, p))
                 else:
-                    mixed.append((width + k, p))
+                    mixed[k] = p
             width += len(parameters)
-        sheets = tuple(_column_block(context, members) for members in by_place.values())
-        return cls(context, tuple(items), sheets, tuple(mixed), width)
+        blocks = tuple(_column_block(context, members) for members in by_move.values())
+        return cls(context, tuple(items), blocks, mixed, width)
 
 
 def _column_block(context: Context, members: list[tuple[int, Parameter]]) -> ColumnBlock:
-    n = len(context.samples)
-    phi = np.empty((n, len(members)))
+    phi = np.empty((len(context.samples), len(members)))
     for j, (_, p) in enumerate(members):
         phi[:, j] = p.main.phi(context) * p.prior
     return ColumnBlock(members[0][1].main, phi, np.array([k for k, _ in members]))
@@ -87,12 +85,12 @@ class ColumnProducts:
     """Products of all columns with a basis and a residual.
 
     Attributes:
-        shadow: Qᵀ c of every column, (P, width).
+        projection: Qᵀ c of every column, (P, width).
         along: cᵀ residual, (width,).
         squares: cᵀ c within each item, one (k, k) matrix an item.
     """
 
-    shadow: Array
+    projection: Array
     along: Array
     squares: tuple[Array, ...]
 
@@ -104,63 +102,59 @@ def column_products(
     n, r = len(problem), problem.model.width
     about = problem.model.fixing(errors)
     screws = _whitened_screws(dictionary, problem, about)
-    Q = basis.reshape(n, r, -1)
-    e = residual.reshape(n, r)
-    shadow, along = np.zeros((basis.shape[1], dictionary.width)), np.zeros(dictionary.width)
-    for sheet, screw in zip(dictionary.sheets, screws, strict=True):
-        shadow[:, sheet.columns] = np.einsum("nr,nrp->pn", screw, Q) @ sheet.phi
-        along[sheet.columns] = np.einsum("nr,nr->n", screw, e) @ sheet.phi
-    columns = _whitened_mixed_columns(dictionary, problem, about)
-    for (k, _), column in zip(dictionary.mixed, columns, strict=True):
-        shadow[:, k], along[k] = basis.T @ column, float(column @ residual)
-    return ColumnProducts(shadow, along, tuple(_gram_matrices(dictionary, screws, columns)))
+    mixed = _whitened_mixed_columns(dictionary, problem, about)
+    Q, e = basis.reshape(n, r, -1), residual.reshape(n, r)
+    projection, along = np.zeros((basis.shape[1], dictionary.width)), np.zeros(dictionary.width)
+    for block, screw in zip(dictionary.blocks, screws, strict=True):
+        projection[:, block.columns] = np.einsum("nr,nrp->pn", screw, Q) @ block.phi
+        along[block.columns] = np.einsum("nr,nr->n", screw, e) @ block.phi
+    for k, column in mixed.items():
+        projection[:, k], along[k] = basis.T @ column, float(column @ residual)
+    return ColumnProducts(projection, along, tuple(_gram_matrices(dictionary, screws, mixed)))
 
 
 def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
-    """Whitened change of the reading per unit of what each sheet moves, (n, r)."""
-    n = len(problem)
-    raw = np.zeros((n, problem.model.width, len(dictionary.sheets)))
-    turned = [j for j, s in enumerate(dictionary.sheets) if s.move.on == "transform"]
-    moves = [transform_move(dictionary.sheets[j].move.index) for j in turned]
+    """Whitened change of the reading per unit of what each block moves, (n, r)."""
+    blocks = dictionary.blocks
+    raw = np.zeros((len(problem), problem.model.width, len(blocks)))
+    turned = [j for j, b in enumerate(blocks) if b.move.on == "transform"]
+    moves = [transform_move(blocks[j].move.index) for j in turned]
     single = tuple(Parameter(str(m[0].index), "", 1.0, "", m) for m in moves)
     raw[:, :, turned] = replace(about, parameters=single).linear_in(dictionary.context, None).rows
-    for j, sheet in enumerate(dictionary.sheets):
-        if sheet.move.on == "reading":
-            raw[:, sheet.move.index, j] = 1.0
-    white = problem.whitener.white(slice(None), raw) * np.sqrt(problem.weight)[:, None, None]
-    return [np.ascontiguousarray(white[:, :, j]) for j in range(raw.shape[2])]
+    for j, block in enumerate(blocks):
+        if block.move.on == "reading":
+            raw[:, block.move.index, j] = 1.0
+    white = _whiten(problem, raw)
+    return [np.ascontiguousarray(white[:, :, j]) for j in range(len(blocks))]
 
 
-def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
-    """Whitened columns (m,) of the parameters that move several things."""
+def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> dict[int, Array]:
+    """Whitened columns (m,) of the parameters that move several things, by position."""
     if not dictionary.mixed:
-        return []
-    model = replace(about, parameters=tuple(p for _, p in dictionary.mixed))
+        return {}
+    model = replace(about, parameters=tuple(dictionary.mixed.values()))
     rows = model.linear_in(dictionary.context, None).rows * model.prior
-    white = problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None]
-    return list(white.reshape(-1, rows.shape[2]).T)
+    return dict(zip(dictionary.mixed, _whiten(problem, rows).reshape(-1, rows.shape[2]).T, strict=True))
 
 
-def _gram_matrices(dictionary: EffectDictionary, screws: list[Array], mixed: list[Array]) -> list[Array]:
-    place = {int(c): (s, j) for s, sheet in enumerate(dictionary.sheets) for j, c in enumerate(sheet.columns)}
-    where = {k: i for i, (k, _) in enumerate(dictionary.mixed)}
+def _whiten(problem: FitProblem, rows: Array) -> Array:
+    return np.asarray(problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None])
+
+
+def _gram_matrices(dictionary: EffectDictionary, screws: list[Array], mixed: dict[int, Array]) -> Iterator[Array]:
+    where = {int(c): (b, j) for b, block in enumerate(dictionary.blocks) for j, c in enumerate(block.columns)}
     power = [np.einsum("nr,nr->n", w, w) for w in screws]
-    out = []
     for item in dictionary.items:
         columns = range(item.columns.start, item.columns.stop)
-        sheets = {place[c][0] for c in columns if c in place}
-        if len(sheets) == 1 and all(c in place for c in columns):
-            s = sheets.pop()
-            phi = dictionary.sheets[s].phi[:, [place[c][1] for c in columns]]
-            out.append(phi.T @ (power[s][:, None] * phi))
+        of_blocks = {where[c][0] if c in where else -1 for c in columns}
+        if of_blocks != {-1} and len(of_blocks) == 1:
+            b = of_blocks.pop()
+            phi = dictionary.blocks[b].phi[:, [where[c][1] for c in columns]]
+            yield phi.T @ (power[b][:, None] * phi)
             continue
-        C = np.stack(
-            [
-                mixed[where[c]]
-                if c in where
-                else (screws[place[c][0]] * dictionary.sheets[place[c][0]].phi[:, place[c][1], None]).reshape(-1)
-                for c in columns
-            ]
-        )
-        out.append(C @ C.T)
-    return out
+        C = np.stack([mixed[c] if c in mixed else _column(dictionary, screws, *where[c]) for c in columns])
+        yield C @ C.T
+
+
+def _column(dictionary: EffectDictionary, screws: list[Array], block: int, j: int) -> Array:
+    return np.asarray((screws[block] * dictionary.blocks[block].phi[:, j, None]).reshape(-1))

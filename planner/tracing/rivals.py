@@ -1,58 +1,89 @@
-"""Which other effects would explain the same: the model without a finding, and everything tried in its place."""
+"""What a run cannot tell apart, and what it would have shown: rivals of a finding, and detection limits."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
 
+from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
-from planner.tracing.auxiliary_parameters import COMPLIANCE, LINK_MASSES
+from planner.model.identification_document import DetectionLimit
+from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.dictionary import EffectDictionary
-from planner.tracing.ranking import is_distinct, with_link_masses
-from planner.tracing.score_test import ScoreTest, score_effects
-from planner.tracing.state import FittedEffect, SearchState, base_kind, may_join
+from planner.tracing.ranking import scores_beside, with_link_masses
+from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, linearised, posterior_basis
+from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE
+from planner.tracing.state import FittedEffect, SearchState
 
 RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
-# share of a finding's gain that makes another a rival however sure the run is: no model is that exact
-RIVAL_SHARE = 0.98
+RIVAL_SHARE = 0.98  # of a finding's gain that makes another a rival however sure the run is: no model is that exact
+POWER = 0.95  # of the detection limit
+POWER_QUANTILE = 1.645  # standard deviations by which the share of the error must be above what is worth a name
+VALUES_TRIED = 7  # of a nonlinear parameter, over its grid
 
 
-def without_effect(shade: ScoreTest, state: SearchState, held: FittedEffect) -> ScoreTest:
-    """Return the fitted model less one effect, its inner number and what wrong weights do through it, about the fit."""
-    names = {p.name for p in held.entry.make(held.inner)} | {held.slope_name}
-    where = (
-        {m.index for p in held.entry.make(held.inner) for m in p.moves} if held.entry.kind == COMPLIANCE else set[int]()
-    )
+def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> ScoreTest:
+    """Return the fitted model less one effect, its nonlinear value and what masses do through it, about the fit."""
+    names = {p.name for p in found.parameters} | {found.sensitivity_name}
+    where = {m.index for p in found.parameters for m in p.moves} if found.has(Role.COMPLIANCE) else set[int]()
     kept, errors = list[Parameter](), list[float]()
-    for p, value in zip(shade.problem.model.parameters, shade.errors, strict=True):
+    for p, value in zip(test.problem.model.parameters, test.errors, strict=True):
         moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
         if p.name not in names and moves:
             kept.append(replace(p, moves=moves))
             errors.append(float(value))
-    problem = shade.problem.with_model(replace(shade.problem.model, parameters=tuple(kept)))
-    piece = problem.piece(slice(None), np.array(errors))
-    rows = piece.rows.reshape(-1, piece.rows.shape[2])
-    scale = np.sqrt(len(problem) / len(state.fit.problem))
-    Q = np.linalg.qr(np.vstack([rows, np.eye(len(kept)) * scale]))[0][: len(rows)]
-    residual = piece.residual.reshape(-1)
-    return replace(shade, basis=Q, residual=residual - Q @ (Q.T @ residual))
+    problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
+    rows, residual = linearised(problem, np.array(errors))
+    Q = posterior_basis(rows, len(problem) / len(state.fit.problem))
+    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual))
 
 
 def find_rivals(
-    shade: ScoreTest, state: SearchState, held: FittedEffect, dictionary: EffectDictionary
+    test: ScoreTest, state: SearchState, found: FittedEffect, dictionary: EffectDictionary
 ) -> tuple[str, ...]:
-    """Names of the entries that would explain what ``held`` explains, within uncertainty, the likeliest first."""
-    bare = without_effect(shade, state, held)
-    own = with_link_masses(bare, score_effects(bare, bare.lay_out([(held.entry, held.inner)])))[0]
-    variance = shade.variance / shade.worth
-    rest = tuple(h for h in state.effects if h.entry.name != held.entry.name)
-    own_name = f"{base_kind(held.entry.kind)}, {held.entry.on}"
+    """Names of the effects that would explain what a finding explains, within uncertainty, the likeliest first."""
+    bare = without_effect(test, state, found)
+    rest = tuple(f for f in state.effects if f.name != found.name)
+
+    def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
+        return score.gain / test.noise - 2 * score.size
+
+    own = with_link_masses(bare, bare.score_one(found.effect, found.value))
     best: dict[str, float] = {}
-    for s in with_link_masses(bare, score_effects(bare, dictionary)):
-        if s.entry.name == own_name or not may_join(s.entry, rest) or not is_distinct(s, rest):
-            continue
-        # more parameters explain more by chance alone
-        score = s.gain / variance - 2 * s.size
-        best[s.entry.name] = max(best.get(s.entry.name, -np.inf), score)
-    least = min(own.gain / variance - 2 * own.size - RIVAL_MARGIN, RIVAL_SHARE * own.gain / variance)
-    near = [(name, score) for name, score in best.items() if score > least and score > 0]
-    return tuple(name for name, _ in sorted(near, key=lambda pair: -pair[1]))
+    for s in scores_beside(bare, dictionary, rest):
+        if s.effect.name != found.effect.family:
+            best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
+    least = max(0.0, min(merit(own) - RIVAL_MARGIN, RIVAL_SHARE * own.gain / test.noise))
+    return tuple(name for name, value in sorted(best.items(), key=lambda pair: -pair[1]) if value > least)
+
+
+def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> Iterator[DetectionLimit]:
+    """Yield the detection limit of every effect that the readings show at all, at the worst phase and value."""
+    least = (np.sqrt(LEAST_GAIN * test.dof) + POWER_QUANTILE) ** 2
+    worst: dict[str, float] = {}
+    for s in test.score(test.lay_out([(e, v) for e in effects for v in _sample_values(e)])):
+        prior = np.array([p.prior for p in s.effect.make(s.value)])
+        mu = np.linalg.eigvalsh(s.information / np.outer(prior, prior))  # per unit of size
+        seen = mu[mu > LEAST_SHARE * mu[-1]] if mu[-1] > 0 else mu[:0]
+        size = np.inf
+        if len(seen):
+            needed = max(least, _noncentrality(len(seen), tried))
+            size = float(np.sqrt(needed * test.scatter / test.dof / seen[0]))
+        worst[s.effect.name] = max(worst.get(s.effect.name, 0.0), size)
+    for e in effects:
+        if worst.get(e.name, np.inf) <= e.largest:  # beyond that no arm has it: the run says nothing of it
+            yield DetectionLimit(effect=e.kind, on=str(e.place), size=worst[e.name], unit=e.unit)
+
+
+def _sample_values(effect: Effect) -> list[float | None]:
+    """A few nonlinear values over the grid."""
+    grid = effect.grid
+    return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, VALUES_TRIED).astype(int))]
+
+
+def _noncentrality(size: int, tried: int) -> float:
+    """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
+    needed = float(chi2.isf(np.exp(LOG_SIGNIFICANCE) / tried, size))
+    return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - POWER, 1e-3, 10 * needed + 100))

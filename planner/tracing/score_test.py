@@ -1,8 +1,10 @@
 """Scores every effect in one pass: what it would explain that the present model cannot.
 
-The columns of the candidate are projected off those of the model (with its priors); the fall of the sum of squares
-is the squared length of the projection of the residual on what remains (the score test; Rao 1948)."""
+The columns of the candidate are projected off those of the model (with its priors); the fall of the sum of squares is
+the squared length of the projection of the residual on what remains (the score test; Rao 1948).
+"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +21,30 @@ from planner.tracing.dictionary import EffectAtValue, EffectDictionary, column_p
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
+REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
+
+
+@dataclass(frozen=True)
+class EffectScore:
+    """An effect at one value of its nonlinear parameter, and what it would explain.
+
+    Attributes:
+        effect, value: which.
+        gain: fall of the whitened sum of squares by its parameters, after the model has taken what it can.
+        size: number of its parameters that the readings show.
+        information, along: per prior sizes, after projection: its information (k, k) and products with the residual.
+        log_p: logarithm of the chance of so large a gain, corrected for everything that was tried.
+        merit: gain in noise variances less what parameters and nonlinear values explain by being many.
+    """
+
+    effect: Effect
+    value: float | None
+    gain: float
+    size: int
+    information: Array
+    along: Array
+    log_p: float = 0.0
+    merit: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -29,31 +55,27 @@ class ScoreTest:
         problem, errors: the model about its fit, on the samples that are screened.
         basis: orthonormal rows Q (m, P) of the whitened Jacobian with the prior's, readings only.
         residual: whitened, (m,).
-        spare: degrees of freedom of the residual, noise correlation counted.
+        dof: degrees of freedom of the residual, autocorrelation of the noise counted.
     """
 
     problem: FitProblem
     errors: Array
     basis: Array
     residual: Array
-    spare: float
+    dof: float
 
     @classmethod
-    def of(cls, fit: Fit, worth: float = 1.0) -> "ScoreTest":
-        """Look at a fit; ``worth`` samples are worth one."""
+    def of(cls, fit: Fit, correlation_time: float = 1.0) -> "ScoreTest":
+        """Look at a fit; so many samples of it count as one."""
         problem = fit.problem
         n = len(problem)
         if n > subset_size(fit.model, SCREENED_SAMPLES):
             problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
-        piece = problem.piece(slice(None), fit.errors)
-        tall = piece.rows.reshape(-1, piece.rows.shape[2])
-        readings = len(tall)
-        prior = np.eye(tall.shape[1]) * np.sqrt(readings / (n * piece.rows.shape[1]))
-        Q = np.linalg.qr(np.vstack([tall, prior]))[0][:readings]
-        residual = piece.residual.reshape(-1)
-        residual = residual - Q @ (Q.T @ residual)
+        rows, residual = linearised(problem, fit.errors)
+        Q = posterior_basis(rows, len(rows) / (n * fit.model.width))
         spacing = n / len(problem)
-        return cls(problem, fit.errors, Q, residual, max(1.0, readings / max(1.0, worth / spacing) - fit.effective))
+        dof = max(1.0, len(rows) / max(1.0, correlation_time / spacing) - fit.effective)
+        return cls(problem, fit.errors, Q, residual - Q @ (Q.T @ residual), dof)
 
     @cached_property
     def scatter(self) -> float:
@@ -66,47 +88,72 @@ class ScoreTest:
         return float(max(self.scatter / max(1, len(self.residual) - self.basis.shape[1]), 1e-300))
 
     @property
-    def worth(self) -> float:
+    def effective_samples(self) -> float:
         """How many independent readings one of the screened ones stands for, at most 1."""
-        return min(1.0, float(self.spare + self.basis.shape[1]) / len(self.residual))
+        return min(1.0, float(self.dof + self.basis.shape[1]) / len(self.residual))
 
-    def lay_out(self, pairs: list[EffectAtValue]) -> EffectDictionary:
-        """Lay out entries over the samples that are screened."""
+    @property
+    def noise(self) -> float:
+        """Variance of the noise in a sum of squares over the screened readings."""
+        return self.variance / self.effective_samples
+
+    def lay_out(self, pairs: Sequence[EffectAtValue]) -> EffectDictionary:
+        """Lay out effects over the samples that are screened."""
         return EffectDictionary.of(self.problem.context, pairs)
 
+    def score(self, dictionary: EffectDictionary) -> list[EffectScore]:
+        """Score every item of a dictionary that was laid out over the screened samples."""
+        done = column_products(dictionary, self.problem, self.errors, self.basis, self.residual)
+        widths = np.array([s.shape[0] for s in done.squares])
+        out: list[EffectScore | None] = [None] * len(widths)
+        for width in np.unique(widths):
+            which = np.flatnonzero(widths == width)
+            starts = np.array([dictionary.items[k].columns.start for k in which])
+            columns = starts[:, None] + np.arange(width)
+            W = done.projection[:, columns].transpose(1, 0, 2)
+            square = np.stack([done.squares[k] for k in which])
+            information, along = square - W.transpose(0, 2, 1) @ W, done.along[columns]
+            gain, size = _score_gains(information, along, np.einsum("kii->ki", square))
+            for j, k in enumerate(which):
+                item = dictionary.items[k]
+                out[k] = EffectScore(item.effect, item.value, float(gain[j]), int(size[j]), information[j], along[j])
+        return [s for s in out if s is not None]
 
-@dataclass(frozen=True)
-class EffectScore:
-    """An entry at one inner value: its gain, and how many of its parameters the readings show.
+    def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
+        """Score one effect."""
+        return self.score(self.lay_out([(effect, value)]))[0]
 
-    Per prior sizes, after projection: its ``information`` (k, k), and products ``along`` the residual, (k,).
-    """
+    def refine_value(self, effect: Effect, value: float) -> float:
+        """Move a nonlinear value off its grid to where the effect explains most."""
+        width = grid_spacing(effect, value)
+        for _ in range(REFINEMENT_ROUNDS):
+            tries = np.unique([clip_to_grid(effect, float(v)) for v in value + width * np.linspace(-1, 1, 11)])
+            gains = [s.gain for s in self.score(self.lay_out([(effect, float(v)) for v in tries]))]
+            value = float(tries[int(np.argmax(gains))])
+            width /= 5
+        return value
 
-    entry: Effect
-    inner: float | None
-    gain: float
-    size: int
-    information: Array
-    along: Array
+    def log_p(self, gain: float, size: int, tried: float) -> float:
+        """Logarithm of the chance of so large a gain of ``size`` parameters in any of so many tries (F, Bonferroni)."""
+        if size == 0:
+            return 0.0
+        dof = max(1.0, self.dof - size)
+        rest = max(self.scatter - gain, 1e-300)
+        each = self.effective_samples
+        ratio = each * gain / size / (each * rest / dof)
+        return min(0.0, float(f_distribution.logsf(ratio, size, dof)) + float(np.log(tried)))
 
 
-def score_effects(shade: ScoreTest, dictionary: EffectDictionary) -> list[EffectScore]:
-    """Score every item of a dictionary, laid out over the same samples as the shade."""
-    done = column_products(dictionary, shade.problem, shade.errors, shade.basis, shade.residual)
-    widths = np.array([s.shape[0] for s in done.squares])
-    out: list[EffectScore | None] = [None] * len(widths)
-    for width in np.unique(widths):
-        which = np.flatnonzero(widths == width)
-        starts = np.array([dictionary.items[k].columns.start for k in which])
-        columns = starts[:, None] + np.arange(width)
-        W = done.shadow[:, columns].transpose(1, 0, 2)
-        square = np.stack([done.squares[k] for k in which])
-        information, along = square - W.transpose(0, 2, 1) @ W, done.along[columns]
-        gain, size = _score_gains(information, along, np.einsum("kii->ki", square))
-        for j, k in enumerate(which):
-            item = dictionary.items[k]
-            out[k] = EffectScore(item.entry, item.inner, float(gain[j]), int(size[j]), information[j], along[j])
-    return [s for s in out if s is not None]
+def linearised(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
+    """Return the whitened rows (m, P), per prior size, and residual (m,) of a problem about its errors."""
+    piece = problem.piece(slice(None), errors)
+    return piece.rows.reshape(-1, piece.rows.shape[2]), piece.residual.reshape(-1)
+
+
+def posterior_basis(rows: Array, prior_weight: float) -> Array:
+    """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them."""
+    prior = np.eye(rows.shape[1]) * np.sqrt(prior_weight)
+    return np.asarray(np.linalg.qr(np.vstack([rows, prior]))[0][: len(rows)])
 
 
 def _score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
@@ -123,33 +170,3 @@ def _score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
     along = np.einsum("kij,ki->kj", axes, a / scale)
     gain = np.where(shown, along**2 / np.where(shown, mu, 1.0), 0.0).sum(axis=1)
     return gain, shown.sum(axis=1)
-
-
-def log_p(shade: ScoreTest, gain: float, size: int, tried: float) -> float:
-    """Logarithm of the chance of so large a gain of ``size`` parameters in any of so many tries (F, Bonferroni)."""
-    if size == 0:
-        return 0.0
-    spare = max(1.0, shade.spare - size)
-    rest = max(shade.scatter - gain, 1e-300)
-    ratio = shade.worth * gain / size / (shade.worth * rest / spare)
-    return min(0.0, float(f_distribution.logsf(ratio, size, spare)) + float(np.log(tried)))
-
-
-def grid_values(entry: Effect) -> list[EffectAtValue]:
-    """An entry at every value of its inner number."""
-    return [(entry, None)] if entry.inner is None else [(entry, float(v)) for v in entry.inner.values]
-
-
-REFINEMENT_ROUNDS = 4  # rounds of the search between grid neighbours, each five times finer
-
-
-def refine_value(shade: ScoreTest, entry: Effect, value: float) -> float:
-    """Move the inner number off its grid to where it explains most."""
-    width = grid_spacing(entry, value)
-    for _ in range(REFINEMENT_ROUNDS):
-        tries = value + width * np.linspace(-1, 1, 11)
-        tries = np.unique([clip_to_grid(entry, float(v)) for v in tries])
-        gains = [s.gain for s in score_effects(shade, shade.lay_out([(entry, float(v)) for v in tries]))]
-        value = float(tries[int(np.argmax(gains))])
-        width /= 5
-    return value

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from planner.common.units import Array
-from planner.effects.nonparametric import GEAR_CURVE
+from planner.effects.effect import Role
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.stages import FitContext, error_reduction, fitted_samples, held_out_improvement
@@ -14,30 +14,35 @@ from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.state import FittedEffect, SearchState
 
-# of a run, whose means are taken out before its memory is measured: an effect that is missing is slow
+# segments of a run whose means are taken out before its autocorrelation is measured: a missing effect is slow
 DETREND_SEGMENTS = 40
+LOG_SIGNIFICANCE = float(np.log(2e-3))  # chance, corrected for all that was tried, below which an effect may be added
+LEAST_GAIN = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
+MOST_WALD_PARAMETERS = 8  # parameters above which an effect is a curve: some of its waves are always faint
+DETERMINED_VARIANCE = 0.5  # share of a direction's prior variance that the readings leave, below which they decide it
+LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
 
 
 def screening_correlation_time(state: SearchState, continuous: bool) -> float:
-    """How many samples are worth one where effects are screened: along a drive errors remember each other.
+    """How many samples count as one where effects are screened: along a drive errors are correlated.
 
-    By the residual's quick part: what is slow may be an effect yet to be found. Poses at rest are worth one each.
+    By the residual's quick part: what is slow may be an effect yet to be found. Poses at rest count one each.
     """
     if not continuous:
         return 1.0
     white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
-    stretch = np.arange(len(white)) * DETREND_SEGMENTS // len(white)
-    mean = np.bincount(stretch, white) / np.bincount(stretch)
-    return correlation_time(white - mean[stretch])
+    segment = np.arange(len(white)) * DETREND_SEGMENTS // len(white)
+    mean = np.bincount(segment, white) / np.bincount(segment)
+    return correlation_time(white - mean[segment])
 
 
-def variance_inflation(state: SearchState, held: FittedEffect) -> float:
-    """Factor, 1 or more, on the variance of an effect's size for the memory of the noise.
+def variance_inflation(state: SearchState, found: FittedEffect) -> float:
+    """Factor, 1 or more, on the variance of an effect's size for the autocorrelation of the noise.
 
     With correlations ρ of the residual and γ of the effect's own column at a lag of l samples it is 1 + 2 Σ ρ(l) γ(l)
     (Bartlett 1935); an effect that comes and goes at random from sample to sample does not mind.
     """
-    residual, column = _residual_and_column(state, held)
+    residual, column = _residual_and_column(state, found)
     noise, shape = autocorrelation_function(residual), autocorrelation_function(column)
     faint = np.flatnonzero(noise < 2 / np.sqrt(residual.size))
     last = int(faint[0]) if len(faint) else len(noise)
@@ -58,43 +63,35 @@ def autocorrelation_function(x: Array) -> Array:
     return np.asarray(rho / max(rho[0], 1e-300))
 
 
-def _residual_and_column(state: SearchState, held: FittedEffect) -> tuple[Array, Array]:
+def _residual_and_column(state: SearchState, found: FittedEffect) -> tuple[Array, Array]:
     """Whitened residual of the fit, and what the effect adds to the readings that the other parameters cannot."""
     problem, errors = state.fit.problem, state.fit.errors
     piece = problem.piece(slice(None), errors)
-    P = piece.rows.shape[2]
-    own = state.positions(held)
-    rest = [j for j in range(P) if j not in own and state.fit.model.parameters[j].group != LINK_MASSES]
+    own = state.positions(found)
+    rest = [j for j, p in enumerate(state.fit.model.parameters) if j not in own and p.group != LINK_MASSES]
     column = piece.rows[:, :, own] @ (errors[own] / problem.prior[own])
     others = piece.rows[:, :, rest].reshape(-1, len(rest))
     gram = others.T @ others + np.eye(len(rest))
-    taken = others @ np.linalg.solve(gram, others.T @ column.reshape(-1))
-    return piece.residual, column - taken.reshape(column.shape)
-
-
-# chance, corrected for everything that was tried, below which an effect may be added
-LOG_SIGNIFICANCE = float(np.log(2e-3))
-LEAST_GAIN = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
-MOST_WALD_PARAMETERS = 8  # parameters above which an effect is a curve: some of its waves are always faint
-DETERMINED_VARIANCE = 0.5  # share of a direction's prior variance that the readings leave, below which they decide it
-LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
+    shared = others @ np.linalg.solve(gram, others.T @ column.reshape(-1))
+    return piece.residual, column - shared.reshape(column.shape)
 
 
 def rejection_reason(before: SearchState, after: SearchState, bench: FitContext, tried: int) -> str | None:
     """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
-    held = after.effects[-1]
+    found = after.effects[-1]
     fall, error = held_out_gain(before, after, bench)
     if fall <= error:
         return "held-out samples gain no more than chance"
     if fall < LEAST_GAIN:
         return f"held-out errors fall by {fall / 2:.1%} only"
-    size = float(np.linalg.norm(after.sizes(held)))
-    if size > held.entry.largest:
-        return f"its size {size:.3g} is beyond what is plausible, {held.entry.largest:.3g}"
-    memory = variance_inflation(after, held)
-    if len(after.positions(held)) <= MOST_WALD_PARAMETERS and wald_statistic(after, held)[0] / memory < LEAST_SIGMAS**2:
+    size = float(np.linalg.norm(after.sizes(found)))
+    if size > found.effect.largest:
+        return f"its size {size:.3g} is beyond what is plausible, {found.effect.largest:.3g}"
+    inflation = variance_inflation(after, found)
+    few = len(after.positions(found)) <= MOST_WALD_PARAMETERS
+    if few and wald_statistic(after, found)[0] / inflation < LEAST_SIGMAS**2:
         return "its size is not determined once everything is refitted"
-    if wald_log_p(after, held, tried, memory) > LOG_SIGNIFICANCE:
+    if wald_log_p(after, found, tried, inflation) > LOG_SIGNIFICANCE:
         return "it is no larger than chance would have it among so many"
     return None
 
@@ -119,48 +116,50 @@ class OwnGain:
 
 
 def own_gains(state: SearchState, bench: FitContext) -> list[OwnGain]:
-    """What each effect of a state gains; noise, prior sizes and weights stay as they are."""
+    """What each effect of a state gains; noise, prior sizes and masses stay as they are."""
     fit = state.fit
     few = fitted_samples(bench.run, fit.model) if len(fit.problem) < len(bench.run) else None
     split = bench.split if few is None else bench.split.take(few)
-    names = fit.model.names
-    slopes = [[names.index(h.slope_name)] if h.slope_name in names else [] for h in state.effects]
-    parts = [[*state.positions(h), *slope] for h, slope in zip(state.effects, slopes, strict=True)]
-    weights = [j for j, p in enumerate(fit.model.parameters) if p.group == LINK_MASSES]
+    parameters = fit.model.parameters
+    parts = [
+        [*state.positions(f), *(j for j, p in enumerate(parameters) if p.name == f.sensitivity_name)]
+        for f in state.effects
+    ]
+    masses = [j for j, p in enumerate(parameters) if p.group == LINK_MASSES]
     after = predict_held_out(fit, split).residual
-    bare = [h.residual for h in predict_held_out_without(fit, split, parts, weights)]
+    bare = [h.residual for h in predict_held_out_without(fit, split, parts, masses)]
     least = Metrics.of(after).rms
     return [OwnGain(Metrics.of(b).rms - least, *error_reduction(b, after, split)) for b in bare]
 
 
-def wald_statistic(state: SearchState, held: FittedEffect) -> tuple[float, int]:
+def wald_statistic(state: SearchState, found: FittedEffect) -> tuple[float, int]:
     """Wald statistic of an effect over the number of its parameters, and that number: how far its size is from zero.
 
     Of a gear's curve only what the readings decide is counted: waves that are too quick for the poses to show are
-    expected near zero and found there. Wrong weights count as known: they show through the compliances only, and go
-    with them.
+    expected near zero and found there. Masses other than stated count as known: they show through the compliances
+    only, and go with them.
     """
     model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
     kept = np.array([j for j, p in enumerate(model.parameters) if p.group != LINK_MASSES])
-    which = np.searchsorted(kept, state.positions(held))
+    which = np.searchsorted(kept, state.positions(found))
     root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
     variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
     along = axes.T @ (state.fit.errors / prior)[kept][which]
-    told = variance < DETERMINED_VARIANCE
-    if held.entry.kind != GEAR_CURVE or not told.any():
-        told = np.ones(len(which), dtype=bool)
-    return float((along[told] ** 2 / variance[told]).mean()), int(told.sum())
+    decided = variance < DETERMINED_VARIANCE
+    if not found.has(Role.GEAR_CURVE) or not decided.any():
+        decided = np.ones(len(which), dtype=bool)
+    return float((along[decided] ** 2 / variance[decided]).mean()), int(decided.sum())
 
 
-def wald_log_p(state: SearchState, held: FittedEffect, tried: int, memory: float | None = None) -> float:
+def wald_log_p(state: SearchState, found: FittedEffect, tried: int, inflation: float | None = None) -> float:
     """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried.
 
     Beside other gears that run unevenly a gear's curve is one of as many as there are joints.
     """
-    memory = variance_inflation(state, held) if memory is None else memory
-    if held.entry.kind == GEAR_CURVE and sum(h.entry.kind == GEAR_CURVE for h in state.effects) > 1:
+    inflation = variance_inflation(state, found) if inflation is None else inflation
+    if found.has(Role.GEAR_CURVE) and sum(f.has(Role.GEAR_CURVE) for f in state.effects) > 1:
         tried = min(tried, state.base.setup.robot.n_joints)
-    spare = max(1.0, len(state.fit.problem) * state.fit.model.width / memory - state.fit.effective)
-    size, directions = wald_statistic(state, held)
-    one = f_distribution.logsf(size / memory, directions, spare)
+    dof = max(1.0, len(state.fit.problem) * state.fit.model.width / inflation - state.fit.effective)
+    size, directions = wald_statistic(state, found)
+    one = f_distribution.logsf(size / inflation, directions, dof)
     return min(0.0, float(one) + float(np.log(tried)))

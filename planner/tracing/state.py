@@ -1,13 +1,12 @@
 """The model during the search: the geometry and the effects found so far, fitted and judged."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.effects.effect import Effect
+from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
 from planner.identification.least_squares import ROUGHLY_CONVERGED, Fit, solve, subset_size
 from planner.identification.problem import FitProblem
@@ -15,7 +14,6 @@ from planner.identification.stages import FitContext, FittedStage, fit_stage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.auxiliary_parameters import (
-    COMPLIANCE,
     LARGEST_MASS_PRIOR,
     clip_to_grid,
     grid_spacing,
@@ -24,21 +22,48 @@ from planner.tracing.auxiliary_parameters import (
     sensitivity_parameter,
 )
 
-SETTLING_ROUNDS = 6  # in which inner numbers settle
+SETTLING_ROUNDS = 6  # in which nonlinear values settle
 SETTLING_SAMPLES = 3_000  # samples of a long run on which they do
+MOST_REPEATS = 4  # effects of one kind at one place
 
 
 @dataclass(frozen=True)
 class FittedEffect:
-    """An effect in the model: its entry and its inner number."""
+    """An effect in the model, and the value of its nonlinear parameter."""
 
-    entry: Effect
-    inner: float | None
+    effect: Effect
+    value: float | None = None
 
     @property
-    def slope_name(self) -> str:
-        """Name of the parameter that moves the inner number, empty where there is none."""
-        return f"{self.entry.name}, {self.entry.inner.name}" if self.entry.inner else ""
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters, the nonlinear one left aside."""
+        return self.effect.make(self.value)
+
+    @property
+    def sensitivity_name(self) -> str:
+        """Name of the parameter that moves the nonlinear value, empty where there is none."""
+        return f"{self.name}, {self.effect.nonlinear.name}" if self.effect.nonlinear else ""
+
+    def has(self, role: Role) -> bool:
+        """Tell whether the effect has any of the roles."""
+        return self.effect.has(role)
+
+    def step_value(self, step: float) -> "FittedEffect":
+        """Move the nonlinear value, by one grid spacing at most: beyond it the linear step means nothing."""
+        assert self.value is not None
+        width = grid_spacing(self.effect, self.value)
+        value = float(np.clip(self.value + step, self.value - width, self.value + width))
+        return replace(self, value=clip_to_grid(self.effect, value))
+
+    def sensitivity(self, errors: dict[str, float]) -> Parameter | None:
+        """The parameter that moves the nonlinear value, where there is one and the effect has a size."""
+        sizes = np.array([errors.get(p.name, 0.0) for p in self.parameters])
+        return sensitivity_parameter(self.effect, self.value, sizes) if self.value is not None and sizes.any() else None
 
 
 @dataclass(frozen=True)
@@ -68,160 +93,130 @@ class SearchState:
     @property
     def names(self) -> frozenset[str]:
         """Names of the effects."""
-        return frozenset(h.entry.name for h in self.effects)
+        return frozenset(f.name for f in self.effects)
 
     @property
-    def kind(self) -> frozenset[tuple[str, int]]:
+    def structure(self) -> frozenset[tuple[str, int]]:
         """What tells the model from others: its effects, and how many parameters each has."""
-        return frozenset((h.entry.name, len(h.entry.make(h.inner))) for h in self.effects)
+        return frozenset((f.name, len(f.parameters)) for f in self.effects)
 
-    def positions(self, held: FittedEffect) -> list[int]:
-        """Positions of an effect's own parameters in the model, its inner number left aside."""
-        names = {p.name for p in held.entry.make(held.inner)}
+    def positions(self, found: FittedEffect) -> list[int]:
+        """Positions of an effect's own parameters in the model, its nonlinear one left aside."""
+        names = {p.name for p in found.parameters}
         return [j for j, name in enumerate(self.fit.model.names) if name in names]
 
-    def sizes(self, held: FittedEffect) -> Array:
+    def sizes(self, found: FittedEffect) -> Array:
         """Values of an effect's parameters."""
-        return self.fit.errors[self.positions(held)]
+        return self.fit.errors[self.positions(found)]
 
-    def evidence(self, worth: float = 1.0) -> float:
+    def without(self, *effects: FittedEffect) -> tuple[FittedEffect, ...]:
+        """Return the effects but these."""
+        return tuple(f for f in self.effects if f not in effects)
+
+    def evidence(self, correlation_time: float = 1.0) -> float:
         """Minus twice the logarithm of the run's likelihood under this model, its parameters averaged over (Laplace).
 
-        Each parameter costs what the readings narrow its prior by, each inner number what they narrow its grid by
-        (MacKay 1992): of two models that fit alike the simpler one has the lower value. ``worth`` samples are one.
+        Each parameter costs what the readings narrow its prior by, each nonlinear value what they narrow its grid by
+        (MacKay 1992): of two models that fit alike the simpler one has the lower value. So many samples count as one.
         """
         problem, solution = self.fit.problem, self.fit.solution
         few = slice(0, None, max(1, len(problem) // 3000))
         noise = float(np.linalg.slogdet(problem.whitener.covariance(few))[1].mean() * len(problem))
-        scanned = sum(2 * float(np.log(len(h.entry.inner.values))) for h in self.effects if h.entry.inner is not None)
-        narrowed = 2 * float(np.log(np.maximum(np.abs(np.diag(solution.factor)) / np.sqrt(worth), 1.0)).sum())
-        return (solution.cost + noise) / worth + narrowed + scanned
+        grids = [len(f.effect.nonlinear.values) for f in self.effects if f.effect.nonlinear is not None]
+        scanned = sum(2 * float(np.log(n)) for n in grids)
+        precision = np.abs(np.diag(solution.factor)) / np.sqrt(correlation_time)
+        narrowed = 2 * float(np.log(np.maximum(precision, 1.0)).sum())
+        return (solution.cost + noise) / correlation_time + narrowed + scanned
 
+    def refit(self, bench: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
+        """Fit the base model with effects: nonlinear values settle first, then all parameters together.
 
-def refit(
-    bench: FitContext, name: str, base: Model, effects: tuple[FittedEffect, ...], before: SearchState
-) -> SearchState:
-    """Fit the base model with effects: inner numbers settle first, noise and priors as they were, then all together."""
-    quick = before.fit.problem
-    if len(quick) > subset_size(base, SETTLING_SAMPLES):
-        quick = quick.take(even_positions(len(quick), subset_size(base, SETTLING_SAMPLES)))
-    errors = dict(zip(before.fit.model.names, before.fit.errors, strict=True))
-    inside = any(h.inner is not None or h.entry.kind == COMPLIANCE for h in effects)
-    for _ in range(SETTLING_ROUNDS if inside else 0):
-        effects, errors, settled = _settle_nonlinear(quick, base, effects, errors)
-        if settled:
-            break
-    sizes = [_known_sizes(h, errors) for h in effects]
-    slopes = [
-        sensitivity_parameter(h.entry, h.inner, s)
-        for h, s in zip(effects, sizes, strict=True)
-        if h.inner is not None and s.any()
-    ]
-    own = base.plus([*(p for h in effects for p in h.entry.make(h.inner)), *slopes])
-    weights = _link_masses(base, effects, errors)
+        It starts from this state, with its noise and priors.
+        """
+        errors = dict(zip(self.fit.model.names, self.fit.errors, strict=True))
+        effects, errors = self._settle(effects, errors)
+        sensitivities = [p for f in effects if (p := f.sensitivity(errors)) is not None]
+        model = self.base.plus([*(p for f in effects for p in f.parameters), *sensitivities])
+        masses = _link_masses(self.base, effects, errors)
 
-    def with_all(model: Model) -> FittedStage:
-        return fit_stage(name, model, bench.run, bench.split, bench.judge, bench.robust, before.fit)
+        def fit(model: Model) -> FittedStage:
+            name = effects[-1].name
+            return fit_stage(name, model, bench.run, bench.split, bench.judge, bench.robust, self.fit)
 
-    found = with_all(own.plus(weights))
-    if weights and link_mass_uncertainty(found.fit.model) > LARGEST_MASS_PRIOR:
-        found = with_all(own)  # they stand in for what is missing yet, and for the compliances themselves
-    return SearchState(base, effects, found)
+        fitted = fit(model.plus(masses))
+        if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:
+            fitted = fit(model)  # they stand in for what is missing yet, and for the compliances themselves
+        return SearchState(self.base, effects, fitted)
 
-
-def _known_sizes(held: FittedEffect, errors: dict[str, float]) -> Array:
-    return np.array([errors.get(p.name, 0.0) for p in held.entry.make(held.inner)])
+    def _settle(
+        self, effects: tuple[FittedEffect, ...], errors: dict[str, float]
+    ) -> tuple[tuple[FittedEffect, ...], dict[str, float]]:
+        """Settle nonlinear values and the masses that show through compliances, on some samples of the run."""
+        problem, most = self.fit.problem, subset_size(self.base, SETTLING_SAMPLES)
+        if len(problem) > most:
+            problem = problem.take(even_positions(len(problem), most))
+        needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in effects)
+        for _ in range(SETTLING_ROUNDS if needed else 0):
+            effects, errors, settled = _settling_step(problem, self.base, effects, errors)
+            if settled:
+                break
+        return effects, errors
 
 
 def _link_masses(base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]) -> list[Parameter]:
-    """Wrong weights, as the compliances that are known so far show them."""
-    transforms = base.setup.chain.transforms
-    soft = []
-    for h in effects:
-        if h.entry.kind == COMPLIANCE:
-            first = h.entry.make(None)[0]
-            joint, size = transforms[first.main.index].joint, errors.get(first.name, 0.0)
-            if joint is not None and size:
-                soft.append((joint, round(size, 12)))
-    return link_mass_parameters(base, soft)
+    """Masses other than stated, as the compliances that are known so far show them."""
+    compliances = [(f.effect.place.joint, errors.get(f.parameters[0].name, 0.0)) for f in _compliances(effects)]
+    return link_mass_parameters(base, [(i, round(c, 12)) for i, c in compliances if i is not None and c])
 
 
-def _settle_nonlinear(
-    quick: FitProblem, base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]
+def _compliances(effects: tuple[FittedEffect, ...]) -> list[FittedEffect]:
+    return [f for f in effects if f.has(Role.COMPLIANCE)]
+
+
+def _settling_step(
+    problem: FitProblem, base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]
 ) -> tuple[tuple[FittedEffect, ...], dict[str, float], bool]:
-    """One step of the inner numbers with everything else free, and whether none moved by more than σ/10."""
-    own = [h.entry.make(h.inner) for h in effects]
-    slopes = {
-        h.entry.name: sensitivity_parameter(h.entry, h.inner, size)
-        for h in effects
-        if h.inner is not None and (size := _known_sizes(h, errors)).any()
-    }
-    soft = _link_masses(base, effects, errors)
-    priors = dict(zip(quick.model.names, quick.model.prior, strict=True))
-    everything = [*base.parameters, *(p for parameters in own for p in parameters), *slopes.values(), *soft]
+    """One step of the nonlinear values with everything else free, and whether none moved by more than σ/10."""
+    sensitivities = {f.name: p for f in effects if (p := f.sensitivity(errors)) is not None}
+    own = [p for f in effects for p in f.parameters]
+    everything = [*base.parameters, *own, *sensitivities.values(), *_link_masses(base, effects, errors)]
+    priors = dict(zip(problem.model.names, problem.model.prior, strict=True))
     model = replace(base, parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in everything))
-    here = quick.with_model(model)
-    starts = np.array([0.0 if p in slopes.values() else errors.get(p.name, 0.0) for p in everything])
-    found = solve(here, starts, ROUGHLY_CONVERGED)
-    root = found.root(here.prior)
-    sigma = dict(zip(model.names, np.linalg.norm(root, axis=1), strict=True))
+    here = problem.with_model(model)
+    zero = {p.name: 0.0 for p in sensitivities.values()}
+    found = solve(here, np.array([(errors | zero).get(p.name, 0.0) for p in everything]), ROUGHLY_CONVERGED)
     value = dict(zip(model.names, found.errors, strict=True))
-    step = {name: (value[p.name], sigma[p.name]) for name, p in slopes.items()}
-    moved = tuple(
-        replace(h, inner=_limit_step(h, h.inner + step[h.entry.name][0]))
-        if h.inner is not None and h.entry.name in step
-        else h
-        for h in effects
+    sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
+    moved = tuple(f.step_value(value[sensitivities[f.name].name]) if f.name in sensitivities else f for f in effects)
+    for before, after in zip(effects, moved, strict=True):  # parameters bear their nonlinear value in their names
+        value |= {q.name: value[p.name] for p, q in zip(before.parameters, after.parameters, strict=True)}
+    settled = (
+        len(sensitivities) == sum(f.value is not None for f in effects)
+        and all(abs(value[p.name]) <= 0.1 * sigma[p.name] for p in sensitivities.values())
+        and all(_is_settled(f.parameters[0].name, errors, value) for f in _compliances(effects))
     )
-    for before, after in zip(effects, moved, strict=True):  # parameters bear their inner number in their names
-        sizes = [value[p.name] for p in before.entry.make(before.inner)]
-        value |= {p.name: v for p, v in zip(after.entry.make(after.inner), sizes, strict=True)}
-    settled = len(slopes) == sum(h.inner is not None for h in effects)
-    settled = settled and all(abs(shift) <= 0.1 * std for shift, std in step.values())
-    yielding = [h.entry.make(None)[0].name for h in effects if h.entry.kind == COMPLIANCE]
-    settled = settled and all(abs(value[n] - errors.get(n, 0.0)) <= 0.02 * abs(value[n]) for n in yielding)
     return (effects if settled else moved), value, settled
 
 
-def _limit_step(held: FittedEffect, value: float) -> float:
-    """Keep an inner number within one grid spacing of where it was: beyond it the linear step means nothing."""
-    assert held.inner is not None
-    width = grid_spacing(held.entry, held.inner)
-    return clip_to_grid(held.entry, float(np.clip(value, held.inner - width, held.inner + width)))
+def _is_settled(name: str, before: dict[str, float], after: dict[str, float]) -> bool:
+    return abs(after[name] - before.get(name, 0.0)) <= 0.02 * abs(after[name])
 
 
-REPEATABLE_KINDS = ("gear ripple", "warm-up")
-MOST_REPEATS = 4  # of one kind at one place
-LEAST_SEPARATION = 3  # spacings of the grid between the frequencies of two of them
-REPEAT_MARK = " ("
+def number_repeat(effect: Effect, effects: tuple[FittedEffect, ...]) -> Effect:
+    """Return the effect under a name that no other one has yet."""
+    names = {f.name for f in effects}
+    while effect.name in names:
+        effect = replace(effect, repeat=effect.repeat + 1)
+    return effect
 
 
-def number_repeat(entry: Effect, effects: tuple[FittedEffect, ...]) -> Effect:
-    """Return the entry under a name that no effect has yet."""
-    others = {h.entry.name for h in effects}
-    count, again = 1, entry
-    while again.name in others:
-        count += 1
-        again = replace(entry, kind=f"{entry.kind}{REPEAT_MARK}{count})", make=partial(_make_repeat, entry, count))
-    return again
+def known_values(effect: Effect, effects: tuple[FittedEffect, ...]) -> list[float]:
+    """Nonlinear values that effects of the same kind at the same place have already."""
+    return [f.value for f in effects if f.effect.family == effect.name and f.value]
 
 
-def _make_repeat(entry: Effect, count: int, inner: float | None) -> tuple[Parameter, ...]:
-    return tuple(replace(p, name=f"{p.name}_{count}") for p in entry.make(inner))
-
-
-def base_kind(kind: str) -> str:
-    """The kind without the number of its turn."""
-    return kind.split(REPEAT_MARK)[0]
-
-
-def known_nonlinear_values(entry: Effect, effects: tuple[FittedEffect, ...]) -> list[float]:
-    """Inner numbers that effects of this entry have already."""
-    return [h.inner for h in effects if base_kind(h.entry.kind) == entry.kind and h.entry.on == entry.on and h.inner]
-
-
-def may_join(entry: Effect, effects: tuple[FittedEffect, ...]) -> bool:
-    """Whether the entry may be added to these effects."""
-    if entry.name not in {h.entry.name for h in effects}:
+def may_join(effect: Effect, effects: tuple[FittedEffect, ...]) -> bool:
+    """Tell whether an effect may be added to others: a new one, or one that may come again."""
+    if effect.name not in {f.name for f in effects}:
         return True
-    return entry.kind in REPEATABLE_KINDS and len(known_nonlinear_values(entry, effects)) < MOST_REPEATS
+    return effect.has(Role.REPEATABLE) and len(known_values(effect, effects)) < MOST_REPEATS

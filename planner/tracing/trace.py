@@ -4,19 +4,17 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.catalogue import catalogue
-from planner.effects.effect import Effect
+from planner.effects.effect import Role
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Finding, InnerNumber, log10_p, p_value
-from planner.tracing.detection_limits import detection_limits
-from planner.tracing.gear_curve import GEAR_CURVE_KIND as CURVE
-from planner.tracing.gear_curve import dominant_waves
-from planner.tracing.rivals import find_rivals
+from planner.tracing.rivals import detection_limits, find_rivals
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.search import SearchResult, search
-from planner.tracing.search_steps import Progress
+from planner.tracing.search_context import Progress
 from planner.tracing.significance import own_gains, screening_correlation_time, variance_inflation, wald_log_p
-from planner.tracing.state import FittedEffect, SearchState, base_kind
+from planner.tracing.state import FittedEffect, SearchState
+from planner.tracing.transmission_error import dominant_waves
 
 DISPLAY_UNITS = {
     "rad": ("µrad", 1e6),
@@ -35,19 +33,72 @@ DISPLAY_UNITS = {
 NONLINEAR_UNITS = {"1/turn": ("", 1.0), "s": ("s", 1.0), "m": ("mm", 1e3), "rad": ("µrad", 1e6)}
 
 
-def describe_effect(
-    entry: Effect, value: float, std: float, unit: str, inner: float | None, inner_std: float | None, sizes: Array
-) -> str:
-    """Fill the entry's sentence with its size, its inner number, and the periods of a curve."""
-    size = format_value(abs(value), std, *DISPLAY_UNITS.get(unit, (unit, 1.0)))
-    number = ""
-    if inner is not None and entry.inner is not None:
-        number = format_value(inner, inner_std, *NONLINEAR_UNITS.get(entry.inner.unit, (entry.inner.unit, 1.0)))
-    sentence = entry.sentence.format(size=size, inner=number)
+def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list[FittedStage], TracingResult]:
+    """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
+
+    A kind of effect that is in the model already is not looked for again.
+    """
+    offered = catalogue(geometry.fit.model.setup, bench.run.samples)
+    effects = [e for e in offered if not e.has(Role.UNTRACED) and e.kind not in geometry.stage.effects]
+    result = search(SearchState(geometry.fit.model, (), geometry), effects, bench, say)
+    last = result.last
+    test = ScoreTest.of(last.fit, screening_correlation_time(last, bench.run.continuous))
+    say("rivals")
+    gains = own_gains(last, bench)
+    findings = tuple(
+        _finding(result, f, own.fall, find_rivals(test, last, f, result.dictionary))
+        for f, own in zip(last.effects, gains, strict=True)
+    )
+    say("detection limits")
+    silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried))
+    return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried)
+
+
+def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...]) -> Finding:
+    last, nonlinear = result.last, found.effect.nonlinear
+    which = last.positions(found)
+    root = last.fit.solution.root(last.fit.problem.prior)
+    sizes, own = last.fit.errors[which], root[which]
+    inflation = variance_inflation(last, found)
+    value = float(np.linalg.norm(sizes))
+    # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
+    std = value * np.sqrt(inflation / max(float(sizes @ np.linalg.solve(own @ own.T, sizes)), 1e-300))
+    signed = value if len(which) > 1 else float(sizes[0])
+    inner_std = None
+    if found.sensitivity_name in last.fit.model.names:
+        row = root[last.fit.model.names.index(found.sensitivity_name)]
+        inner_std = float(np.linalg.norm(row) * np.sqrt(inflation))
+    inner = None
+    if found.value is not None and nonlinear is not None:
+        inner = InnerNumber(name=nonlinear.name, value=found.value, std=inner_std, unit=nonlinear.unit)
+    log_p = wald_log_p(last, found, result.tried, inflation)
+    return Finding(
+        effect=found.effect.kind,
+        on=str(found.effect.place),
+        value=signed,
+        std=std,
+        unit=found.effect.unit,
+        inner=inner,
+        p_value=p_value(log_p),
+        log10_p=log10_p(log_p),
+        gain=gain,
+        rivals=others,
+        note=describe_effect(found, signed, std, inner_std, sizes),
+    )
+
+
+def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
+    """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
+    effect, nonlinear = found.effect, found.effect.nonlinear
+    size = format_value(abs(value), std, *DISPLAY_UNITS.get(effect.unit, (effect.unit, 1.0)))
+    inner = ""
+    if found.value is not None and nonlinear is not None:
+        inner = format_value(found.value, inner_std, *NONLINEAR_UNITS.get(nonlinear.unit, (nonlinear.unit, 1.0)))
+    sentence = effect.sentence.format(size=size, inner=inner)
     if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
         sentence = sentence.replace(" grow ", " shrink ")
-    if entry.kind == CURVE:
-        *others, last = [f"{f:.0f}" for f in dominant_waves(entry.make(None), sizes)]
+    if found.has(Role.GEAR_CURVE):
+        *others, last = [f"{f:.0f}" for f in dominant_waves(found, sizes)]
         sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"
     return sentence
 
@@ -62,63 +113,3 @@ def format_value(value: float, std: float | None, unit: str, factor: float) -> s
     if std >= 3:
         digits = 0
     return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()
-
-
-HIDDEN = ("link mass",)  # shows through joints that yield only, and is fitted along with them
-
-
-def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list[FittedStage], TracingResult]:
-    """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
-
-    A kind of effect that is in the model already is not looked for again.
-    """
-    offered = catalogue(geometry.fit.model.setup, bench.run.samples)
-    there = {*HIDDEN, *geometry.stage.effects}
-    entries = tuple(e for e in offered if e.kind not in there)
-    start = SearchState(geometry.fit.model, (), geometry)
-    found = search(start, entries, bench, say)
-    last = found.last
-    shade = ScoreTest.of(last.fit, screening_correlation_time(last, bench.run.continuous))
-    say("rivals")
-    gains = own_gains(last, bench)
-    findings = tuple(
-        _finding(found, h, own.fall, find_rivals(shade, last, h, found.dictionary))
-        for h, own in zip(last.effects, gains, strict=True)
-    )
-    say("detection limits")
-    taken = last.names
-    silent = tuple(detection_limits(shade, [e for e in entries if e.name not in taken], found.tried))
-    return [s.fitted for s in found.path[1:]], TracingResult(findings, silent, found.rejected, found.tried)
-
-
-def _finding(found: SearchResult, held: FittedEffect, gain: float, others: tuple[str, ...]) -> Finding:
-    last = found.last
-    which = last.positions(held)
-    root = last.fit.solution.root(last.fit.problem.prior)[which]
-    sizes = last.fit.errors[which]
-    wide = variance_inflation(last, held)
-    value = float(np.linalg.norm(sizes))
-    # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
-    std = value * np.sqrt(wide / max(float(sizes @ np.linalg.solve(root @ root.T, sizes)), 1e-300))
-    signed = value if len(which) > 1 else float(sizes[0])
-    inner, name, spread = None, held.slope_name, None
-    if name in last.fit.model.names:
-        row = last.fit.solution.root(last.fit.problem.prior)[last.fit.model.names.index(name)]
-        spread = float(np.linalg.norm(row) * np.sqrt(wide))
-    if held.inner is not None and (number := held.entry.inner) is not None:
-        inner = InnerNumber(name=number.name, value=held.inner, std=spread, unit=number.unit)
-    unit = held.entry.make(held.inner)[0].unit
-    log_p = wald_log_p(last, held, found.tried, wide)
-    return Finding(
-        effect=base_kind(held.entry.kind),
-        on=held.entry.on,
-        value=signed,
-        std=std,
-        unit=unit,
-        inner=inner,
-        p_value=p_value(log_p),
-        log10_p=log10_p(log_p),
-        gain=gain,
-        rivals=others,
-        note=describe_effect(held.entry, signed, std, unit, held.inner, spread, sizes),
-    )

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.pipeline import identify

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from planner.cell.setup import MeasurementSetup, Targets
-from planner.effects.parameters import Parameter, compliance_parameters, robot_parameters, transform_move
+from planner.effects.compliance import compliance_parameters
+from planner.effects.geometry import robot_parameters
+from planner.effects.parameters import Parameter, transform_move
 from planner.gauges.tracker import Tracker
 from planner.identification.estimates import estimate_parameters
 from planner.kinematics.robot_reader import load_robot

@@ -5,12 +5,13 @@ import pinocchio as pin
 import pytest
 
 import planner.effects.basis as basis
-import planner.effects.thermal as heat
+import planner.effects.compliance as compliance
+import planner.effects.sessions as sessions
 import tests.calibrated.made as making
 from planner.cell.setup import Targets
-from planner.effects.phi_keys import KEY_PATTERNS, is_static, phi_from_key
+from planner.effects.basis import FUNCTIONS
+from planner.effects.phi_keys import is_static, key_patterns, phi_from_key
 from planner.identification.calibrated_robot import (
-    CAUSES,
     CalibratedRobot,
     calibrated_files,
     calibrated_meshes,
@@ -160,7 +161,7 @@ def test_a_second_calibration_keeps_the_controllers_model(tmp_path):
 
 def test_effects_that_need_more_than_angles_and_loads_are_named_and_left_out(tmp_path):
     robot = load_robot("ur10")
-    made = calibration(robot, 9, [parameter(robot, "step", "rad", "theta2", heat.InSession(0), "session step")])
+    made = calibration(robot, 9, [parameter(robot, "step", "rad", "theta2", sessions.InSession(0), "session step")])
     again = back(tmp_path, made)
     assert [(e.name, e.on, e.phi, e.unit, e.static) for e in again.effects] == [
         ("step", "theta2", "session:0", "rad", False)
@@ -183,7 +184,7 @@ def test_what_belongs_to_the_gauge_stays_out(tmp_path):
 
 def test_an_effect_on_the_base_moves_the_whole_arm(tmp_path):
     robot = load_robot("ur10")
-    made = calibration(robot, 9, [parameter(robot, "foundation", "rad/Nm", "base_ry", basis.LoadTorque(1))])
+    made = calibration(robot, 9, [parameter(robot, "foundation", "rad/Nm", "base_ry", compliance.LoadTorque(1))])
     again = back(tmp_path, made)
     q = poses(robot)
     np.testing.assert_allclose(CalibratedRobot(again).flange(q)[0], predicted(made, q), rtol=0, atol=1e-9)
@@ -277,5 +278,8 @@ def test_what_programs_are_not_corrected_for_is_told_by_cause_and_place():
 
 
 def test_every_effect_that_programs_are_not_corrected_for_has_a_cause():
-    own = {f.word for f in KEY_PATTERNS if not f.static and not f.gauge}
-    assert own == set(CAUSES)
+    assert key_patterns()
+    own = [f for f in FUNCTIONS if not f.is_static and not f.of_gauge]
+    assert len(own) == 10
+    assert all(f.uncorrected for f in own)
+    assert {f for f in FUNCTIONS if f.uncorrected} == set(own)

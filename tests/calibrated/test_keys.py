@@ -8,17 +8,23 @@ import pytest
 import planner.effects.basis as basis
 from planner import effects as effects
 from planner.common.errors import InputError
-from planner.effects.phi_keys import KEY_PATTERNS, is_static, needs_loads, phi_from_key
+from planner.effects.phi_keys import is_static, key_patterns, needs_loads, phi_from_key
 
 
 def basis_functions():
     modules = [importlib.import_module(f"planner.effects.{m.name}") for m in pkgutil.iter_modules(effects.__path__)]
     classes = {c for m in modules for c in vars(m).values() if isinstance(c, type) and c.__module__ == m.__name__}
-    return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.Phi}
+    return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.BasisFunction}
 
 
 EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1", "NUMBER": "1.5"}
-KEYS = [":".join(({"PHI": "moment:2:0"} | EXAMPLE).get(w, w) for w in f.pattern.split(":")) for f in KEY_PATTERNS]
+WORDS = {"(sin|cos)": ("sin", "cos"), "bar-(fixture|tool)": ("bar-fixture", "bar-tool"),
+         "scale-(sin|cos)": ("scale-sin", "scale-cos")}  # fmt: skip
+KEYS = [
+    ":".join([word, *(({"PHI": "moment:2:0"} | EXAMPLE)[kind] for kind in kinds)])
+    for first, *kinds in (pattern.split(":") for pattern in key_patterns())
+    for word in WORDS.get(first, (first,))
+]
 
 
 @pytest.mark.parametrize("key", [*KEYS, "times:-2e-05:twist:0:1:2:sin:6:12.25"])

@@ -76,7 +76,7 @@ def test_planted_effect_is_explained_by_its_entry(kind):
         return
     effect = made.truth.effects[0]
     run, setup, model = measured(made)
-    entries = {(e.kind, e.on): e for e in catalogue(setup, run.samples)}
+    entries = {(e.kind, str(e.place)): e for e in catalogue(setup, run.samples)}
     entry = entries[named(effect)]
     more = identifiable_subset(model.plus(list(entry.make(inner(effect)))), run.samples)[0]
     oracle = made.oracle()[0]
@@ -85,16 +85,16 @@ def test_planted_effect_is_explained_by_its_entry(kind):
     assert after < (1.02 + LOOSE.get(kind, 0.0)) * oracle
     own = [abs(values[p.name]) for p in entry.make(inner(effect)) if p.name in values]
     assert 0 < max(own) < entry.largest
-    assert KINDS[kind].counts_as_right(effect, entry.kind, joint_of(entry.on))
+    assert KINDS[kind].counts_as_right(effect, entry.kind, joint_of(str(entry.place)))
 
 
 @pytest.mark.parametrize("kind", COMPOUND)
 def test_compound_effect_has_a_name_in_the_catalogue(kind):
     made = planted(kind)
     run, setup, _ = measured(made)
-    entries = {(e.kind, e.on): e for e in catalogue(setup, run.samples)}
+    entries = {(e.kind, str(e.place)): e for e in catalogue(setup, run.samples)}
     entry = entries[named(made.truth.effects[0])]
-    assert KINDS[kind].counts_as_right(made.truth.effects[0], entry.kind, joint_of(entry.on))
+    assert KINDS[kind].counts_as_right(made.truth.effects[0], entry.kind, joint_of(str(entry.place)))
 
 
 def test_no_entry_of_the_catalogue_explains_what_has_no_entry():
@@ -108,7 +108,7 @@ def test_no_entry_of_the_catalogue_explains_what_has_no_entry():
 def test_absorbed_effects_are_in_the_catalogue_too():
     made = edbb_static(arm_of("comau-nj130"), 40, seed=5, logs=())
     run, setup, _ = measured(made)
-    there = {(e.kind, e.on) for e in catalogue(setup, run.samples)}
+    there = {(e.kind, str(e.place)) for e in catalogue(setup, run.samples)}
     assert {
         ("gauge scale", "gauge"),
         ("ball centre", "ball at the fixture"),

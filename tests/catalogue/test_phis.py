@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 
 import tests.identification.rigs as rigs
-from planner.effects.backlash import ApproachDirection, Hysteresis, SettlingError, SpeedLag, SpeedSign
+from planner.effects.backlash import ApproachDirection, Hysteresis, SettlingError, SpeedLag, SpeedSign, TorqueSign
 from planner.effects.basis import ONE
 from planner.effects.catalogue import catalogue
+from planner.effects.compliance import DriveTorque, LoadMoment, PayloadTorque, TipMoment, WeightTorque, twist_moves
 from planner.effects.context import Context
-from planner.effects.effect import twist_moves
-from planner.effects.gauge_functions import (
+from planner.effects.gauge_errors import (
     BallOffset,
     BarSag,
     BeamRefraction,
@@ -23,11 +23,11 @@ from planner.effects.gauge_functions import (
     PointLag,
     RayGrowth,
 )
-from planner.effects.gears import Angle, Cosine, Sine
-from planner.effects.load_functions import DriveTorque, LoadMoment, PayloadTorque, TipMoment, TorqueSign, WeightTorque
+from planner.effects.gears import JointAngle, JointWave
 from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import phi_from_key
-from planner.effects.thermal import ElapsedTime, MountedAnew, TemperatureRise, WarmUp
+from planner.effects.sessions import PlaceInSession
+from planner.effects.thermal import ElapsedTime, TemperatureRise, WarmUp
 from planner.model.model import Model
 from planner.runs.run import Samples
 from tests.generator.arm import Arm
@@ -74,7 +74,7 @@ def test_columns_are_the_derivative_of_the_prediction(name, kind):
     setup = rigs.setup(name, kind, rng)
     s = everything(setup, 12, rng)
     entries = catalogue(setup, s)
-    values = [None if e.inner is None else float(rng.choice(e.inner.values)) for e in entries]
+    values = [None if e.nonlinear is None else float(rng.choice(e.nonlinear.values)) for e in entries]
     parameters = [p for e, v in zip(entries, values, strict=True) for p in e.make(v)]
     assert len({p.name for p in parameters}) == len(parameters) > 150
     target = rigs.targets(setup, kind, s, rng)
@@ -91,7 +91,7 @@ def test_keys_tell_functions_apart_and_lead_back_to_them():
     for kind in ("length", "position"):
         setup = rigs.setup("comau-nj130", kind, rng)
         for e in catalogue(setup, everything(setup, 30, rng)):
-            for v in [None] if e.inner is None else e.inner.values[:3]:
+            for v in [None] if e.nonlinear is None else e.nonlinear.values[:3]:
                 phis |= {m.phi for p in e.make(None if v is None else float(v)) for m in p.moves}
     phis |= {TipMoment(0), TipMoment(1)}
     keys = {phi.key for phi in phis}
@@ -192,9 +192,9 @@ def test_plain_formulas():
     theta_speed = s.speed @ c.setup.robot.sense_matrix.T
     horizontal = np.linalg.norm(e - np.outer(e @ down, down), axis=1)
     both = {
-        Sine(2, 12.5): np.sin(12.5 * q[:, 2]),
-        Cosine(2, 12.5): np.cos(12.5 * q[:, 2]),
-        Angle(1, 0.3): q[:, 1] - 0.3,
+        JointWave("sin", 2, 12.5): np.sin(12.5 * q[:, 2]),
+        JointWave("cos", 2, 12.5): np.cos(12.5 * q[:, 2]),
+        JointAngle(1, 0.3): q[:, 1] - 0.3,
         SpeedSign(3): np.where(s.speed[:, 3] > 0, 0.5, -0.5),
         ApproachDirection(3): s.direction[:, 3] / 2,
         SpeedLag(4): -theta_speed[:, 4],
@@ -204,7 +204,7 @@ def test_plain_formulas():
         TemperatureRise(21.0): s.temperature - 21.0,
         ElapsedTime(5.0): s.t - 5.0,
         WarmUp(5.0, 600.0): 1 - np.exp(-(s.t - 5.0) / 600.0),
-        MountedAnew(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
+        PlaceInSession(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
         LengthPower(0.4, 0.1, 3): ((s.length - 0.4) / 0.1) ** 3,
         LengthGrowth(20.0): (s.temperature - 20.0) * s.length,
         BallOffset("fixture", 1): e[:, 1],

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import MeasurementSetup, Targets, setup_of
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.gauges.ball_socket import BallSocket
 from planner.gauges.bar import DoubleBallBar
 from planner.gauges.tracker import PoseTracker, Tracker

@@ -8,7 +8,7 @@ import pytest
 import tests.loaded.shared as shared
 import tests.loaded.world as world
 from planner.cell.setup import Targets, setup_of
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.model.model import Model
 from planner.runs.run import Samples

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import planner.effects.nonparametric as unnamed
-import planner.tracing.gear_curve as curve
 import tests.identification.rigs as rigs
 from planner.common.errors import InputError
-from planner.design.discrimination.findings import KINDS, check_effect_name, read_identification
+from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.power import SURE, Discrimination, PairPower
 from planner.design.observability.information import INDEX_RULES
-from planner.effects.catalogue import catalogue
+from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds
+from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.session.notes import MUCH, discrimination_notes
 from tests.catalogue.test_phis import everything
 from tests.command import edbb
@@ -80,7 +79,7 @@ def test_the_command_ends_with_two_before_it_plans(tmp_path):
 
 def test_every_kind_that_an_identification_can_name_is_known():
     rng = np.random.default_rng(4)
-    found = {curve.GEAR_CURVE_KIND, unnamed.NONPARAMETRIC}
+    found = {GEAR_CURVE, NONPARAMETRIC}
     for kind in rigs.KINDS:
         setup = rigs.setup(NJ, kind, rng)
         robot = replace(setup.robot, gear_ratio=(101.0,) * 6)
@@ -89,7 +88,7 @@ def test_every_kind_that_an_identification_can_name_is_known():
         found |= {e.kind for e in entries}
         for e in entries:
             check_effect_name(e.name, 6, "here")
-    assert found == set(KINDS)
+    assert found == set(effect_kinds())
 
 
 def told(named, power=0.99, rival="servo lag, joint 2"):

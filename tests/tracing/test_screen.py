@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.effects.catalogue import catalogue
-from planner.tracing.score_test import ScoreTest, score_effects
+from planner.tracing.score_test import ScoreTest
 from tests.tracing.worlds import calibrated, effect
 
 
@@ -29,8 +29,8 @@ def test_the_score_is_what_a_refit_gains(kind):
     entries = [e for e in catalogue(fit.model.setup, found.run.samples) if e.kind == kind][:3]
     assert entries
     for entry in entries:
-        inner = None if entry.inner is None else float(entry.inner.values[5])
-        score = score_effects(shade, shade.lay_out([(entry, inner)]))[0]
+        inner = None if entry.nonlinear is None else float(entry.nonlinear.values[5])
+        score = shade.score_one(entry, inner)
         P = len(fit.errors)
         wide = fit.model.plus(list(entry.make(inner)))
         piece = fit.problem.with_model(wide).piece(slice(None), np.append(fit.errors, np.zeros(len(wide.prior) - P)))
@@ -64,7 +64,7 @@ def test_a_worse_fit_scores_lower():
     found = calibrated((effect("backlash-approach", 3, share=2.0),), traced=False)
     shade = ScoreTest.of(found.fit)
     entry = next(e for e in catalogue(found.fit.model.setup, found.run.samples) if e.name == "backlash, joint 3")
-    real = score_effects(shade, shade.lay_out([(entry, None)]))[0].gain
+    real = shade.score_one(entry).gain
     rng = np.random.default_rng(1)
     noise = replace(shade, residual=rng.permutation(shade.residual))
-    assert score_effects(noise, shade.lay_out([(entry, None)]))[0].gain < 0.2 * real
+    assert noise.score_one(entry).gain < 0.2 * real

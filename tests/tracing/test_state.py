@@ -8,7 +8,7 @@ from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
 from planner.identification.stages import FitContext, fit_stage
 from planner.tracing.auxiliary_parameters import LARGEST_MASS_PRIOR, LINK_MASSES, link_mass_uncertainty
-from planner.tracing.state import FittedEffect, SearchState, refit
+from planner.tracing.state import FittedEffect, SearchState
 from tests.tracing.worlds import arm, calibrated, effect
 
 
@@ -28,9 +28,9 @@ def test_a_wave_that_is_still_on_its_way_keeps_the_uncertainty_of_its_frequency(
     ripple = entries["gear ripple, joint 3"]
     for rounds in (2, 3, 4, 5):
         monkeypatch.setattr(states, "SETTLING_ROUNDS", rounds)
-        after = refit(bench, ripple.name, start.base, (FittedEffect(ripple, 9.2),), start)
-        assert after.effects[0].slope_name in after.fit.model.names
-        assert after.effects[0].inner == pytest.approx(9.37, abs=0.12)
+        after = start.refit(bench, (FittedEffect(ripple, 9.2),))
+        assert after.effects[0].sensitivity_name in after.fit.model.names
+        assert after.effects[0].value == pytest.approx(9.37, abs=0.12)
 
 
 def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
@@ -39,10 +39,10 @@ def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
     found = calibrated(tuple(effect("joint-compliance", j, size) for j in (2, 3)), traced=False, seed=6)
     start, bench, entries = begun(found)
     soft = tuple(FittedEffect(entries[f"joint compliance, joint {j}"], None) for j in (2, 3))
-    plausible = refit(bench, "soft", start.base, soft, start)
+    plausible = start.refit(bench, soft)
     assert 0.05 < link_mass_uncertainty(plausible.fit.model) < LARGEST_MASS_PRIOR
-    monkeypatch.setattr(states, "FAR_OFF", 0.05)
-    bare = refit(bench, "soft", start.base, soft, start)
+    monkeypatch.setattr(states, "LARGEST_MASS_PRIOR", 0.05)
+    bare = start.refit(bench, soft)
     assert any(p.group == LINK_MASSES for p in plausible.fit.model.parameters)
     assert not any(p.group == LINK_MASSES for p in bare.fit.model.parameters)
     for s in (plausible, bare):

@@ -1,78 +1,13 @@
 """The findings of an identification, read from its file, and the names of effects that may occur in it."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from planner.common.errors import InputError, did_you_mean
+from planner.common.errors import InputError
+from planner.effects.catalogue import check_effect_name, strip_repeat
 from planner.model.identification_document import Identification
-
-JOINTS = (
-    "joint compliance",
-    "compliance under drive torque",
-    "payload compliance",
-    "encoder once a turn",
-    "encoder twice a turn",
-    "gear ripple",
-    "gear error curve",
-    "strain-wave error",
-    "motor-side error",
-    "reduction ratio",
-    "coupling",
-    "axis wobble once a turn",
-    "axis wobble twice a turn",
-    "axis wobble three times a turn",
-    "backlash",
-    "backlash by load",
-    "hysteresis",
-    "unsettled angle",
-    "servo lag",
-)
-ARM = ("link bending", "soft base", "tool compliance", "link mass", "payload mass", "link growth")
-TIME = ("thermal drift", "drift", "warm-up", "session step", "remounting")
-GAUGE = (
-    "gauge scale",
-    "gauge nonlinearity",
-    "gauge cubic nonlinearity",
-    "gauge sag",
-    "gauge growth",
-    "gauge lag",
-    "ball centre",
-    "scale interpolation",
-    "refraction",
-)
-KINDS = (*JOINTS, *ARM, *TIME, *GAUGE, "unnamed")
-
-
-def strip_number(name: str) -> str:
-    """Return the name of an effect without its number, where it came again: ``gear ripple (2), joint 1``."""
-    return re.sub(r" \(\d+\)(?=, |$)", "", name)
-
-
-def check_effect_name(name: str, n_joints: int, where: str) -> None:
-    """Check that an effect is one that there is, on a joint that an arm of ``n_joints`` has.
-
-    Args:
-        name: ``encoder once a turn, joint 2``.
-        n_joints: joints of the robot.
-        where: file and place of the name, for the message.
-
-    Raises:
-        InputError: with the nearest kind, or the joints that there are.
-    """
-    kind, comma, on = strip_number(name).partition(", ")
-    if kind not in KINDS or not comma:
-        allowed = "" if comma else "; it is called KIND, PLACE, like 'backlash, joint 2'"
-        raise InputError(
-            f"{where}: '{name}' is no effect{did_you_mean(kind, list(KINDS))}{allowed} (known kinds:"
-            f" {', '.join(KINDS)})"
-        )
-    for part, most in (("joint", n_joints), ("link", n_joints + 1)):
-        for number in re.findall(rf"\b{part} (\d+)", on):
-            if not 1 <= int(number) <= most:
-                raise InputError(f"{where}: '{name}': the robot has {part}s 1 to {most}")
 
 
 @dataclass(frozen=True)
@@ -138,10 +73,10 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
             check_effect_name(name, n_joints, f"{path}: 'findings' number {k}")
     found = tuple(
         IdentifiedEffect(
-            strip_number(f.name),
+            strip_repeat(f.name),
             f.value,
             None if f.inner is None else f.inner.value,
-            tuple(dict.fromkeys(strip_number(r) for r in f.rivals)),
+            tuple(dict.fromkeys(strip_repeat(r) for r in f.rivals)),
         )
         for f in part.findings
     )

@@ -10,11 +10,10 @@ from planner.design.discrimination.criterion import DiscriminationQuestion
 from planner.design.discrimination.power import SURE, discrimination_power
 from planner.design.discrimination.predicted_readings import PredictedReadings, flatten_rows, orthonormal_span
 from planner.design.discrimination.questions import QuestionSet
-from planner.effects.effect import Effect
+from planner.effects.effect import Effect, Role
 
 RIVALS_PER_TRUTH = 2  # that are taken up for each truth at a time
 VISIBLE_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count
-HIDDEN = ("link mass",)  # shows through joints that yield only, and the identification fits it along with them
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class CatalogueColumns:
     @classmethod
     def of(cls, sight: PredictedReadings, entries: Mapping[str, Effect]) -> "CatalogueColumns":
         """Lay out the catalogue over the poses of a sight."""
-        items = tuple((e, v) for e in entries.values() if e.kind not in HIDDEN for v in _inner_grid(e))
+        items = tuple((e, v) for e in entries.values() if not e.has(Role.UNTRACED) for v in e.grid)
         made = [e.make(v) for e, v in items]
         widths = np.array([len(m) for m in made])
         groups = []
@@ -88,7 +87,3 @@ def _known_names(asked: QuestionSet, question: DiscriminationQuestion) -> dict[s
     truth = question.truth
     with_it = {n for p in asked.pairs if truth in (p.finding, p.rival) for n in (p.finding, p.rival)}
     return {"": {n.split(" (")[0] for n in with_it}, truth: set()}
-
-
-def _inner_grid(entry: Effect) -> list[float | None]:
-    return [None] if entry.inner is None else [float(v) for v in entry.inner.values]

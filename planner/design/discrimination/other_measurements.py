@@ -15,7 +15,8 @@ from planner.design.discrimination.criterion import DiscriminationQuestion, Pool
 from planner.design.discrimination.power import ALIKE, EVIDENCE
 from planner.design.discrimination.predicted_readings import PredictedReadings, candidate_visits
 from planner.design.discrimination.questions import QuestionSet
-from planner.effects.parameters import Parameter, gauge_parameters
+from planner.effects.geometry import gauge_parameters
+from planner.effects.parameters import Parameter
 from planner.model.model import Model
 from planner.runs.run import Samples
 

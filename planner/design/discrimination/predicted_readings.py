@@ -97,9 +97,9 @@ def best_matching_inner(sight: PredictedReadings, entry: Effect, signal: Array, 
         signal: of which it is to explain as much as it can, after the base took its part.
         base: orthonormal basis (n r, p) of what is in the model anyway.
     """
-    if entry.inner is None:
+    if entry.nonlinear is None:
         return None
-    grid = entry.inner.values
+    grid = entry.nonlinear.values
     value = _best_on_grid(sight, entry, signal, base, grid)
     near = int(np.argmin(np.abs(grid - value)))
     width = float(max(np.abs(np.diff(grid[max(0, near - 1) : near + 2]))))

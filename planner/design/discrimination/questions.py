@@ -16,33 +16,15 @@ from planner.design.discrimination.predicted_readings import (
     orthonormal_span,
     project_out,
 )
+from planner.effects.catalogue import needs_of
 from planner.effects.effect import Effect
 from planner.effects.parameters import Parameter
-
-NEEDS = {
-    "thermal drift": "a run with temperature_degC logged while the arm warms up or cools down",
-    "link growth": "a run with temperature_degC logged while the arm warms up or cools down",
-    "gauge growth": "a run with temperature_degC logged while the gauge warms up or cools down and the arm does not",
-    "payload compliance": "the same poses with another payload (payload_kg in the run)",
-    "compliance under drive torque": "the drives' torques in the run (torque1_Nm ...)",
-    "session step": "poses measured in several sessions, the bar taken off in between",
-    "remounting": "poses measured in several sessions, the fixture mounted anew in between",
-    "unsettled angle": "both read and commanded angles in the run (q1_deg ... and cmd1_deg ...)",
-    "hysteresis": 'a run measured while moving (motion.measure = "continuous")',
-    "servo lag": 'a run measured while moving (motion.measure = "continuous")',
-    "gauge lag": 'a run measured while moving (motion.measure = "continuous")',
-    "backlash": "poses come to from both sides of the joint",
-    "warm-up": "a longer run that starts with a cold arm",
-    "drift": "a longer run",
-    "unnamed": "nothing that can be planned: the correction has no cause that could be compared",
-    "gear error curve": "nothing that can be planned: a whole curve takes the shape of whatever the readings hold",
-}
 
 
 def explain_not_shown(finding: str, rival: str, missing: Sequence[str]) -> str:
     """Say that a plan's readings do not show an effect at all."""
     kinds = list(dict.fromkeys(_effect_kind(name) for name in missing))
-    needed = " and ".join(dict.fromkeys(NEEDS.get(kind, "another kind of run") for kind in kinds))
+    needed = " and ".join(dict.fromkeys(needs_of(kind) for kind in kinds))
     what = " and ".join(missing)
     return f"{finding} and {rival}: a run of this plan does not show {what}; that needs {needed}"
 
@@ -166,7 +148,7 @@ def pose_questions(
 
 def _own_columns_without(asked: QuestionSet, *entries: Effect) -> np.ndarray:
     """The plan's own columns, less those that are an entry's themselves: joint compliances may be among them."""
-    made = {p.moves for e in entries if e.inner is None for p in e.make(None)}
+    made = {p.moves for e in entries if e.nonlinear is None for p in e.make(None)}
     return np.array([k for k in asked.own if asked.parameters[k].moves not in made], dtype=int)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.units import MM, Array, read_only
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import deflect_joints, lower_fixture, raise_fixture, samples_of
 from planner.instruments.loaded.types import AveragedCurves, Combination, JointCompliances
 from planner.model.model import Model

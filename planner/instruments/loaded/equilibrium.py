@@ -7,9 +7,8 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
-from planner.effects.basis import LoadTorque
+from planner.effects.compliance import DriveTorque, LoadTorque
 from planner.effects.context import Context
-from planner.effects.load_functions import DriveTorque
 from planner.effects.parameters import Parameter
 from planner.instruments.loaded.circle import measured_points
 from planner.instruments.loaded.types import AveragedCurves

@@ -10,7 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import Targets
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.identification.covariance import correlation_time
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import identifiable_subset

@@ -12,7 +12,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.design.observability.information import predict_covariance
 from planner.design.selection.d_optimal import augment_design
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_torques
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
 from planner.model.model import Model
@@ -79,7 +79,7 @@ def _circle_rows(cell: Cell, model: Model, k: int, place: CirclePlace) -> Array:
     D, K, A = curves.length.shape
     apart = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A]
     samples = Samples(curves.q.reshape(D * K * A, -1), np.full(D * K * A, k), force=curves.force.ravel())
-    soft = np.array([p.group == "joint compliance" for p in model.parameters])
+    soft = np.array([is_joint_compliance(p) for p in model.parameters])
     held = replace(model, parameters=use_held_torques(model.parameters))
     errors = np.where(soft, TYPICAL_SHARE * model.prior, 0.0)
     there = solve_equilibrium(model, samples, errors)[1]

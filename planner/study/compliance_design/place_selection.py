@@ -10,7 +10,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.selection.d_optimal import detmax
-from planner.effects.parameters import compliance_parameters
+from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.model.model import Model

@@ -1,0 +1,98 @@
+"""What every step of the search needs: the dictionary, what fits and judges, and what was refused so far."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from planner.common.errors import NoSolutionError
+from planner.effects.effect import Effect
+from planner.identification.stages import FitContext
+from planner.tracing.dictionary import EffectDictionary
+from planner.tracing.score_test import EffectScore, ScoreTest
+from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, wald_log_p
+from planner.tracing.state import FittedEffect, SearchState
+
+RETRY_RATIO = 1.3  # times more of the residual than when it was refused: an effect is tried again
+Progress = Callable[[str], None]
+
+
+@dataclass
+class RejectedEffects:
+    """What was refitted and not kept: why, and how much of the residual it explained then."""
+
+    why: dict[str, str] = field(default_factory=dict)
+    share: dict[str, float] = field(default_factory=dict)
+
+    def add_shares(self, candidates: Sequence[EffectScore], scatter: float) -> None:
+        """Take note of what refused candidates explain of a sum of squares."""
+        self.share.update({c.effect.name: c.gain / scatter for c in candidates})
+
+    def may_try(self, candidate: EffectScore, scatter: float) -> bool:
+        """Tell whether a candidate deserves a refit: a new one, or one that now explains more of what is left."""
+        return candidate.gain / scatter > RETRY_RATIO * self.share.get(candidate.effect.name, 0.0)
+
+
+@dataclass(frozen=True)
+class SearchContext:
+    """One search.
+
+    Attributes:
+        effects: of the catalogue.
+        dictionary: effects and values that each step looks at.
+        bench: run, split and judge.
+        say: told of progress.
+        rejected: so far.
+        barred: names that may not come again: they drove out what had brought them in.
+    """
+
+    effects: tuple[Effect, ...]
+    dictionary: EffectDictionary
+    bench: FitContext
+    say: Progress
+    rejected: RejectedEffects = field(default_factory=RejectedEffects)
+    barred: set[str] = field(default_factory=set)
+
+    @property
+    def tried(self) -> int:
+        """Number of effects and values that each step looks at."""
+        return len(self.dictionary.items)
+
+    def score_test(self, state: SearchState) -> ScoreTest:
+        """The space that a state's model spans."""
+        return ScoreTest.of(state.fit, self._correlation_time(state))
+
+    def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
+        """By how much minus twice the logarithm of the likelihood falls, with the correlation time of a state.
+
+        Of the state ``before`` if not stated; see :meth:`SearchState.evidence`.
+        """
+        time = self._correlation_time(at or before)
+        return before.evidence(time) - after.evidence(time)
+
+    def likeliest(self, states: Sequence[SearchState], at: SearchState) -> SearchState:
+        """The state under which the run is likeliest, with the correlation time of the state ``at``."""
+        time = self._correlation_time(at)
+        return min(states, key=lambda s: s.evidence(time))
+
+    def try_refit(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
+        """Refit with other effects, ``None`` where the fit does not come to rest."""
+        try:
+            return state.refit(self.bench, effects)
+        except NoSolutionError:
+            return None
+
+    def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
+        """Tell whether an effect is larger than chance would have it among everything that was tried."""
+        return wald_log_p(state, found, self.tried) < LOG_SIGNIFICANCE
+
+    def prune(self, state: SearchState) -> SearchState:
+        """Take out effects that the later ones made needless, the faintest first."""
+        while len(state.effects) > 1:
+            chances = [wald_log_p(state, f, self.tried) for f in state.effects]
+            faint = max(range(len(chances)), key=chances.__getitem__)
+            if chances[faint] < LOG_SIGNIFICANCE:
+                break
+            state = state.refit(self.bench, state.without(state.effects[faint]))
+        return state
+
+    def _correlation_time(self, state: SearchState) -> float:
+        return screening_correlation_time(state, self.bench.run.continuous)
