@@ -7,7 +7,7 @@ from rich.table import Table
 from planner.cell.reading import shipped_cells
 from planner.cli.terminal import Json, print_json
 from planner.kinematics.robot_reader import list_robots, load_robot
-from planner.programs.program_files import dialects
+from planner.programs.dialect import dialects
 
 WIDE = Console(width=120)
 
@@ -53,5 +53,5 @@ def dialects_command(as_json: Json = False) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(i.name, i.title, axes, f"{np.power(10.0, -i.decimals):g}°", i.blend_kind, i.logging)
+        table.add_row(i.name, i.title, axes, f"{np.power(10.0, -i.decimals):g}°", i.blend.kind, i.logging)
     WIDE.print(table)

@@ -24,7 +24,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PrivateAttr
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
@@ -194,7 +194,7 @@ class Dialect(StrictModel):
     schema_: Literal["edbb-dialect/1"] = Field(alias="schema")
     title: str
     files: FileNaming
-    name: NameRule
+    name_rule: NameRule = Field(alias="name")
     units: str
     axes: tuple[str, ...] = Field(min_length=1)
     min_joints: int = Field(default=1, ge=1)
@@ -222,6 +222,17 @@ class Dialect(StrictModel):
     centre: CentringCall | None = None
     reading: ReaderWords
     options: dict[str, DialectOption] = {}
+    _name: str = PrivateAttr("")
+
+    @property
+    def name(self) -> str:
+        """Return what the dialect is asked for by: its folder, and ``+option`` where one was chosen."""
+        return self._name
+
+    @property
+    def folder(self) -> Path:
+        """Return the folder of its two files."""
+        return dialect_root() / self._name.partition("+")[0]
 
     @property
     def max_joints(self) -> int:
@@ -232,6 +243,28 @@ class Dialect(StrictModel):
     def extensions(self) -> tuple[str, ...]:
         """Return the extensions of the dialect's files, with the dot."""
         return tuple(Path(name).suffix for name in (self.files.main, self.files.data) if name is not None)
+
+    @property
+    def wants_dense_path(self) -> bool:
+        """Return whether a blended path must be given in small steps to be driven without stops."""
+        return self.blend.kind == "dense"
+
+    @property
+    def logs_axes(self) -> bool:
+        """Return whether the program records the axes at rest."""
+        return self.log is not None
+
+    @property
+    def logs_passing(self) -> bool:
+        """Return whether it does so in passing too; else a continuous session needs ``trace``."""
+        return self.log is not None and self.log.passing
+
+    @property
+    def logging(self) -> str:
+        """Return where the program logs the axes, and with what they are recorded elsewhere."""
+        if self.logs_passing:
+            return "at rest and in passing"
+        return f"at rest; in passing: {self.trace}" if self.logs_axes else f"no: {self.trace}"
 
     def signal(self, text: str, output: int | None, gauge_input: int | None) -> str:
         """Return ``text`` with the names of the cell's output and input in it, as far as the cell has them."""
@@ -262,9 +295,14 @@ def load_dialect(name: str) -> Dialect:
     if base not in known:
         raise InputError(f"no dialect '{name}'{did_you_mean(base, known)} (known: {', '.join(known)})")
     dialect = read_toml(dialect_root() / base / "dialect.toml", Dialect)
-    if not option:
-        return dialect
-    if option not in dialect.options:
+    if option and option not in dialect.options:
         offered = ", ".join(f"{base}+{o}" for o in dialect.options) or "no options"
         raise InputError(f"dialect '{base}' has no option '{option}' (it offers: {offered})")
-    return dialect.model_copy(update={"blend": dialect.options[option].blend})
+    dialect = dialect.model_copy(update={"blend": dialect.options[option].blend} if option else {})
+    dialect._name = name
+    return dialect
+
+
+def dialects() -> tuple[Dialect, ...]:
+    """Return every dialect on disk, in alphabetical order."""
+    return tuple(load_dialect(name) for name in dialect_names())

@@ -1,80 +1,15 @@
-"""The room's verbs: which dialects there are, write a program, read it back, verify it."""
+"""Write a program in a dialect, read it back, verify it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from planner.common.errors import InputError
-from planner.programs.dialect import Dialect, LogStyle, dialect_names, load_dialect
+from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import ReadBack
 from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile, operator_cautions, render_program
 from planner.programs.steps import lower_program
 from planner.programs.verification import check_program
-
-
-@dataclass(frozen=True)
-class DialectInfo:
-    """What a person chooses a dialect by."""
-
-    name: str
-    title: str
-    extensions: tuple[str, ...]
-    units: str
-    min_joints: int
-    max_joints: int
-    decimals: int
-    blend_kind: str
-    """``none``, ``mm``, ``percent``, ``path_degrees`` or ``dense``."""
-    logs_axes: bool
-    """Whether the program records the axes at rest."""
-    logs_passing: bool
-    """Whether it does so in passing too; else a continuous session needs ``trace``."""
-    trace: str
-    """The controller's own recorder."""
-    sync_note: str
-    options: tuple[str, ...]
-
-    @property
-    def wants_dense_path(self) -> bool:
-        """Return whether a blended path must be given in small steps to be driven without stops."""
-        return self.blend_kind == "dense"
-
-    @property
-    def logging(self) -> str:
-        """Return where the program logs the axes, and with what they are recorded elsewhere."""
-        if self.logs_passing:
-            return "at rest and in passing"
-        return f"at rest; in passing: {self.trace}" if self.logs_axes else f"no: {self.trace}"
-
-
-def dialect_info(name: str) -> DialectInfo:
-    """Return what ``name`` is, an option such as ``din66025+rounding`` included.
-
-    Raises:
-        InputError: no such dialect or option, or its file is wrong.
-    """
-    d = load_dialect(name)
-    return DialectInfo(
-        name=name,
-        title=d.title,
-        extensions=d.extensions,
-        units=d.units,
-        min_joints=d.min_joints,
-        max_joints=d.max_joints,
-        decimals=d.decimals,
-        blend_kind=d.blend.kind,
-        logs_axes=d.log is not None,
-        logs_passing=d.log is not None and d.log.passing,
-        trace=d.trace,
-        sync_note=d.sync.note.replace("{output}", d.output.replace("{number}", "N")),
-        options=tuple(d.options),
-    )
-
-
-def dialects() -> tuple[DialectInfo, ...]:
-    """Return every dialect on disk, in alphabetical order."""
-    return tuple(dialect_info(name) for name in dialect_names())
 
 
 def write_program(program: Program, dialect_name: str, stem: str) -> tuple[ProgramFile, ...]:
@@ -90,7 +25,7 @@ def write_program(program: Program, dialect_name: str, stem: str) -> tuple[Progr
         ProgramMismatchError: the text does not do what was planned.
     """
     dialect = load_dialect(dialect_name)
-    files = render_program(program, dialect, dialect_name.partition("+")[0], stem)
+    files = render_program(program, dialect, stem)
     check_program(program, dialect, _texts(files))
     return files
 
@@ -131,19 +66,17 @@ def import_map(dialect_name: str, n_joints: int) -> str:
         InputError: the dialect keeps no log.
     """
     dialect = load_dialect(dialect_name)
-    if dialect.log is None:
+    log = dialect.log
+    if log is None:
         raise InputError(f"{dialect.title} keeps no log of its own axes; record them with the controller's trace")
-    return _map_text(dialect, dialect.log, n_joints)
-
-
-def _map_text(dialect: Dialect, log: LogStyle, n_joints: int) -> str:
     lines = ['schema = "edbb-map/1"', *(f"# {line}" for line in log.note.splitlines())]
     lines += [f'encoding = "{log.encoding}"', f'decimal = "{log.decimal}"']
     if log.row is not None:
         axes = (log.axis.format(axis=a, joint=i) for i, a in enumerate(dialect.axes[:n_joints], start=1))
-        return "\n".join([*lines, f"pattern = '{log.row.format(axes=','.join(axes))}'"]) + "\n"
-    lines += [f'separator = "{log.separator}"', "header = false", "[columns]", "pose = 1"]
-    lines += [f"{log.columns}{i}_deg = {i + 1}" for i in range(1, n_joints + 1)]
+        lines.append(f"pattern = '{log.row.format(axes=','.join(axes))}'")
+    else:
+        lines += [f'separator = "{log.separator}"', "header = false", "[columns]", "pose = 1"]
+        lines += [f"{log.columns}{i}_deg = {i + 1}" for i in range(1, n_joints + 1)]
     return "\n".join(lines) + "\n"
 
 

@@ -87,14 +87,14 @@ def program_name(stem: str, dialect: Dialect, room: int = 0) -> str:
     ``room`` characters are left free for the number of a part.
     """
     name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
-    led = len(name) >= dialect.name.letters and name[: dialect.name.letters].isalpha()
-    if not led or name.lower() in dialect.name.reserved:
+    led = len(name) >= dialect.name_rule.letters and name[: dialect.name_rule.letters].isalpha()
+    if not led or name.lower() in dialect.name_rule.reserved:
         name = f"PR_{name}"
-    name = name[: dialect.name.max_length - room].rstrip("_")
-    return name.upper() if dialect.name.upper else name
+    name = name[: dialect.name_rule.max_length - room].rstrip("_")
+    return name.upper() if dialect.name_rule.upper else name
 
 
-def render_program(program: Program, dialect: Dialect, folder_name: str, stem: str) -> tuple[ProgramFile, ...]:
+def render_program(program: Program, dialect: Dialect, stem: str) -> tuple[ProgramFile, ...]:
     """Return the files of ``program``; the first is the one to start.
 
     Raises:
@@ -102,22 +102,22 @@ def render_program(program: Program, dialect: Dialect, folder_name: str, stem: s
     """
     steps = lower_program(program, dialect)
     try:
-        return _files(program, dialect, folder_name, stem, steps)
+        return _render_files(program, dialect, stem, steps)
     except TemplateError as err:
-        raise InputError(f"{dialect_root() / folder_name / 'program.j2'}: {err}") from err
+        raise InputError(f"{dialect.folder / 'program.j2'}: {err}") from err
 
 
-def _files(
-    program: Program, dialect: Dialect, folder_name: str, stem: str, steps: tuple[ProgramStep, ...]
+def _render_files(
+    program: Program, dialect: Dialect, stem: str, steps: tuple[ProgramStep, ...]
 ) -> tuple[ProgramFile, ...]:
     environment = Environment(
-        loader=FileSystemLoader([dialect_root() / folder_name, dialect_root()]),
+        loader=FileSystemLoader([dialect.folder, dialect_root()]),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         autoescape=False,  # a robot program is no HTML
     )
-    environment.filters["fixed"] = format_fixed
+    environment.filters |= {"fixed": format_fixed, "comment_text": lambda text: comment_text(text, dialect.comment)}
     template = environment.get_template("program.j2")
     name = program_name(stem, dialect)
     context = {

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_mm
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
+from planner.programs.dialect import load_dialect
 from planner.programs.instructions import (
     Centre,
     Comment,
@@ -22,7 +23,7 @@ from planner.programs.instructions import (
     Sync,
     WaitInput,
 )
-from planner.programs.program_files import dialect_info, write_program
+from planner.programs.program_files import write_program
 from planner.session.course import Course, TimedPath, is_continuous, rests_at_poses
 from planner.session.plan_types import Programs
 
@@ -42,7 +43,7 @@ def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, dense: 
 
 def assemble_programs(dialects: Sequence[str], assemble: Callable[[bool], Program]) -> dict[str, Program]:
     """Return the neutral program for each dialect; ``assemble`` is told whether the path is wanted in small steps."""
-    dense = {name: dialect_info(name).wants_dense_path for name in dialects}
+    dense = {name: load_dialect(name).wants_dense_path for name in dialects}
     made = {kind: assemble(kind) for kind in sorted(set(dense.values()))}
     return {name: made[kind] for name, kind in dense.items()}
 

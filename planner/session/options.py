@@ -7,7 +7,7 @@ from planner.cell.cell import Cell
 from planner.cell.file import Aim
 from planner.common.errors import InputError
 from planner.motion.tour.solve import Method, require_concorde
-from planner.programs.program_files import dialect_info
+from planner.programs.dialect import load_dialect
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PlanOptions:
             _ = require_concorde()
         dialects = self.dialects or cell.controller.dialects
         for name in dialects:
-            _ = dialect_info(name)
+            _ = load_dialect(name)
         return dialects
 
 

@@ -6,7 +6,8 @@ from planner.common.determinism import on_one_thread
 from planner.instruments.circular.plan import CircularPlan, is_circular
 from planner.instruments.circular.planned_test import circle_samples, load_circular_plan
 from planner.instruments.circular.program import circle_program
-from planner.programs.program_files import dialect_info, write_program
+from planner.programs.dialect import load_dialect
+from planner.programs.program_files import write_program
 from planner.programs.rendering import ProgramFile
 from planner.session.neutral_program import session_program
 from planner.session.plan_types import Plan
@@ -25,9 +26,9 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     if is_circular(path):
         plan = load_circular_plan(path)
         cell, plan_id = plan.cell, plan.plan_id
-        program = circle_program(plan, dialect_info(dialect).wants_dense_path)
+        program = circle_program(plan, load_dialect(dialect).wants_dense_path)
     else:
-        dense = dialect_info(dialect).wants_dense_path
+        dense = load_dialect(dialect).wants_dense_path
         session = load_session(path, "exported", check=True)
         cell, plan_id = session.cell, session.document.plan_id
         program = session_program(cell, session.courses, plan_id, dense)

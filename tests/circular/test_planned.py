@@ -8,7 +8,8 @@ from planner.instruments.circular.arc import axis_limits
 from planner.instruments.circular.program import circle_program
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
-from planner.programs.program_files import dialect_info, read_back
+from planner.programs.dialect import load_dialect
+from planner.programs.program_files import read_back
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 
@@ -98,7 +99,7 @@ def test_what_a_program_says_is_the_circle(planned, dialect):
     files = dict(planned.programs)[dialect]
     read = read_back(dialect, files)
     assert read.plan_id == planned.plan_id
-    program = circle_program(planned, dialect_info(dialect).wants_dense_path)
+    program = circle_program(planned, load_dialect(dialect).wants_dense_path)
     assert len(read.joint_path_deg) == len(program.moves)
     assert read.syncs == 8
     x, _ = tools(planned.cell, np.deg2rad(read.joint_path_deg))

@@ -9,7 +9,8 @@ import tests.program.sessions as sessions
 from planner.common.errors import InputError, NoSolutionError
 from planner.compensation.compensated_file import compensate_file
 from planner.kinematics.robot_reader import load_robot
-from planner.programs.program_files import dialects, read_back, write_program
+from planner.programs.dialect import dialects
+from planner.programs.program_files import read_back, write_program
 from tests.compensation.robots import BentRobot, bent, exact, regular_angles, unlimited
 
 HALF = np.radians(0.5)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import tests.program.sessions as sessions
-from planner.programs.dialect import load_dialect
+from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
-from planner.programs.program_files import dialects, read_back, write_program
+from planner.programs.program_files import read_back, write_program
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import tests.program.sessions as sessions
+from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program, Sync, WaitInput
-from planner.programs.program_files import dialect_info, dialects, program_notes, read_back, verify, write_program
+from planner.programs.program_files import program_notes, read_back, verify, write_program
 
 NAMES = [d.name for d in dialects()]
-PASSING = [n for n in NAMES if dialect_info(n).blend_kind not in ("dense", "none")]
+PASSING = [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")]
 SESSIONS = [sessions.static, sessions.continuous, sessions.mixed, sessions.dense]
 # every word by which one of the languages switches an output or waits for an input
 TOUCHES = re.compile(
@@ -84,12 +85,12 @@ def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
     program = sessions.continuous()
     notes = " ".join(program_notes(program, name))
     text = write_program(program, name, "s")[0].text
-    told = dialect_info(name).trace in notes
-    assert told == (not dialect_info(name).logs_passing)
+    told = load_dialect(name).trace in notes
+    assert told == (not load_dialect(name).logs_passing)
     if told:
         assert "recorded with" in " ".join(re.sub(r"[^a-z]+", " ", text).split())
     bare = replace(program, instructions=tuple(i for i in program.instructions if not isinstance(i, LogAxes)))
-    assert dialect_info(name).trace not in " ".join(program_notes(bare, name))
+    assert load_dialect(name).trace not in " ".join(program_notes(bare, name))
 
 
 @pytest.mark.parametrize("name", PASSING)

@@ -7,9 +7,9 @@ import pytest
 
 import tests.program.sessions as sessions
 from planner.common.errors import InputError
-from planner.programs.dialect import load_dialect
+from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Program
-from planner.programs.program_files import dialects, read_back, verify, write_program
+from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError

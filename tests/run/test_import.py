@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.programs.program_files import dialects, import_map, write_program
+from planner.programs.dialect import dialects
+from planner.programs.program_files import import_map, write_program
 from planner.runs.traces import import_run
 from tests.program.sessions import PLAN_ID, static
 from tests.run.made import rows, sine_path, write

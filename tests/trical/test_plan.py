@@ -9,7 +9,8 @@ import pytest
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.motion.collision.engines import CollisionWorld, FclWorld
-from planner.programs.program_files import dialect_info, read_back, verify
+from planner.programs.dialect import load_dialect
+from planner.programs.program_files import read_back, verify
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
 from planner.session.neutral_program import session_program
@@ -114,7 +115,7 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
     call = text.index("\nCENTRE (")
     assert "$AXIS_ACT" in text[call : call + 80]  # the axes are logged where the centring led
     program = session_program(
-        planned.cell, [planned.drives[0].course], planned.plan_id, dialect_info("krl").wants_dense_path
+        planned.cell, [planned.drives[0].course], planned.plan_id, load_dialect("krl").wants_dense_path
     )
     wrong = text[:call] + text[call:].replace("\nCENTRE (", "\nCENTRE (1", 1)
     with pytest.raises(ProgramMismatchError, match="centres other balls"):
