@@ -1,18 +1,17 @@
 """Reads robot programs back, without the templates and the code that wrote them."""
 
 import re
-from collections.abc import Callable
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.languages import gcode, krl, pdl2, rapid
-from planner.programs.languages.execution import ExecutionTrace, ReadBack
+from planner.programs.languages.execution import Execution, ReadBack
 
-EXECUTORS: dict[str, Callable[[tuple[str, ...], Dialect, ExecutionTrace], None]] = {
-    "gcode": gcode.execute,
-    "krl": krl.execute,
-    "rapid": rapid.execute,
-    "pdl2": pdl2.execute,
+EXECUTIONS: dict[str, type[Execution]] = {
+    "gcode": gcode.GcodeExecution,
+    "krl": krl.KrlExecution,
+    "rapid": rapid.RapidExecution,
+    "pdl2": pdl2.Pdl2Execution,
 }
 
 
@@ -27,12 +26,12 @@ def read_texts(dialect: Dialect, texts: tuple[str, ...], only_known: bool = Fals
     Raises:
         InputError: a line that is not of the language, or no plan_id, or two different ones.
     """
-    trace = ExecutionTrace()
-    EXECUTORS[dialect.reading.family](texts, dialect, trace)
-    if only_known and trace.unknown:
-        unknown = trace.unknown[0]
+    execution = EXECUTIONS[dialect.reading.family](dialect)
+    execution.run(texts)
+    if only_known and execution.unknown:
+        unknown = execution.unknown[0]
         raise InputError(f"line {unknown.line}: the reader does not know the statement '{unknown.text}'")
-    return trace.finished(_plan_id_of(texts))
+    return execution.result(_plan_id_of(texts))
 
 
 def _plan_id_of(texts: tuple[str, ...]) -> str:

@@ -1,13 +1,15 @@
 """What a program makes the robot do, noted while its statements are run."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.programs.languages.statements import Machine, Pulse, Statement, Waiting, parse_fixed
+from planner.programs.dialect import Dialect
+from planner.programs.languages.statements import Pulse, Statement, Waiting, parse_fixed
 
 
 @dataclass(frozen=True)
@@ -31,59 +33,59 @@ class ReadBack:
     """Statements that the reader does not know and has passed over."""
 
 
-@dataclass
-class ExecutionTrace:
-    """Collects moves, stops, dwells and pulses."""
+class Execution(ABC):
+    """Runs a program's statements and notes moves, stops, dwells and pulses; one subclass a language.
 
-    rows: list[list[float]] = field(default_factory=list)
-    blends: list[float | None] = field(default_factory=list)
-    speeds: list[float] = field(default_factory=list)
-    dwells: list[float] = field(default_factory=list)
-    syncs: int = 0
-    centrings: list[tuple[int, int, int]] = field(default_factory=list)
-    unknown: list[Statement] = field(default_factory=list)
+    A subclass remembers what the controller does between statements, as far as it decides what a move does.
+    """
 
-    def run(self, statements: Iterable[Statement], machine: Machine) -> None:
-        """Note what statements do, in the order in which the controller runs them."""
-        for statement in statements:
+    def __init__(self, dialect: Dialect) -> None:
+        self.dialect = dialect
+        self.moves: list[tuple[list[float], float | None, float]] = []
+        self.dwells: list[float] = []
+        self.syncs = 0
+        self.centrings: list[tuple[int, int, int]] = []
+        self.unknown: list[Statement] = []
+
+    @abstractmethod
+    def statements(self, texts: Sequence[str]) -> Iterator[Statement]:
+        """Yield the statements of the files ``texts`` in the order in which the controller runs them."""
+
+    @abstractmethod
+    def execute(self, statement: Statement) -> bool:
+        """Take in one statement, and return whether it is known.
+
+        Raises:
+            InputError: a motion that is not a joint move as this family writes it.
+        """
+
+    def run(self, texts: Sequence[str]) -> None:
+        """Note what the program in the files ``texts`` does."""
+        for statement in self.statements(texts):
             match statement:
                 case Waiting(number=number, unit=unit):
                     self.dwell(parse_fixed(number, statement.text) * unit)
                 case Pulse():
                     self.syncs += 1
-                case _ if not machine.execute(statement):
+                case _ if not self.execute(statement):
                     self.unknown.append(statement)
 
     def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
         """Note a joint move; all moves must drive the same number of axes."""
-        if self.rows and len(angles_deg) != len(self.rows[0]):
-            raise InputError(
-                f"move {len(self.rows) + 1} drives {len(angles_deg)} axes, those before {len(self.rows[0])}"
-            )
-        self.rows.append(angles_deg)
-        self.blends.append(blend)
-        self.speeds.append(speed)
+        if self.moves and len(angles_deg) != len(self.moves[0][0]):
+            before = len(self.moves[0][0])
+            raise InputError(f"move {len(self.moves) + 1} drives {len(angles_deg)} axes, those before {before}")
+        self.moves.append((angles_deg, blend, speed))
 
     def dwell(self, seconds: float) -> None:
         """Note a dwell; one of no time only empties the controller's look-ahead and is no dwell."""
         if seconds > 0.0:
             self.dwells.append(seconds)
 
-    def centring(self, ball: int, pose: int) -> None:
-        """Note a call of the centring routine."""
-        self.centrings.append((len(self.rows), ball, pose))
-
-    def finished(self, plan_id: str) -> ReadBack:
+    def result(self, plan_id: str) -> ReadBack:
         """Return what was noted."""
-        if not self.rows:
+        if not self.moves:
             raise InputError("the program holds no joint move")
-        return ReadBack(
-            plan_id,
-            read_only(np.array(self.rows)),
-            tuple(self.blends),
-            tuple(self.speeds),
-            tuple(self.dwells),
-            self.syncs,
-            tuple(self.centrings),
-            tuple(self.unknown),
-        )
+        angles, blends, speeds = zip(*self.moves, strict=True)
+        path, unknown = read_only(np.array(angles)), tuple(self.unknown)
+        return ReadBack(plan_id, path, blends, speeds, tuple(self.dwells), self.syncs, tuple(self.centrings), unknown)

@@ -1,12 +1,12 @@
 """G-code whose axis words are the robot's joints (``A1=10.5`` or ``X10.5``), one block a line."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace
+from planner.programs.languages.execution import Execution
 from planner.programs.languages.statements import PlacedNumber, Statement, parse_fixed
 from planner.programs.languages.text import NUMBER, Lines, mask_comments
 
@@ -54,53 +54,58 @@ def _words(code: str, start: int) -> tuple[tuple[str, PlacedNumber], ...] | None
     return None if code[at:].strip() else tuple(found)
 
 
-class GcodeMachine:
+class GcodeExecution(Execution):
     """The modal state of an interpreter, as far as joint paths need it; its words come from ``[reading]``."""
 
-    def __init__(self, dialect: Dialect, trace: ExecutionTrace) -> None:
-        self.trace = trace
-        self.patterns = dialect.reading
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect)
         self.axes = [axis.rstrip("=") for axis in dialect.axes]
         self.blend: float | None = 0.0  # rounding as the machine likes, until a block says otherwise
         self.feed: float | None = None
         self.in_pulse = False
-        self.ended = False
+
+    def statements(self, texts: Sequence[str]) -> Iterator[Statement]:
+        """Yield the statements of the one file, to its end."""
+        ended = False
+        for block in parse(texts[0], self.dialect):
+            if ended:
+                raise InputError(f"line {block.line}: '{block.text}' stands behind the end of the program")
+            ended = re.fullmatch("M0?2|M30", block.text) is not None
+            yield block
+        if not ended:
+            raise InputError("the program has no end (M2 or M30)")
 
     def execute(self, statement: Statement) -> bool:
         """Take in one block and return whether it is known.
 
         Raises:
-            InputError: a motion that is not understood, or a block behind the end.
+            InputError: a motion that is not understood.
         """
-        patterns, said = self.patterns, statement.text
-        if self.ended:
-            raise InputError(f"line {statement.line}: '{said}' stands behind the end of the program")
+        patterns, said = self.dialect.reading, statement.text
         if re.match(patterns.sync, said):
-            self.trace.syncs += 1
+            self.syncs += 1
             self.in_pulse = bool(patterns.pulse_end)
         elif patterns.pulse_end and re.match(patterns.pulse_end, said):
             self.in_pulse = False
         elif dwell := re.fullmatch(patterns.dwell, said):
             if not self.in_pulse:
-                self.trace.dwell(parse_fixed(dwell["seconds"], f"line {statement.line}"))
+                self.dwell(parse_fixed(dwell["seconds"], f"line {statement.line}"))
         elif isinstance(statement, Block) and re.search(rf"(^|\s){patterns.motion}(\s|$)", said):
             self._move(statement)
         elif patterns.exact and re.fullmatch(patterns.exact, said):
             self.blend = None
         elif patterns.blended and (rounding := re.fullmatch(patterns.blended, said)):
             self.blend = parse_fixed(rounding["value"], f"line {statement.line}")
-        elif re.fullmatch("M0?2|M30", said):
-            self.ended = True
         else:
-            return any(re.fullmatch(pattern, said) for pattern in patterns.passive)
+            return any(re.fullmatch(pattern, said) for pattern in ("M0?2|M30", *patterns.passive))
         return True
 
     def _move(self, block: Block) -> None:
-        where = f"line {block.line}"
+        where, exact = f"line {block.line}", self.dialect.reading.exact
         if block.words is None or block.optional:
             raise InputError(f"{where}: '{block.text}' is no joint move of this family")
         self.in_pulse = False  # a pulse given in passing ends by itself
-        here = bool(self.patterns.exact and re.search(rf"(^|\s)({self.patterns.exact})(\s|$)", block.text))
+        here = bool(exact and re.search(rf"(^|\s)({exact})(\s|$)", block.text))
         found: dict[str, float] = {}
         for name, number in block.words:
             if name == "F":
@@ -113,12 +118,4 @@ class GcodeMachine:
             raise InputError(f"{where}: axes {list(found)} are not the first of {self.axes}")
         if self.feed is None:
             raise InputError(f"{where}: the first move has no feed")
-        self.trace.move(list(found.values()), None if here else self.blend, self.feed)
-
-
-def execute(texts: tuple[str, ...], dialect: Dialect, trace: ExecutionTrace) -> None:
-    """Note what the one file does, block by block."""
-    machine = GcodeMachine(dialect, trace)
-    trace.run(parse(texts[0], dialect), machine)
-    if not machine.ended:
-        raise InputError("the program has no end (M2 or M30)")
+        self.move(list(found.values()), None if here else self.blend, self.feed)

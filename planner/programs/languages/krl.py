@@ -1,27 +1,13 @@
 """KUKA KRL, ``.src`` and ``.dat``: targets in braces, at the move or declared by name; routines are DEFs."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace
-from planner.programs.languages.statements import (
-    Assignment,
-    Call,
-    Flow,
-    MotionStatement,
-    Passive,
-    PlacedNumber,
-    Pulse,
-    Routine,
-    RoutineEnd,
-    Statement,
-    Waiting,
-    parse_fixed,
-    run_order,
-)
+from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
 EXTERNAL = tuple(f"E{i}" for i in range(1, 7))
@@ -60,11 +46,11 @@ class Aggregate:
     """A value in braces; ``numbers`` by their names, or None where it holds anything but plain numbers."""
 
     text: str
-    numbers: dict[str, PlacedNumber] | None
+    numbers: dict[str, st.PlacedNumber] | None
 
 
 @dataclass(frozen=True)
-class KrlMove(MotionStatement):
+class KrlMove(st.MotionStatement):
     """A move; ``targets`` holds values in braces and names, or nothing where it is not understood."""
 
     relative: bool
@@ -73,42 +59,42 @@ class KrlMove(MotionStatement):
 
 
 @dataclass(frozen=True)
-class Bas(Statement):
+class Bas(st.Statement):
     """A call of BAS: which of its functions, and the argument or nothing."""
 
     what: str
     value: str
 
 
-def parse(text: str) -> Iterator[Statement]:
+def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of a file, one a line."""
     for line, start, code in Lines.of(mask_comments(text, r";[^\r\n]*")):
         if code.strip():
             yield _statement(code, line, start)
 
 
-def _statement(code: str, line: int, start: int) -> Statement:
+def _statement(code: str, line: int, start: int) -> st.Statement:
     place = line, start, code.strip()
     if match := _MOVE.match(code):
         return _move(match, line, start)
     if match := _ROUTINE.match(code):
-        return Routine(*place, (match["name"] or "").upper())
+        return st.Routine(*place, (match["name"] or "").upper())
     if _END.match(code):
-        return RoutineEnd(*place)
+        return st.RoutineEnd(*place)
     if match := _BAS.match(code):
         return Bas(*place, match["what"].upper(), match["value"] or "")
     if match := _FLOW.match(code):
-        return Flow(*place, bool(match["opening"]) - bool(match["closing"]))
+        return st.Flow(*place, bool(match["opening"]) - bool(match["closing"]))
     if match := _WAIT.match(code):
-        return Waiting(*place, match[1])
+        return st.Waiting(*place, match[1])
     if _PULSE.match(code):
-        return Pulse(*place)
+        return st.Pulse(*place)
     if match := _ASSIGNED.match(code):
         kind, name, part = ((match[k] or "").upper().lstrip(". ") for k in ("kind", "name", "part"))
-        return Assignment(*place, kind, name, part, match["value"].strip(), start + match.start("value"))
+        return st.Assignment(*place, kind, name, part, match["value"].strip(), start + match.start("value"))
     if match := _CALL.match(code):
-        return Call(*place, match["name"].upper(), triggered=bool(match["trigger"]))
-    return Passive(*place) if _PASSIVE.match(code) else Statement(*place)
+        return st.Call(*place, match["name"].upper(), triggered=bool(match["trigger"]))
+    return st.Passive(*place) if _PASSIVE.match(code) else st.Statement(*place)
 
 
 def _move(match: re.Match[str], line: int, start: int) -> KrlMove:
@@ -133,12 +119,12 @@ def aggregate(text: str, start: int) -> Aggregate:
     text = text[: text.find("}") + 1]
     head = re.match(r"\{\s*(\w+\s*:)?", text)
     at = 0 if head is None else head.end()
-    found: dict[str, PlacedNumber] = {}
+    found: dict[str, st.PlacedNumber] = {}
     for cell in text[at:-1].split(","):
         match = re.fullmatch(rf"(\s*(\w+)\s+)({EXPONENT_NUMBER}|{_WHOLE})\s*", cell, re.IGNORECASE)
         if match is None or match[2].upper() in found:
             return Aggregate(text, None)
-        found[match[2].upper()] = PlacedNumber(_value(match[3]), match[3], start + at + len(match[1]))
+        found[match[2].upper()] = st.PlacedNumber(_value(match[3]), match[3], start + at + len(match[1]))
         at += len(cell) + 1
     return Aggregate(text, found)
 
@@ -149,35 +135,40 @@ def _value(text: str) -> float:
     return float(text)
 
 
-class KrlMachine:
+class KrlExecution(Execution):
     """The system variables that a PTP move takes its speed and its rounding from."""
 
-    def __init__(self, dialect: Dialect, trace: ExecutionTrace) -> None:
-        self.trace, self.centring = trace, dialect.reading.centre
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect)
         self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "VEL_PTP": 100.0}
 
-    def execute(self, statement: Statement) -> bool:
+    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements from the first DEF of the first file on."""
+        return st.run_order(statement for text in texts for statement in parse(text))
+
+    def execute(self, statement: st.Statement) -> bool:
         """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        centring = self.dialect.reading.centre
         match statement:
             case KrlMove():
                 speed = self.values["VEL_PTP"] * self.values["$OV_PRO"] / 100.0
                 blended = statement.rest.upper() == "C_PTP"
-                self.trace.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
+                self.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
             case Bas(what="VEL_PTP", value=value):
-                self.values["VEL_PTP"] = parse_fixed(value, statement.text)
-            case Assignment(name=name, part=part, value=value) if f"{name}.{part}".rstrip(".") in self.values:
+                self.values["VEL_PTP"] = st.parse_fixed(value, statement.text)
+            case st.Assignment(name=name, part=part, value=value) if f"{name}.{part}".rstrip(".") in self.values:
                 self.values[f"{name}.{part}".rstrip(".")] = _percentage(value, statement.text)
-            case Call() if self.centring and (match := re.fullmatch(self.centring, statement.text, re.IGNORECASE)):
-                self.trace.centring(int(match["ball"]), int(match["pose"]))
+            case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
+                self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
                 return True
-        return type(statement) not in (Statement, Call)
+        return type(statement) not in (st.Statement, st.Call)
 
 
 def _percentage(text: str, statement: str) -> float:
     """Return the number; of the override that the operator had set, taken as 100, where it is scaled or given back."""
     if scaled := _SCALED.fullmatch(text):
-        return parse_fixed(scaled[1], statement)
-    return 100.0 if _FOUND.fullmatch(text) else parse_fixed(text, statement)
+        return st.parse_fixed(scaled[1], statement)
+    return 100.0 if _FOUND.fullmatch(text) else st.parse_fixed(text, statement)
 
 
 def _angles(move: KrlMove) -> list[float]:
@@ -187,9 +178,4 @@ def _angles(move: KrlMove) -> list[float]:
     found = target.numbers or {}
     if not found or tuple(found) != AXES[: len(found)]:
         raise InputError(f"{target.text} does not name the axes in order, each once and with a number")
-    return [parse_fixed(number.text, move.text) for number in found.values()]
-
-
-def execute(texts: tuple[str, ...], dialect: Dialect, trace: ExecutionTrace) -> None:
-    """Note what the first DEF of the first file does, and those that it calls."""
-    trace.run(run_order(s for text in texts for s in parse(text)), KrlMachine(dialect, trace))
+    return [st.parse_fixed(number.text, move.text) for number in found.values()]

@@ -1,27 +1,13 @@
 """Comau PDL2: joint targets in braces, ``MOVE TO {10, -20, …}`` and ``MOVEFLY TO {…} ADVANCE``."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace
-from planner.programs.languages.statements import (
-    Assignment,
-    Call,
-    MotionStatement,
-    Passive,
-    PlacedNumber,
-    Pulse,
-    Routine,
-    RoutineEnd,
-    Statement,
-    Waiting,
-    parse_fixed,
-    placed_numbers,
-    run_order,
-)
+from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
 MAIN = "PROGRAM"  # the routine that the program's own body counts as
@@ -37,16 +23,16 @@ _PASSIVE = re.compile(r"(?:VAR|PAUSE|WAIT FOR .*|(?:OPEN|CLOSE) FILE .*|WRITE .*
 
 
 @dataclass(frozen=True)
-class Pdl2Move(MotionStatement):
+class Pdl2Move(st.MotionStatement):
     """A move: words before the target, the target, its numbers (None where it holds others), and what follows."""
 
     how: str
     target: str
-    numbers: tuple[PlacedNumber, ...] | None
+    numbers: tuple[st.PlacedNumber, ...] | None
     rest: str
 
 
-def parse(text: str) -> Iterator[Statement]:
+def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements; a move with its WITH clauses up to ENDMOVE is one, and so is a condition."""
     program = owner = ""
     for line, start, code in _join_lines(mask_comments(text, r"--[^\r\n]*", "'")):
@@ -59,25 +45,25 @@ def parse(text: str) -> Iterator[Statement]:
         elif match := _ROUTINE.fullmatch(said):
             owner = match[1]
         elif said == "BEGIN":
-            yield Routine(*place, MAIN if owner == program else owner)
+            yield st.Routine(*place, MAIN if owner == program else owner)
         elif said == f"END {owner}":
             owner = program
-            yield RoutineEnd(*place)
+            yield st.RoutineEnd(*place)
         else:
             yield _statement(place)
 
 
-def _statement(place: tuple[int, int, str]) -> Statement:
+def _statement(place: tuple[int, int, str]) -> st.Statement:
     said = place[2]
     if match := re.fullmatch(r"DELAY (\S+)", said):
-        return Waiting(*place, match[1], 1e-3)
+        return st.Waiting(*place, match[1], 1e-3)
     if said.startswith("PULSE "):
-        return Pulse(*place)
+        return st.Pulse(*place)
     if match := _ASSIGNED.fullmatch(said):
-        return Assignment(*place, "", match[1], "", match[2], place[1] + match.start(2))
+        return st.Assignment(*place, "", match[1], "", match[2], place[1] + match.start(2))
     if said.startswith("CONDITION[") or _PASSIVE.fullmatch(said):
-        return Passive(*place)
-    return Call(*place, said) if re.fullmatch(r"\w+", said) else Statement(*place)
+        return st.Passive(*place)
+    return st.Call(*place, said) if re.fullmatch(r"\w+", said) else st.Statement(*place)
 
 
 def _join_lines(text: str) -> Iterator[tuple[int, int, str]]:
@@ -105,27 +91,31 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
     plain = match["target"].startswith("{") and re.fullmatch(
         rf"\s*{EXPONENT_NUMBER}\s*(,\s*{EXPONENT_NUMBER}\s*)*", inside
     )
-    numbers = tuple(placed_numbers(inside, start + match.start("target") + 1, EXPONENT_NUMBER))
+    numbers = tuple(st.placed_numbers(inside, start + match.start("target") + 1, EXPONENT_NUMBER))
     word, how, target = match["word"].upper(), match["how"].strip(), match["target"]
     how = "VIA" if match["to"].upper() == "VIA" else how
     return Pdl2Move(line, start, code.strip(), word, how, target, numbers if plain else None, match["rest"].strip())
 
 
-class Pdl2Machine:
+class Pdl2Execution(Execution):
     """The predefined variables that a joint move takes its speed and its rounding from."""
 
-    def __init__(self, trace: ExecutionTrace) -> None:
-        self.trace = trace
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect)
         self.arm_percent = 100.0
 
-    def execute(self, statement: Statement) -> bool:
+    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements of the program's own body."""
+        return st.run_order(parse(texts[0]), MAIN)
+
+    def execute(self, statement: st.Statement) -> bool:
         """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
         match statement:
             case Pdl2Move():
                 self._move(statement)
-            case Assignment(name="$ARM_SPD_OVR", value=value):
-                self.arm_percent = parse_fixed(value, statement.text)
-        return type(statement) not in (Statement, Call)
+            case st.Assignment(name="$ARM_SPD_OVR", value=value):
+                self.arm_percent = st.parse_fixed(value, statement.text)
+        return type(statement) not in (st.Statement, st.Call)
 
     def _move(self, move: Pdl2Move) -> None:
         clauses = re.fullmatch(r"(?:ADVANCE)?(?:,?\s*WITH (.*))?", move.rest, re.DOTALL)
@@ -136,11 +126,6 @@ class Pdl2Machine:
         speed = re.search(r"\$PROG_SPD_OVR = (\d+)", said)
         if (move.word == "MOVE") != (fly is None) or speed is None:
             raise InputError(f"'{move.text}': MOVEFLY and $FLY_PER belong together, and every move has its speed")
-        angles = [parse_fixed(number.text, move.text) for number in move.numbers]
-        self.trace.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.arm_percent / 100.0)
-        self.trace.syncs += said.count("CONDITION[")
-
-
-def execute(texts: tuple[str, ...], _dialect: Dialect, trace: ExecutionTrace) -> None:
-    """Note what the program's own body does and the routines that it calls."""
-    trace.run(run_order(parse(texts[0]), MAIN), Pdl2Machine(trace))
+        angles = [st.parse_fixed(number.text, move.text) for number in move.numbers]
+        self.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.arm_percent / 100.0)
+        self.syncs += said.count("CONDITION[")

@@ -1,27 +1,12 @@
 """ABB RAPID: jointtarget and robtarget, declared by name or written at the move; statements end with a semicolon."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import planner.programs.languages.statements as st
 from planner.common.errors import InputError
-from planner.programs.dialect import Dialect
-from planner.programs.languages.execution import ExecutionTrace
-from planner.programs.languages.statements import (
-    Assignment,
-    Call,
-    Flow,
-    MotionStatement,
-    Passive,
-    Pulse,
-    Routine,
-    RoutineEnd,
-    Statement,
-    Waiting,
-    parse_fixed,
-    placed_numbers,
-    run_order,
-)
+from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
 
@@ -63,13 +48,13 @@ class Argument:
 
 
 @dataclass(frozen=True)
-class RapidMove(MotionStatement):
+class RapidMove(st.MotionStatement):
     """A move with its arguments; those that begin with a backslash are left out."""
 
     arguments: tuple[Argument, ...]
 
 
-def parse(text: str) -> Iterator[Statement]:
+def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of a module, the names of its routines in lower case."""
     text = mask_comments(text, r"![^\r\n]*")
     lines = Lines.of(text)
@@ -81,35 +66,35 @@ def parse(text: str) -> Iterator[Statement]:
             continue
         place = lines.number(start), start, text[start:at].strip()
         if match["routine"]:
-            yield Routine(*place, match["name"].lower())
+            yield st.Routine(*place, match["name"].lower())
         elif match["end"]:
-            yield RoutineEnd(*place)
+            yield st.RoutineEnd(*place)
         else:
-            yield Flow(*place) if match["flow"] else Passive(*place)
+            yield st.Flow(*place) if match["flow"] else st.Passive(*place)
     if text[at:].strip():
-        yield Statement(lines.number(at), at, text[at:].strip())
+        yield st.Statement(lines.number(at), at, text[at:].strip())
 
 
-def _statement(code: str, start: int, lines: Lines) -> Statement:
+def _statement(code: str, start: int, lines: Lines) -> st.Statement:
     said = code.strip()
     place = lines.number(start), start, said
     if (match := _DECLARED.search(code)) or (not _MOVE.search(code) and (match := _ASSIGNED.search(code))):
         value, at = match["value"].rstrip(), start + match.start("value")
         line = lines.number(at if match["kind"] else start + match.start("name"))
         name, kind = match["name"].lower(), match["kind"].lower()
-        return Assignment(line, start, said, kind, name, match["part"] or "", value, at)
+        return st.Assignment(line, start, said, kind, name, match["part"] or "", value, at)
     if match := _MOVE.search(code):
         line = lines.number(start + match.start("word"))
         arguments = tuple(_arguments(match["rest"], start + match.start("rest")))
         return RapidMove(line, start, said, match["word"].lower(), arguments)
     if match := re.fullmatch(r"WaitTime (\S+)", said):
-        return Waiting(*place, match[1])
+        return st.Waiting(*place, match[1])
     if said.startswith("PulseDO "):
-        return Pulse(*place)
+        return st.Pulse(*place)
     if _PASSIVE.fullmatch(said):
-        return Passive(*place)
+        return st.Passive(*place)
     match = re.fullmatch(r"(\w+)(?:\s+[^\s:].*)?", said, re.DOTALL)
-    return Statement(*place) if match is None else Call(*place, match[1].lower())
+    return st.Statement(*place) if match is None else st.Call(*place, match[1].lower())
 
 
 def _arguments(text: str, start: int) -> Iterator[Argument]:
@@ -124,17 +109,18 @@ def _arguments(text: str, start: int) -> Iterator[Argument]:
             at = k + 1
 
 
-class RapidMachine:
+class RapidExecution(Execution):
     """Every MoveAbsJ says its own speed and zone; nothing is remembered."""
 
-    def __init__(self, trace: ExecutionTrace) -> None:
-        self.trace = trace
+    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements from PROC main on."""
+        return st.run_order(parse(texts[0]), "main")
 
-    def execute(self, statement: Statement) -> bool:
+    def execute(self, statement: st.Statement) -> bool:
         """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
         if isinstance(statement, RapidMove):
-            self.trace.move(*_joint_move(statement))
-        return type(statement) not in (Statement, Call)
+            self.move(*_joint_move(statement))
+        return type(statement) not in (st.Statement, st.Call)
 
 
 def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
@@ -146,12 +132,7 @@ def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
     speeds, zones = re.fullmatch(r"\[([^],]*),[^]]*\]", speed), re.fullmatch(r"fine|\[FALSE,([^],]*),[^]]*\]", zone)
     if not (JOINT_TARGET.fullmatch(target) and speeds and zones and re.fullmatch(r"\w+( \\WObj:=\w+)?", tool)):
         raise refusal
-    numbers = placed_numbers(target, 0, EXPONENT_NUMBER)
+    numbers = st.placed_numbers(target, 0, EXPONENT_NUMBER)
     used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED)]
-    distance = None if zones[1] is None else parse_fixed(zones[1], move.text)
-    return [parse_fixed(n.text, move.text) for n in used], distance, parse_fixed(speeds[1], move.text)
-
-
-def execute(texts: tuple[str, ...], _dialect: Dialect, trace: ExecutionTrace) -> None:
-    """Note what PROC main does and the PROCs that it calls."""
-    trace.run(run_order(parse(texts[0]), "main"), RapidMachine(trace))
+    distance = None if zones[1] is None else st.parse_fixed(zones[1], move.text)
+    return [st.parse_fixed(n.text, move.text) for n in used], distance, st.parse_fixed(speeds[1], move.text)

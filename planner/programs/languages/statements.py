@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 from planner.common.errors import InputError
 from planner.programs.languages.text import Slot
@@ -98,17 +97,6 @@ class MotionStatement(Statement):
     """A motion of the robot; each language adds how it says the target."""
 
     word: str
-
-
-class Machine(Protocol):
-    """What a controller remembers between statements, as far as it decides what a move does."""
-
-    def execute(self, statement: Statement) -> bool:
-        """Take in one statement, and return whether it is known.
-
-        Raises:
-            InputError: a motion that is not known.
-        """
 
 
 def run_order(statements: Iterable[Statement], main: str | None = None) -> Iterator[Statement]:
