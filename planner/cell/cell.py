@@ -246,6 +246,12 @@ class Cell:
         point = self.point_name(fixture)
         return self.fixtures[fixture].name + (f", tool point {point}" if point else "")
 
+    def place_record(self, fixture: int) -> dict[str, object]:
+        """Return the fixture and, where the tool has several points, the one that the bar hangs from."""
+        point = self.point_name(fixture)
+        place: dict[str, object] = {"fixture": self.fixtures[fixture].name}
+        return place | {"point": point} if point else place
+
     @property
     def chain(self) -> Chain:
         """The chain from the base to the measurement application point."""

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import BaseModel
@@ -48,6 +48,26 @@ class GaugeBody:
     carrier: BodyCarrier
     ball: int = -1
     tip: bool = False
+
+
+class PlannedVisit(Protocol):
+    """What a gauge needs to know of a planned pose to describe it."""
+
+    @property
+    def length(self) -> float:
+        """Nominal distance from the place to the tool point [m]."""
+
+    @property
+    def fixture(self) -> int:
+        """Which of the cell's fixtures."""
+
+    @property
+    def ball(self) -> int:
+        """Which ball is centred there, or −1."""
+
+    @property
+    def contact(self) -> float | None:
+        """Distance from a ball's centre at which the uncalibrated robot meets it [m]."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +133,8 @@ class Gauge(ABC):
     angles: ClassVar[int] = 0  # how many of them, at the end, are angles
     plannable: ClassVar[bool] = True
     needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
+    pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
+    travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
     is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
@@ -208,9 +230,40 @@ class Gauge(ABC):
         """Say how many simulated readings the gauge could not have made."""
         return ()
 
+    def centring_warnings(self, cell: "Cell", planned: Samples, run: Run) -> tuple[str, ...]:
+        """Say how many poses of a simulated run were met further off than the gauge can read."""
+        return ()
+
     def for_run(self, run: Run) -> "Gauge":
         """Return the gauge that gives the readings of a run: some can give more than the cell file says."""
         return self
+
+    # ---- a session with it
+
+    @property
+    def reading_seconds(self) -> float:
+        """Time that one reading takes beyond the dwell [s]."""
+        return 0.0
+
+    def preparation(self, cell: "Cell") -> tuple[str, str]:
+        """Return what is explained to a person before the first pose, and what the person does then."""
+        return "", "set the gauge to zero"
+
+    def describe(self, cell: "Cell") -> str:
+        """Say what stands where, for the heading of a report."""
+        return self.kind
+
+    def visit_cells(self, cell: "Cell", visit: PlannedVisit) -> tuple[str, str]:
+        """Return where a pose is measured and its figure, under ``pose_columns``."""
+        return cell.place_name(visit.fixture), ""
+
+    def length_text(self, length: float) -> str:
+        """Say a planned length [m] where it is what the gauge reads, else nothing."""
+        return ""
+
+    def visit_record(self, cell: "Cell", visit: PlannedVisit) -> dict[str, object]:
+        """Return what ``plan.json`` says of a pose beside its angles."""
+        return {}
 
     # ---- what is unknown of it
 

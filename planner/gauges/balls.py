@@ -11,7 +11,7 @@ from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge import GaugeBody
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
-from planner.common.units import MM, UM, Array, read_only
+from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.sockets import place_sockets
 from planner.gauges.run_places import flange_poses, index_in_cell, points_of
@@ -35,6 +35,24 @@ class BallGauge(FrameGauge):
     def declared_frame(self, file: CellFile) -> PlacedFile | None:
         """Return the artifact."""
         return file.artifact
+
+    @property
+    def reading_seconds(self) -> float:
+        """Time of one centring [s]."""
+        return 0.0 if self.head is None else self.head.seconds
+
+    def preparation(self, cell: Cell) -> tuple[str, str]:
+        """The indicators are mastered on the master ball."""
+        assert self.head is not None
+        shown = float(to_mm(self.head.master / 2 - cell.balls[0].radius))
+        return (
+            f"master the indicators: lay the {float(to_mm(self.head.master)):g} mm ball into its socket",
+            f"set all three indicators to {shown:.3f} mm, then take the ball out",
+        )
+
+    def describe(self, cell: Cell) -> str:
+        """Name the balls."""
+        return f"head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
 
     def positions(self, setup: MeasurementSetup, readings: Readings) -> Array:
         """Return the ball's centre and what the gauge shows beside it, in the artifact's frame, (n, 3) [m]."""
@@ -101,6 +119,20 @@ class BallGauge(FrameGauge):
         wanted = self.head.master / 2 - cell.balls[0].radius
         masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
         return ReferenceReadings(masters=masters)
+
+    def centring_warnings(self, cell: Cell, planned: Samples, run: Run) -> tuple[str, ...]:
+        """Count the balls that were met too far off centre; ``planned`` is where the arm was sent."""
+        if self.head is None:
+            return ()
+        apart = np.linalg.norm(cell.map_position(run.samples.q) - cell.map_position(planned.q), axis=1)
+        far = int((apart > self.head.usable).sum())
+        if not far:
+            return ()
+        return (
+            f"{far} of {len(run)} balls were met more than {self.head.usable / MM:g} mm off centre (largest "
+            f"{apart.max() / MM:.1f}), where the head does not measure: this robot is further off than "
+            f"gauge.head.uncalibrated_mm = {self.head.uncalibrated / MM:g} says; give smaller errors with --truth",
+        )
 
     def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
         """The indicators' tips on the flange, and the artifact with balls and stems as the cell says that it stands."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
-from planner.cell.gauge import GaugeBody
+from planner.cell.gauge import GaugeBody, PlannedVisit
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
-from planner.common.units import MM, Array, read_only
+from planner.common.units import MM, Array, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.context import Context
 from planner.effects.effect import Effect
@@ -49,6 +49,8 @@ class LengthGauge(LineGauge):
     plural: ClassVar[str] = "lengths"
     is_attached: ClassVar[bool] = True
     has_zero: ClassVar[bool] = True
+    pose_columns: ClassVar[tuple[str, str]] = ("fixture", "bar (mm)")
+    travel_name: ClassVar[str] = "way without the bar"
 
     @classmethod
     def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -99,6 +101,25 @@ class LengthGauge(LineGauge):
     def readings(self, values: Array) -> Readings:
         """Return lengths."""
         return Readings(length=read_only(values[:, 0]))
+
+    def describe(self, cell: Cell) -> str:
+        """Say the range and the fixtures."""
+        names = ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
+        reach = f"{float(to_mm(self.length_min)):g} – {float(to_mm(self.length_max)):g} mm"
+        points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
+        return f"bar {reach} on fixture{'s' if ',' in names else ''} {names}{points}"
+
+    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+        """Return fixture and length."""
+        return cell.place_name(visit.fixture), f"{float(to_mm(visit.length)):.2f}"
+
+    def length_text(self, length: float) -> str:
+        """Say the length of the bar."""
+        return f"{to_mm(length):.1f} mm"
+
+    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
+        """Return length, fixture and, where the tool has several points, the one that the bar hangs from."""
+        return {"length_mm": visit.length * 1e3, **cell.place_record(visit.fixture)}
 
     def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
         """Fixtures, tool points and zeros, as far as they are free."""

@@ -9,11 +9,12 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge import PlannedVisit
 from planner.cell.gauge_registry import attached_kinds
 from planner.cell.places import placed_frame, read_joint_angles
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
-from planner.common.units import MM, Array, from_deg, read_only
+from planner.common.units import MM, Array, from_deg, read_only, to_mm
 from planner.effects.basis import ONE, AtPlace
 from planner.effects.context import Context
 from planner.effects.effect import Effect
@@ -36,6 +37,7 @@ class FrameGauge(LineGauge):
     columns: ClassVar[str] = "x_mm, y_mm, z_mm"
     plural: ClassVar[str] = "positions"
     frees_base: ClassVar[bool] = True
+    pose_columns: ClassVar[tuple[str, str]] = ("ball", "first contact (mm)")
 
     @classmethod
     def placed(cls, path: Path, file: CellFile) -> PlacedFile:
@@ -60,6 +62,17 @@ class FrameGauge(LineGauge):
         R, p = placed_frame(placed)
         turn = float(from_deg(placed.prior_deg))
         return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, mount, R, turn),)
+
+    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+        """Return the ball and how far off centre it is met."""
+        met = "" if visit.contact is None else f"{float(to_mm(visit.contact)):.2f}"
+        return cell.balls[visit.ball].name if visit.ball >= 0 else "", met
+
+    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
+        """Return the ball and how far off centre it is met."""
+        if visit.ball < 0:
+            return {}
+        return {"ball": cell.balls[visit.ball].name, "first_contact_mm": (visit.contact or 0.0) * 1e3}
 
     def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Position read less the tool point, (n, 3) [m]."""

@@ -16,7 +16,7 @@ from planner.cell.places import nests_frame
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
 from planner.common.errors import InputError
-from planner.common.units import MM, Array, from_mm, read_only
+from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.parameters import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.frames import place_points, place_poses
@@ -62,6 +62,14 @@ class Tracker(FrameGauge):
                 f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open"
             )
         return file.tracker
+
+    def preparation(self, cell: Cell) -> tuple[str, str]:
+        """The tracker has to see the reflector."""
+        return "", "put the reflector into its nest and let the tracker find it"
+
+    def describe(self, cell: Cell) -> str:
+        """Say where it stands."""
+        return f"tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
 
     def declared_frame(self, file: CellFile) -> PlacedFile | None:
         """Return the station."""

@@ -219,7 +219,7 @@ def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
-        + (f"bar {to_mm(length):.1f} mm   " if cell.gauge.is_attached else "")
+        + (f"bar {text}   " if (text := cell.gauge.length_text(length)) else "")
         + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )
@@ -253,7 +253,7 @@ def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:
     x = to_mm(cell.at(drive.fixture).map_position(np.array([v.q for v in drive.visits])))
     return [
         ViewPose(
-            p, v.role, f"pose {v.id}, {v.role}" + (f": {to_mm(v.length):.1f} mm" if cell.gauge.is_attached else "")
+            p, v.role, f"pose {v.id}, {v.role}" + (f": {text}" if (text := cell.gauge.length_text(v.length)) else "")
         )
         for p, v in zip(x, drive.visits, strict=True)
     ]

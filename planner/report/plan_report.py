@@ -53,14 +53,7 @@ def report_plan(plan: Plan) -> Report:
 
 
 def _about(cell: Cell) -> str:
-    g, names = cell.gauge, ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
-    if g.head is not None:
-        return f"cell {cell.name} · head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
-    if not g.is_attached:
-        return f"cell {cell.name} · tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
-    reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
-    points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
-    return f"cell {cell.name} · bar {reach} on fixture{'s' if ',' in names else ''} {names}{points}"
+    return f"cell {cell.name} · {cell.gauge.describe(cell)}"
 
 
 def _facts(plan: Plan) -> tuple[Row, ...]:
@@ -122,7 +115,7 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
     length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
     reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
-    there = "way without the bar" if g.is_attached else "way to the start"
+    there = g.travel_name
     legs = f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"
     return (
         ("legs", legs),

@@ -109,9 +109,7 @@ def time_measuring(cell: Cell, path: Waypoints) -> TimedPath:
     moving = is_continuous(cell)
     if moving and cell.motion.both_ways:
         path = path.there_and_back()
-    rest = 0.0 if moving else cell.motion.settle + cell.motion.dwell
-    if cell.gauge.head is not None:
-        rest += cell.gauge.head.seconds
+    rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds
     return time_path(cell, path, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
 
 

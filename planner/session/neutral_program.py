@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.units import Array, to_mm
+from planner.common.units import Array
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.dialect import load_dialect
@@ -103,14 +103,8 @@ def with_bar(cell: Cell, fixture: int, moves: list[Instruction]) -> list[Instruc
 
 def preparation(cell: Cell) -> list[Instruction]:
     """Return what a person does with a gauge that is no bar before the first pose is measured."""
-    head = cell.gauge.head
-    if head is None:
-        return [Pause("put the reflector into its nest and let the tracker find it")]
-    shown = float(to_mm(head.master / 2 - cell.balls[0].radius))
-    return [
-        Comment(f"master the indicators: lay the {float(to_mm(head.master)):g} mm ball into its socket"),
-        Pause(f"set all three indicators to {shown:.3f} mm, then take the ball out"),
-    ]
+    said, asked = cell.gauge.preparation(cell)
+    return [*([Comment(said)] if said else []), Pause(asked)]
 
 
 def moves_back(there: list[JointMove], q: Array) -> list[JointMove]:

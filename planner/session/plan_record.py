@@ -72,20 +72,9 @@ def plan_record(plan: Plan) -> dict[str, object]:
 
 
 def _pose_record(plan: Plan, v: Visit) -> dict[str, object]:
-    pose: dict[str, object] = {"id": v.id, "q_deg": np.rad2deg(v.q)}
-    if plan.cell.gauge.is_attached:
-        pose |= {"length_mm": v.length * 1e3, **_place_record(plan.cell, v.fixture)}
-    elif v.ball >= 0:
-        pose |= {"ball": plan.cell.balls[v.ball].name, "first_contact_mm": (v.contact or 0.0) * 1e3}
+    pose = {"id": v.id, "q_deg": np.rad2deg(v.q), **plan.cell.gauge.visit_record(plan.cell, v)}
     pose |= {"role": v.role, "approach": list(v.approach)}
     return pose if v.repeats is None else pose | {"repeats": v.repeats}
-
-
-def _place_record(cell: Cell, fixture: int) -> dict[str, object]:
-    """The fixture and, where the tool has several points, the one that the bar hangs from."""
-    place: dict[str, object] = {"fixture": cell.fixtures[fixture].name}
-    point = cell.point_name(fixture)
-    return place | {"point": point} if point else place
 
 
 def _support_records(drive: Drive) -> list[dict[str, object]]:
@@ -174,7 +163,7 @@ def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
     """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
     m, measuring = len(drive.path.q), drive.course.measuring
     return {
-        **_place_record(plan.cell, drive.fixture),
+        **plan.cell.place_record(drive.fixture),
         "travel": waypoint_records(drive.course.travel),
         "waypoints": waypoint_records(measuring, m),
     }

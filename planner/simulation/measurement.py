@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from planner.cell.cell import Cell
 from planner.cell.setup import setup_of
-from planner.common.units import MM, Array, read_only
+from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
 from planner.runs.run import Run, Samples
@@ -145,20 +145,3 @@ def _repeatability_noise(rng: np.random.Generator, samples: Samples, moving: boo
     for part in np.split(np.arange(len(fresh)), np.flatnonzero(~follows)[1:]):
         fresh[part] = lfilter([1.0], [1.0, -stay], fresh[part], axis=0)
     return fresh
-
-
-def warn_uncentred_balls(cell: Cell, run: SimulatedRun, planned: Samples) -> SimulatedRun:
-    """Return the run, warned of balls that were met too far off centre; ``planned`` is where the arm was sent."""
-    head = cell.gauge.head
-    if run.readings.ball is None or head is None:
-        return run
-    apart = np.linalg.norm(cell.map_position(run.samples.q) - cell.map_position(planned.q), axis=1)
-    far = int((apart > head.usable).sum())
-    if not far:
-        return run
-    said = (
-        f"{far} of {len(run)} balls were met more than {head.usable / MM:g} mm off centre (largest "
-        f"{apart.max() / MM:.1f}), where the head does not measure: this robot is further off than "
-        f"gauge.head.uncalibrated_mm = {head.uncalibrated / MM:g} says; give smaller errors with --truth"
-    )
-    return replace(run, warnings=(*run.warnings, said))

@@ -1,5 +1,6 @@
 """What is made later of ``plan.json`` and the cell beside it: programs in any dialect, and simulated runs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from planner.common.determinism import on_one_thread
@@ -12,7 +13,7 @@ from planner.programs.rendering import ProgramFile
 from planner.session.neutral_program import session_program
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples, simulate, warn_uncentred_balls
+from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples, simulate
 from planner.simulation.truth import draw_truth, read_truth
 
 
@@ -57,4 +58,5 @@ def simulate_plan(
     else:
         plan_id, samples = session.document.plan_id, planned_samples(cell, session.document, session.courses)
     known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples)
-    return warn_uncentred_balls(cell, simulate(cell, plan_id, samples, known, seed), samples)
+    run = simulate(cell, plan_id, samples, known, seed)
+    return replace(run, warnings=(*run.warnings, *cell.gauge.centring_warnings(cell, samples, run)))

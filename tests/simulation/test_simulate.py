@@ -15,7 +15,7 @@ from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
 from planner.session.document import read_plan
-from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate, warn_uncentred_balls
+from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate
 from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_reading import simulate_plan
 from tests.generator.arm import GRAVITY, Arm, moment_of_weight
@@ -187,13 +187,13 @@ def test_balls_that_no_head_could_have_met_are_told():
     planned = Samples(q, np.zeros(len(q), dtype=int))
     ball = np.zeros(len(q), dtype=int)
     sent = SimulatedRun("run", planned, Readings(ball=ball))
-    assert not warn_uncentred_balls(cell, sent, planned).warnings
+    assert not cell.gauge.centring_warnings(cell, planned, sent)
     off = 0.02 * (np.arange(len(q)) % 4 == 0)  # [rad] of joint 1
     turned = replace(sent, samples=replace(planned, q=q + np.outer(off, np.eye(6)[0])))
     radius = np.linalg.norm(cell.map_position(q)[:, :2], axis=1)
     far = int((off * radius > 5e-3).sum())
     assert far
-    (said,) = warn_uncentred_balls(cell, turned, planned).warnings
+    (said,) = cell.gauge.centring_warnings(cell, planned, turned)
     assert said.startswith(f"{far} of {len(q)} balls were met more than 5 mm off centre")
 
 
