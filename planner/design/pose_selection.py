@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
+from planner.common.determinism import Positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
@@ -102,9 +103,12 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
 
 
 def select_poses(
-    cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int
+    cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int, given: Positions | None = None
 ) -> tuple[PoseChoice, BackgroundCurve]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
+
+    By exchange, or by DETMAX with as many at each ball where an artifact's balls are measured. ``given``: positions
+    of poses that were not chosen by the index, and are only judged by it.
 
     Returns:
         The choice, and the curve, which is still being computed on the other processor.
@@ -115,48 +119,25 @@ def select_poses(
     """
     model, seen, rows = identify_candidates(cell, pool)
     least = -(-seen.rank // model.width)
-    _check_count(poses, least, len(pool), seen.rank)
+    wanted = poses if given is None else len(given)
+    _check_count(wanted, least, len(pool), seen.rank)
     if pool.ball is not None and poses is not None:
         _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
     sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed, help_out=poses is None) as curve:
-        n = poses or curve.result().knee
+    with BackgroundCurve(rows, sizes, index, seed, help_out=wanted is None) as curve:
+        n = wanted or curve.result().knee
         certificate = certify_bound(rows, index, poses=n)
-        chosen = _search_poses(rows, n, index, seed, certificate, pool)
-        choice = _make_choice(model, seen, rows, pool, chosen, certificate)
-    return choice, curve
-
-
-def judge_given_poses(
-    cell: Cell, pool: PoseSet, chosen: np.ndarray, index: str, seed: int
-) -> tuple[PoseChoice, BackgroundCurve]:
-    """Return poses that were not chosen by their index, judged by it; else as :func:`choose`."""
-    model, seen, rows = identify_candidates(cell, pool)
-    least = -(-seen.rank // model.width)
-    _check_count(len(chosen), least, len(pool), seen.rank)
-    sizes = [n for n in CURVE_SIZES if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed) as curve:
-        certificate = certify_bound(rows, index, poses=len(chosen))
-        choice = _make_choice(model, seen, rows, pool, chosen, certificate)
-    return choice, curve
-
-
-def _make_choice(
-    model: Model, seen: Identifiability, rows: Array, pool: PoseSet, chosen: np.ndarray, certificate: Certificate
-) -> PoseChoice:
+        if given is not None:
+            chosen = given
+        elif pool.ball is None:
+            chosen = exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
+        else:
+            chosen = detmax(rows, n, seed=seed, group=pool.ball)
     q, fixture = pool.q[chosen], pool.fixture[chosen]
     ball = None if pool.ball is None else pool.ball[chosen]
-    index, final = certificate.index, model.jacobian(q, fixture)
-    value, grid = index_value(index, final), index_value(index, rows[chosen])
-    raw, scaled = all_indices(final), all_indices(final, model.prior)
-    return PoseChoice(model, seen, q, fixture, chosen, index, value, grid, certificate, raw, scaled, ball)
-
-
-def _search_poses(rows: Array, n: int, index: str, seed: int, certificate: Certificate, pool: PoseSet) -> np.ndarray:
-    """Positions of the chosen candidates: by exchange, or by DETMAX with as many at each ball."""
-    if pool.ball is None:
-        return exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
-    return detmax(rows, n, seed=seed, group=pool.ball)
+    final, grid = model.jacobian(q, fixture), index_value(index, rows[chosen])
+    values = index_value(index, final), grid, certificate, all_indices(final), all_indices(final, model.prior)
+    return PoseChoice(model, seen, q, fixture, chosen, index, *values, ball), curve
 
 
 def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:

@@ -1,5 +1,6 @@
 """A measured run: where the arm stood, what the gauge read, and what else was logged, in SI units."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -54,6 +55,12 @@ class Samples:
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.q)
+
+    @classmethod
+    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
+        """Return the samples of all, one after the other, in the columns that all of them have."""
+        columns = {f.name: [getattr(p, f.name) for p in parts] for f in fields(cls)}
+        return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})
 
     def take(self, which: slice | IntArray) -> "Samples":
         """Return the samples at ``which`` (a slice, indices, or a mask)."""

@@ -11,7 +11,6 @@ from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.pose_selection import (
     PoseChoice,
-    judge_given_poses,
     refine_poses,
     select_poses,
     traceable_pose_count,
@@ -61,7 +60,7 @@ class BarPoses:
             with stages.stage("foresight") as progress:
                 ahead = select_bayesian_poses(cell, pool, poses, progress)
             with stages.stage("selection"):
-                return Selection(*judge_given_poses(cell, pool, ahead.chosen, index, seed), foreseen=ahead)
+                return Selection(*select_poses(cell, pool, None, index, seed, ahead.chosen), foreseen=ahead)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
             choice, curve = select_poses(cell, pool, poses, index, seed)

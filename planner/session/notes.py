@@ -75,7 +75,7 @@ def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: t
     """Return how surely the plan tells findings from rivals, as it is driven."""
     parts = [_samples_in_passing(cell, d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
-    return parted.as_driven(tuple(_join_samples([p[k] for p in parts]) for k in range(ways)))
+    return parted.as_driven(tuple(Samples.joined([p[k] for p in parts]) for k in range(ways)))
 
 
 def discrimination_notes(
@@ -159,11 +159,3 @@ def _measured_waypoints(drive: Drive) -> np.ndarray:
     """Waypoints of the measuring path that are visits which count."""
     ids = [v.id for v in drive.visits if v.role in MEASURED]
     return np.flatnonzero(np.isin(drive.course.measuring.visit, ids))
-
-
-def _join_samples(parts: list[Samples]) -> Samples:
-    """The samples of every fixture, one after the other."""
-    first = parts[0]
-    names = ("q", "place", "point", "t", "direction", "speed", "reversals")
-    columns = [k for k in names if getattr(first, k) is not None]
-    return Samples(**{k: np.concatenate([getattr(p, k) for p in parts]) for k in columns})

@@ -10,7 +10,7 @@ from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
-from planner.design.pose_selection import PoseChoice, judge_given_poses, select_poses
+from planner.design.pose_selection import PoseChoice, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.session.approaches import TourStop
@@ -84,7 +84,8 @@ class PointPoses:
         with stages.stage("selection"):
             if not self.only_validates:
                 return Selection(*select_poses(cell, pool, self.poses, index, seed))
-            return Selection(*judge_given_poses(cell, pool, _draw_poses(pool, cell.plan.validate, seed), index, seed))
+            given = _draw_poses(pool, cell.plan.validate, seed)
+            return Selection(*select_poses(cell, pool, None, index, seed, given))
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace poses whose last way to the ball is not proven; settle which are centred several times."""

@@ -22,10 +22,9 @@ def problem(count=14, readings=1, seed=0):
     rng = np.random.default_rng(seed)
     rows = rng.standard_normal((count, readings, 6)) * np.array([1.0, 1e3, 1e-3, 1.0, 5.0, 1.0])
     rows[:, :, 4] += 4.0 * rows[:, :, 3]
-    one, two = np.array([0, 0, 0, 2.0, 0, 0]), np.array([0, 0, 0, 0, 0.3, 0.1])
     questions = (
-        DiscriminationQuestion(0, "a", one, OWN, np.array([4, 5])),
-        DiscriminationQuestion(0, "b", two, OWN, np.array([3])),
+        DiscriminationQuestion("a", np.array([3]), np.array([2.0]), OWN, np.array([4, 5])),
+        DiscriminationQuestion("b", np.array([4, 5]), np.array([0.3, 0.1]), OWN, np.array([3])),
     )
     frame = PoolCoordinates.of(rows)
     return rows, frame, frame.rows(rows), questions, dt_criterion(frame, OWN, questions, np.ones(2))
@@ -41,7 +40,7 @@ def test_noncentrality_is_what_least_squares_leave(readings):
     chosen = [0, 2, 3, 5, 7, 8, 11, 13]
     for q in questions:
         tall = rows[chosen].reshape(-1, 6)
-        left = np.linalg.lstsq(tall[:, q.taken], tall @ q.signal, rcond=None)[1]
+        left = np.linalg.lstsq(tall[:, q.taken], tall[:, q.shows] @ q.values, rcond=None)[1]
         assert noncentrality(frame, information_matrix(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
 
 

@@ -67,15 +67,14 @@ class DiscriminationQuestion:
     """Would readings of a truth be taken for another effect?
 
     Attributes:
-        pair: which pair it belongs to.
         truth: its name.
-        signal: values of the parameters by which the truth shows, (P,) in the columns' units.
+        shows: columns of the parameters by which the truth shows, (k,) ints, and their ``values``.
         base: columns that are in the model anyway, (p,) ints; ``rival`` those of the other effect.
     """
 
-    pair: int
     truth: str
-    signal: Array
+    shows: np.ndarray
+    values: Array
     base: np.ndarray
     rival: np.ndarray
 
@@ -135,7 +134,7 @@ def noncentrality(
     ``beside`` the other effect, else beside the model alone.
     """
     basis = frame.span(question.taken if beside else question.base)
-    signal = frame.columns[:, : len(question.signal)] @ question.signal
+    signal = frame.columns[:, question.shows] @ question.values
     fit = basis @ (np.linalg.pinv(basis.T @ mass @ basis, rcond=1e-13, hermitian=True) @ (basis.T @ (mass @ signal)))
     left = signal - fit
     return max(0.0, float(left @ mass @ left)), left
@@ -149,7 +148,7 @@ def dt_criterion(
     terms = [LogDetTerm(OWN_SHARE / basis.shape[1], basis)]
     for question, share in zip(questions, weights * ((1.0 - OWN_SHARE) / weights.sum()), strict=True):
         others = frame.span(question.taken)
-        signal = frame.columns @ question.signal
+        signal = frame.columns[:, question.shows] @ question.values
         left = signal - others @ (others.T @ signal)
         terms.append(LogDetTerm(float(share), np.column_stack([others, left / np.linalg.norm(left)])))
         terms.append(LogDetTerm(-float(share), others))

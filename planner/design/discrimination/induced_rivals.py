@@ -1,14 +1,19 @@
 """Rivals that the chosen poses themselves would bring up: what they tell worse than the poses measured before."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.determinism import Positions
 from planner.common.units import Array
-from planner.design.discrimination.criterion import DiscriminationQuestion
 from planner.design.discrimination.power import SURE, discrimination_power
-from planner.design.discrimination.predicted_readings import PredictedReadings, flatten_rows, orthonormal_span
+from planner.design.discrimination.predicted_readings import (
+    PredictedReadings,
+    flatten_rows,
+    orthonormal_span,
+    project_out,
+)
 from planner.design.discrimination.questions import QuestionSet
 from planner.effects.effect import Effect, Role
 
@@ -54,36 +59,32 @@ class CatalogueColumns:
 
 
 def add_induced_rivals(
-    sight: PredictedReadings, entries: Mapping[str, Effect], asked: QuestionSet, open_: set[int], chosen: np.ndarray
-) -> tuple[QuestionSet, set[int]]:
+    sight: PredictedReadings,
+    entries: Mapping[str, Effect],
+    asked: QuestionSet,
+    open_: Container[int],
+    chosen: Positions,
+) -> QuestionSet:
     """Return with a question for each effect of the catalogue that the chosen candidates would not tell from a truth.
 
-    ``open_``: pairs that poses can tell apart; returned are the new ones.
+    ``open_``: pairs that poses can tell apart.
     """
     few = sight.at(chosen)
     rows, dictionary = flatten_rows(few.rows(asked.parameters)), CatalogueColumns.of(few, entries)
-    truths = {q.truth: q for q in asked.questions[::-1] if q.pair in open_ and asked.pairs[q.pair].named}
-    new = set[int]()
+    pairs = [p for k, p in enumerate(asked.pairs) if k in open_ and p.named]
+    truths = {q.truth: q for p in pairs[::-1] for q in p.questions[::-1]}
     for truth, q in sorted(truths.items()):
         basis = orthonormal_span(rows[:, q.base])
-        signal = rows[:, : len(q.signal)] @ q.signal
-        signal = signal - basis @ (basis.T @ signal)
+        signal = project_out(rows[:, q.shows] @ q.values, basis)
         whole = float(signal @ signal)
         left = whole - dictionary.explained(basis, signal)
-        known = _known_names(asked, q)
+        with_it = {n for p in asked.pairs if truth in (p.finding, p.rival) for n in (p.finding, p.rival)}
+        known, new = {n.split(" (")[0] for n in with_it}, set[str]()
         for k in np.argsort(left, kind="stable"):
             entry, inner = dictionary.items[k]
-            if len(known[truth]) == RIVALS_PER_TRUTH or discrimination_power(float(left[k]), whole) > SURE:
+            if len(new) == RIVALS_PER_TRUTH or discrimination_power(float(left[k]), whole) > SURE:
                 break
-            if not any(entry.name in names for names in known.values()):
-                known[truth].add(entry.name)
-                new.add(len(asked.pairs))
-                asked = asked.guarded(q, entry, inner)
-    return asked, new
-
-
-def _known_names(asked: QuestionSet, question: DiscriminationQuestion) -> dict[str, set[str]]:
-    """Names that are asked for already with a truth, and room for new ones."""
-    truth = question.truth
-    with_it = {n for p in asked.pairs if truth in (p.finding, p.rival) for n in (p.finding, p.rival)}
-    return {"": {n.split(" (")[0] for n in with_it}, truth: set()}
+            if entry.name not in known | new:
+                new.add(entry.name)
+                asked = asked.with_rival(q, entry, inner)
+    return asked

@@ -1,7 +1,7 @@
 """What would tell two effects apart that the cell's poses cannot: other loads, speeds, fixtures and bars are tried."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,12 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import draw_candidates
-from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, noncentrality
+from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
 from planner.design.discrimination.power import ALIKE, EVIDENCE
 from planner.design.discrimination.predicted_readings import PredictedReadings, candidate_visits
-from planner.design.discrimination.questions import QuestionSet
+from planner.design.discrimination.questions import QuestionSet, RivalPair
 from planner.effects.geometry import gauge_parameters
 from planner.effects.parameters import Parameter
-from planner.model.model import Model
 from planner.runs.run import Samples
 
 FEW = 800  # candidates of a cell that is tried
@@ -36,13 +35,13 @@ class OtherMeasurement:
     sight: PredictedReadings
     more: tuple[Parameter, ...] = ()
 
-    def tells(self, asked: QuestionSet, questions: list[DiscriminationQuestion], poses: int) -> bool:
+    def tells(self, asked: QuestionSet, pair: RivalPair, poses: int) -> bool:
         """Whether so many poses would tell a pair apart, whichever is the truth."""
         rows = self.sight.rows((*asked.parameters, *self.more))
         frame = PoolCoordinates.of(rows)
         whole = np.eye(frame.to.shape[1]) * (poses / len(rows))
         new = np.arange(len(asked.parameters), rows.shape[2])
-        for question in questions:
+        for question in pair.questions:
             q = replace(question, base=np.concatenate([question.base, new]))
             left, all_ = (noncentrality(frame, whole, q, beside)[0] for beside in (True, False))
             if left < SURELY * max(EVIDENCE, ALIKE * all_):
@@ -65,10 +64,9 @@ class OtherMeasurements:
         """All of them."""
         return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed))
 
-    def help(self, asked: QuestionSet, pair: int) -> tuple[str, ...]:
+    def help(self, asked: QuestionSet, pair: RivalPair) -> tuple[str, ...]:
         """Those that would tell a pair apart, in words."""
-        questions = [q for q in asked.questions if q.pair == pair]
-        return tuple(way.words for way in self.tried if way.tells(asked, questions, self.n))
+        return tuple(way.words for way in self.tried if way.tells(asked, pair, self.n))
 
 
 def propose_measurements(
@@ -77,14 +75,10 @@ def propose_measurements(
     """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
     few = sight.thinned()
     kilograms = cell.robot.payload or PAYLOAD
-    loaded = tuple(_repeat_visits(s, payload=(0.0, kilograms)) for s in few.samples)
     words = f"another payload (say {kilograms:g} kg) at half of the poses, payload_kg in the run"
-    yield OtherMeasurement(words, replace(few, samples=loaded, sigma=np.tile(few.sigma, 2)))
+    yield OtherMeasurement(words, few.repeated(payload=(0.0, kilograms)))
     if few.samples[0].speed is not None:
-        slow = tuple(_repeat_visits(s, speed=(1.0, 0.5)) for s in few.samples)
-        yield OtherMeasurement(
-            "half of the poses at another speed", replace(few, samples=slow, sigma=np.tile(few.sigma, 2))
-        )
+        yield OtherMeasurement("half of the poses at another speed", few.repeated(speed=(1.0, 0.5)))
         if not cell.motion.both_ways:
             back = tuple(replace(s, speed=-np.asarray(s.speed)) for s in few.samples)
             yield OtherMeasurement(
@@ -95,9 +89,7 @@ def propose_measurements(
         longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)
         if samples:
-            yield OtherMeasurement(
-                "a longer bar", PredictedReadings(few.model, samples, _scaled_noise(few.model, samples, scale))
-            )
+            yield OtherMeasurement("a longer bar", PredictedReadings.of(few.model, samples, scale))
 
 
 def _second_fixture(
@@ -113,13 +105,13 @@ def _second_fixture(
         setup = few.model.setup
         model = replace(few.model, setup=_add_place(setup, fixture.p_BX))
         there = tuple(replace(s, place=np.full(len(s), len(setup.p_BX))) for s in samples)
-        both = tuple(_join_samples(a, b) for a, b in zip(few.samples, there, strict=True))
+        both = tuple(Samples.joined((a, b)) for a, b in zip(few.samples, there, strict=True))
         placed = gauge_parameters(model.setup, frozenset({"fixture"}))
         more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
         place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))
         yield OtherMeasurement(
             f"a second fixture, say at [{place}] mm",
-            PredictedReadings(model, both, _scaled_noise(model, both, scale)),
+            PredictedReadings.of(model, both, scale),
             more,
         )
         return
@@ -143,24 +135,3 @@ def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
         return candidate_visits(cell.unwound, draw_candidates(cell.unwound, FEW, seed), poses, seed)
     except NoSolutionError:
         return ()
-
-
-def _scaled_noise(model: Model, samples: tuple[Samples, ...], scale: float) -> Array:
-    return np.asarray(scale * model.reading_noise(samples[0]).std)
-
-
-def _repeat_visits(samples: Samples, **change: tuple[float, float]) -> Samples:
-    """All visits twice: a column that is there times either number, or else the numbers themselves."""
-    n = len(samples)
-    twice = samples.take(np.tile(np.arange(n), 2))
-    columns = {}
-    for name, pair in change.items():
-        factor, now = np.repeat(pair, n), getattr(twice, name)
-        columns[name] = factor if now is None else now * factor[:, None]
-    return replace(twice, **columns)
-
-
-def _join_samples(one: Samples, other: Samples) -> Samples:
-    """The visits of both, in the columns that both have."""
-    pairs = {f.name: (getattr(one, f.name), getattr(other, f.name)) for f in fields(one)}
-    return Samples(**{k: np.concatenate(v) for k, v in pairs.items() if v[0] is not None and v[1] is not None})

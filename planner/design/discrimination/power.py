@@ -8,7 +8,8 @@ from scipy.stats import norm
 
 from planner.common.units import Array
 from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
-from planner.design.discrimination.questions import QuestionSet, explain_faint, explain_identical
+from planner.design.discrimination.questions import QuestionSet, RivalPair, effect_kind
+from planner.design.selection.matrix_forms import sum_largest
 
 UNSURE = 0.8  # power below which a person is told what would help
 SURE = 0.98  # power below which an effect that nobody named is taken up as a rival
@@ -113,61 +114,47 @@ def discrimination_power(size: float, whole: float) -> float:
 def pair_powers(asked: QuestionSet, frame: PoolCoordinates, mass: Array) -> list[tuple[float, float]]:
     """Noncentrality and power of every pair, the less sure of its truths, at an information (p, p)."""
     out = []
-    for k in range(len(asked.pairs)):
-        sizes = [
-            (noncentrality(frame, mass, q)[0], noncentrality(frame, mass, q, beside=False)[0])
-            for q in asked.questions
-            if q.pair == k
-        ]
-        out.append((min(s for s, _ in sizes), min(discrimination_power(s, w) for s, w in sizes)))
+    for pair in asked.pairs:
+        sizes = [[noncentrality(frame, mass, q, beside)[0] for beside in (True, False)] for q in pair.questions]
+        out.append((min(left for left, _ in sizes), min(discrimination_power(*both) for both in sizes)))
     return out
 
 
-def bound_noncentrality(left: Array, rows: Array, n: int) -> float:
-    """Bound on the noncentrality of any n candidates ``rows`` (N, r, p).
-
-    ``left``: the direction in which the truth shows beyond the other effect as that fits the whole pool; any fit of it
-    leaves at least as much as the best one does.
-    """
-    squares = ((rows @ left) ** 2).sum(axis=1)
-    return float(np.sum(np.partition(squares, len(squares) - n)[len(squares) - n :]))
-
-
-@dataclass(frozen=True)
-class InseparablePair:
-    """A pair that n poses cannot tell apart; ``limit``: no more noise variances, ``None`` where nothing differs."""
-
-    pair: int
-    limit: float | None
-
-
 def split_separable(
-    asked: QuestionSet, frame: PoolCoordinates, rows: Array, n: int, which: set[int] | None = None
-) -> tuple[dict[int, float], tuple[InseparablePair, ...]]:
-    """Pairs that n poses can tell apart, with the bound on their noncentrality; and those that they cannot.
+    asked: QuestionSet, frame: PoolCoordinates, rows: Array, n: int, first: int = 0
+) -> tuple[dict[int, float], dict[int, float | None]]:
+    """Pairs that n of the candidates ``rows`` (N, r, p) can tell apart, and those that they cannot.
 
-    ``which``: only these pairs are looked at.
+    With each stands the bound on its noncentrality, ``None`` where nothing differs. The direction in which a truth
+    shows beyond the other effect is taken as that fits the whole pool: any fit of it leaves at least as much as the
+    best one does. ``first``: only pairs from there on are looked at.
     """
-    open_, closed, whole = dict[int, float](), list[InseparablePair](), np.eye(rows.shape[2])
-    for k, pair in enumerate(asked.pairs):
-        if which is not None and k not in which:
-            continue
-        own = [q for q in asked.questions if q.pair == k]
-        left = [noncentrality(frame, whole, q) for q in own]
-        alone = [noncentrality(frame, whole, q, beside=False)[0] for q in own]
+    open_, closed, whole = dict[int, float](), dict[int, float | None](), np.eye(rows.shape[2])
+    for k, pair in list(enumerate(asked.pairs))[first:]:
+        left = [noncentrality(frame, whole, q) for q in pair.questions]
+        alone = [noncentrality(frame, whole, q, beside=False)[0] for q in pair.questions]
         share = min(size / max(all_, 1e-300) for (size, _), all_ in zip(left, alone, strict=True))
-        limit = min(bound_noncentrality(direction, rows, n) for _, direction in left)
+        limit = min(sum_largest(((rows @ direction) ** 2).sum(axis=1), n) for _, direction in left)
         if share >= IDENTICAL_SHARE and limit >= (LEAST if pair.named else HOPEFUL):
             open_[k] = limit
         else:
-            closed.append(InseparablePair(k, None if share < IDENTICAL_SHARE else limit))
-    return open_, tuple(closed)
+            closed[k] = None if share < IDENTICAL_SHARE else limit
+    return open_, closed
 
 
-def explain_inseparable(asked: QuestionSet, closed: InseparablePair, n: int, help_: Sequence[str]) -> str:
+def explain_inseparable(pair: RivalPair, limit: float | None, n: int, help_: Sequence[str]) -> str:
     """Say of a pair that n poses cannot tell apart why, and what would ``help_``."""
-    pair = asked.pairs[closed.pair]
-    if closed.limit is None:
-        return explain_identical(pair.finding, pair.rival, help_)
-    needed = int(np.ceil(2 * EVIDENCE / closed.limit * n))
-    return explain_faint(pair.finding, pair.rival, n, closed.limit, needed, help_)
+    if help_:
+        would = f"what would tell them apart: {'; or '.join(help_)}"
+    elif {effect_kind(pair.finding), effect_kind(pair.rival)} <= {"gauge lag", "servo lag"}:
+        would = "no other way of measuring would help but a gauge that the controller itself triggers or logs"
+    else:
+        would = "another payload or speed, a second fixture or a longer bar would not help either"
+    both = f"{pair.finding} and {pair.rival}"
+    if limit is None:
+        return f"{both}: the same in every pose that this cell can measure; {would}"
+    needed = int(np.ceil(2 * EVIDENCE / limit * n))
+    return (
+        f"{both}: no {n} poses differ by more than {limit:.2g} noise variances; "
+        f"about {needed} would be needed (--poses); {would}"
+    )

@@ -29,7 +29,7 @@ class PredictedReadings:
 
     Attributes:
         model: the plan's own parameters.
-        samples: of every visit of a candidate, see :mod:`.passages`.
+        samples: of every visit of a candidate, see :func:`candidate_visits`.
         sigma: noise of one reading, (n,) [m].
     """
 
@@ -37,16 +37,19 @@ class PredictedReadings:
     samples: tuple[Samples, ...]
     sigma: Array
 
+    @classmethod
+    def of(cls, model: Model, samples: tuple[Samples, ...], scale: float) -> "PredictedReadings":
+        """Take the noise of the model's gauge times ``scale``."""
+        return cls(model, samples, np.asarray(scale * model.reading_noise(samples[0]).std))
+
+    def repeated(self, **change: tuple[float, float]) -> "PredictedReadings":
+        """Return all visits twice, see :func:`repeat_visits`."""
+        twice = tuple(repeat_visits(s, **change) for s in self.samples)
+        return replace(self, samples=twice, sigma=np.tile(self.sigma, 2))
+
     def entries(self) -> dict[str, Effect]:
         """Every effect that these samples can show, by name."""
-        own = [k for k in ("q", "place", "t", "point") if getattr(self.samples[0], k) is not None]
-        both = {k: np.concatenate([getattr(s, k) for s in self.samples]) for k in own}
-        one = {
-            k: np.concatenate([getattr(s, k) for s in self.samples])
-            for k in ("direction", "speed", "reversals")
-            if getattr(self.samples[0], k) is not None
-        }
-        return {e.name: e for e in catalogue(self.model.setup, Samples(**both, **one))}
+        return {e.name: e for e in catalogue(self.model.setup, Samples.joined(self.samples))}
 
     def rows(self, parameters: Sequence[Parameter]) -> Array:
         """Whitened rows of every candidate, (n, r, P), per unit of the parameters; r numbers over all visits."""
@@ -140,10 +143,8 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     at = replace(setup_of(cell).visits(pool.q, pool.fixture), t=read_only(t))
     if cell.motion.measure == "static":
         return (replace(at, direction=read_only(np.sign(way))),)
-    speed, earlier = (
-        _measuring_speed(cell, pool.q, way),
-        [pool.q[rng.permutation(len(pool))] for _ in range(POSES_BEFORE)],
-    )
+    speed = _measuring_speed(cell, pool.q, way)
+    earlier = [pool.q[rng.permutation(len(pool))] for _ in range(POSES_BEFORE)]
     there = replace(at, speed=read_only(speed), reversals=read_only(np.stack([*earlier, before], axis=2)))
     if not cell.motion.both_ways:
         return (there,)
@@ -151,11 +152,20 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     return there, replace(there, t=read_only(2 * t.max() - t), speed=read_only(-speed), reversals=turned)
 
 
+def repeat_visits(samples: Samples, **change: tuple[float, float]) -> Samples:
+    """All visits twice: a column that is there times either number, or else the numbers themselves."""
+    n = len(samples)
+    twice = samples.take(np.tile(np.arange(n), 2))
+    columns = {}
+    for name, pair in change.items():
+        factor, now = np.repeat(pair, n), getattr(twice, name)
+        columns[name] = read_only(factor if now is None else now * factor[:, None])
+    return replace(twice, **columns)
+
+
 def approach_both_sides(samples: Samples) -> Samples:
     """Return the visits at rest (n), and the same with every axis come from the other side (n more)."""
-    assert samples.direction is not None
-    twice = samples.take(np.tile(np.arange(len(samples)), 2))
-    return replace(twice, direction=read_only(np.concatenate([samples.direction, -samples.direction])))
+    return repeat_visits(samples, direction=(1.0, -1.0))
 
 
 def _measuring_speed(cell: Cell, q: Array, way: Array) -> Array:

@@ -1,6 +1,6 @@
 """The questions of a discrimination design: for each finding and rival, what would show if either were the truth."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,39 +21,8 @@ from planner.effects.effect import Effect
 from planner.effects.parameters import Parameter
 
 
-def explain_not_shown(finding: str, rival: str, missing: Sequence[str]) -> str:
-    """Say that a plan's readings do not show an effect at all."""
-    kinds = list(dict.fromkeys(_effect_kind(name) for name in missing))
-    needed = " and ".join(dict.fromkeys(needs_of(kind) for kind in kinds))
-    what = " and ".join(missing)
-    return f"{finding} and {rival}: a run of this plan does not show {what}; that needs {needed}"
-
-
-def explain_identical(finding: str, rival: str, help_: Sequence[str]) -> str:
-    """Say that two effects look alike in every pose, and what would help."""
-    return (
-        f"{finding} and {rival}: the same in every pose that this cell can measure;"
-        f" {_suggest_help(finding, rival, help_)}"
-    )
-
-
-def explain_faint(finding: str, rival: str, poses: int, most: float, needed: int, help_: Sequence[str]) -> str:
-    """Say that the difference of two effects is lost in the noise of so few poses, and what would help."""
-    return (
-        f"{finding} and {rival}: no {poses} poses differ by more than {most:.2g} noise variances; "
-        f"about {needed} would be needed (--poses); {_suggest_help(finding, rival, help_)}"
-    )
-
-
-def _suggest_help(finding: str, rival: str, help_: Sequence[str]) -> str:
-    if help_:
-        return f"what would tell them apart: {'; or '.join(help_)}"
-    if {_effect_kind(finding), _effect_kind(rival)} <= {"gauge lag", "servo lag"}:
-        return "no other way of measuring would help but a gauge that the controller itself triggers or logs"
-    return "another payload or speed, a second fixture or a longer bar would not help either"
-
-
-def _effect_kind(name: str) -> str:
+def effect_kind(name: str) -> str:
+    """Return the kind of an effect, from its name ``KIND, PLACE``."""
     return name.split(", ")[0]
 
 
@@ -63,11 +32,13 @@ class RivalPair:
 
     Attributes:
         finding, rival: names.
+        questions: one for either truth where the identification names the rival; else one, for the finding.
         named: whether the identification names the rival; else it is one that these poses would bring up.
     """
 
     finding: str
     rival: str
+    questions: tuple[DiscriminationQuestion, ...]
     named: bool = True
 
 
@@ -79,40 +50,33 @@ class QuestionSet:
         parameters: of all columns: the plan's own first, then those of findings and rivals.
         own: positions of the plan's own.
         pairs: what is to be told apart.
-        questions: two for each pair that the identification names, one for either truth; one for the others.
         not_shown: a sentence for each pair whose effects the plan's readings cannot show at all.
+        places: positions of the columns of each effect at an inner number.
     """
 
     parameters: tuple[Parameter, ...]
     own: np.ndarray
     pairs: tuple[RivalPair, ...] = ()
-    questions: tuple[DiscriminationQuestion, ...] = ()
     not_shown: tuple[str, ...] = ()
     places: Mapping[tuple[str, float | None], np.ndarray] = field(default_factory=dict)
 
-    def of(self, entry: Effect, inner: float | None) -> "tuple[QuestionSet, np.ndarray]":
+    def with_effect(self, entry: Effect, inner: float | None) -> "tuple[QuestionSet, np.ndarray]":
         """Return with an entry's columns, each effect's once, and their positions."""
         key = (entry.name, inner)
         if key in self.places:
             return self, self.places[key]
-        new = entry.make(inner)
-        where = np.arange(len(self.parameters), len(self.parameters) + len(new))
-        questions = tuple(replace(q, signal=np.append(q.signal, np.zeros(len(new)))) for q in self.questions)
-        more = replace(
-            self, parameters=(*self.parameters, *new), questions=questions, places={**self.places, key: where}
-        )
-        return more, where
+        parameters = (*self.parameters, *entry.make(inner))
+        where = np.arange(len(self.parameters), len(parameters))
+        return replace(self, parameters=parameters, places={**self.places, key: where}), where
 
-    def asking(self, pair: RivalPair, *questions: DiscriminationQuestion) -> "QuestionSet":
+    def with_pair(self, pair: RivalPair) -> "QuestionSet":
         """Return with one more pair."""
-        return replace(self, pairs=(*self.pairs, pair), questions=(*self.questions, *questions))
+        return replace(self, pairs=(*self.pairs, pair))
 
-    def guarded(self, question: DiscriminationQuestion, entry: Effect, inner: float | None) -> "QuestionSet":
+    def with_rival(self, question: DiscriminationQuestion, entry: Effect, inner: float | None) -> "QuestionSet":
         """Return with the question whether readings of a question's truth would be taken for another entry."""
-        more, where = self.of(entry, inner)
-        signal = np.append(question.signal, np.zeros(len(more.parameters) - len(question.signal)))
-        new = replace(question, pair=len(self.pairs), signal=signal, rival=where)
-        return more.asking(RivalPair(question.truth, entry.name, False), new)
+        more, where = self.with_effect(entry, inner)
+        return more.with_pair(RivalPair(question.truth, entry.name, (replace(question, rival=where),), False))
 
 
 def pose_questions(
@@ -124,7 +88,7 @@ def pose_questions(
     known = [(f, entries[f.name]) for f in identified.found if f.name in entries]
     places = []
     for found, entry in known:
-        asked, where = asked.of(entry, found.inner)
+        asked, where = asked.with_effect(entry, found.inner)
         places.append(where)
     for k, (found, entry) in enumerate(known):
         values = found_values(found, entry.make(found.inner), identified.values)
@@ -136,13 +100,13 @@ def pose_questions(
             signal = project_out(flatten_rows(few.rows(entry.make(found.inner))) @ values[:, None], taken)[:, 0]
             inner = best_matching_inner(few, rival, signal, taken)
             matching = _match_signal(project_out(flatten_rows(few.rows(rival.make(inner))), taken), signal)
-            asked, there = asked.of(rival, inner)
-            size, pair = len(asked.parameters), len(asked.pairs)
-            asked = asked.asking(
-                RivalPair(found.label, name),
-                DiscriminationQuestion(pair, found.label, _place_signal(size, places[k], values), base, there),
-                DiscriminationQuestion(pair, name, _place_signal(size, there, matching), base, places[k]),
+            asked, there = asked.with_effect(rival, inner)
+            here = places[k]
+            either = (
+                DiscriminationQuestion(found.label, here, values, base, there),
+                DiscriminationQuestion(name, there, matching, base, here),
             )
+            asked = asked.with_pair(RivalPair(found.label, name, either))
     return replace(asked, not_shown=tuple(s for f in identified.found for s in _explain_unseen(f, entries)))
 
 
@@ -150,12 +114,6 @@ def _own_columns_without(asked: QuestionSet, *entries: Effect) -> np.ndarray:
     """The plan's own columns, less those that are an entry's themselves: joint compliances may be among them."""
     made = {p.moves for e in entries if e.nonlinear is None for p in e.make(None)}
     return np.array([k for k in asked.own if asked.parameters[k].moves not in made], dtype=int)
-
-
-def _place_signal(size: int, where: np.ndarray, values: Array) -> Array:
-    out = np.zeros(size)
-    out[where] = values
-    return out
 
 
 def _match_signal(columns: Array, signal: Array) -> Array:
@@ -169,7 +127,10 @@ def _match_signal(columns: Array, signal: Array) -> Array:
 
 
 def _explain_unseen(found: IdentifiedEffect, entries: Mapping[str, Effect]) -> Iterator[str]:
+    """Say of each rival that a plan's readings do not show one of the two at all."""
     for rival in found.rivals:
         missing = [name for name in (found.name, rival) if name not in entries]
         if missing:
-            yield explain_not_shown(found.label, rival, missing)
+            needs = dict.fromkeys(needs_of(effect_kind(name)) for name in missing)
+            what = f"{found.label} and {rival}: a run of this plan does not show {' and '.join(missing)}"
+            yield f"{what}; that needs {' and '.join(needs)}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.determinism import Positions, on_one_thread
+from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
@@ -54,9 +54,7 @@ class DiscriminatingChoice:
 
     def as_driven(self, samples: tuple[Samples, ...]) -> Discrimination:
         """Judge the visits of the finished plan: samples of each, for every way on which it is passed."""
-        model, first = self.choice.model, samples[0]
-        sigma = self.scale * model.reading_noise(first).std
-        rows = PredictedReadings(model, samples, np.asarray(sigma)).rows(self.asked.parameters)
+        rows = PredictedReadings.of(self.choice.model, samples, self.scale).rows(self.asked.parameters)
         now = pair_powers(self.asked, self.frame, information_matrix(self.frame.rows(rows)))
         sizes = {(p.finding, p.rival): size for p, size in zip(self.asked.pairs, now, strict=True)}
         told = (replace(t, noncentrality=s[0], power=s[1]) for t in self.separation.told for s in [sizes[t.pair]])
@@ -82,7 +80,9 @@ def select_discriminating_poses(
     open_, closed = split_separable(asked, frame, rows, len(choice.chosen))
     other_ways = OtherMeasurements(cell, sight, scale, len(choice.chosen), seed)
     sentences = asked.not_shown + tuple(
-        explain_inseparable(asked, c, other_ways.n, other_ways.help(asked, c.pair)) for c in closed
+        explain_inseparable(pair, limit, other_ways.n, other_ways.help(asked, pair))
+        for k, limit in closed.items()
+        for pair in [asked.pairs[k]]
     )
     if not open_:
         raise NoSolutionError(
@@ -91,17 +91,23 @@ def select_discriminating_poses(
     places = choice.chosen
     for _ in range(ROUNDS):
         places = descend(DTSwaps(rows, _make_criterion(frame, asked, open_), group), places, np.arange(len(rows)))
-        asked, new = add_induced_rivals(sight, entries, asked, set(open_), places)
-        if not new:
+        known = len(asked.pairs)
+        asked = add_induced_rivals(sight, entries, asked, open_, places)
+        if len(asked.pairs) == known:
             break
         frame, rows = _pool_rows(sight, asked)
-        open_ |= split_separable(asked, frame, rows, len(places), new)[0]
+        open_ |= split_separable(asked, frame, rows, len(places), known)[0]
     aim = _make_criterion(frame, asked, open_)
     bound = bound_criterion(rows, aim, len(places), places)
     places = exchange_by_criterion(rows, aim, bound, places, seed, group)
     now, before = (pair_powers(asked, frame, information_matrix(rows[k])) for k in (places, choice.chosen))
+    told = []
+    for k, limit in sorted(open_.items()):
+        pair, (size, power) = asked.pairs[k], now[k]
+        help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE else ()
+        told.append(PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], limit, help_))
     separation = Discrimination(
-        _list_powers(asked, open_, now, before, other_ways),
+        tuple(told),
         sentences,
         len(places),
         float(np.expm1(bound.value - aim.value(information_matrix(rows[places])))),
@@ -109,7 +115,8 @@ def select_discriminating_poses(
         noise,
         choice.value,
     )
-    kept = _replace_poses(choice, pool, places % len(pool))
+    at = places % len(pool)
+    kept = replace(choice, fixture=pool.fixture[at]).with_poses(pool.q[at], at, pool)
     if sides:
         kept = replace(kept, approach=approach_signs(sight.samples[0].take(places), sides))
     return DiscriminatingChoice(kept, separation, asked, frame, scale)
@@ -122,9 +129,8 @@ def _predict_readings(
     samples = candidate_visits(cell, pool, len(choice.chosen), seed)
     if both_sides:
         samples = tuple(approach_both_sides(s) for s in samples)
-    sigma = choice.model.reading_noise(samples[0]).std
-    scale = noise / float(np.sqrt(np.mean(sigma**2)))
-    return PredictedReadings(choice.model, samples, np.asarray(scale * sigma)), scale
+    scale = noise / float(np.sqrt(np.mean(choice.model.reading_noise(samples[0]).std ** 2)))
+    return PredictedReadings.of(choice.model, samples, scale), scale
 
 
 def _pool_rows(sight: PredictedReadings, asked: QuestionSet) -> tuple[PoolCoordinates, Array]:
@@ -136,28 +142,8 @@ def _pool_rows(sight: PredictedReadings, asked: QuestionSet) -> tuple[PoolCoordi
 
 def _make_criterion(frame: PoolCoordinates, asked: QuestionSet, open_: dict[int, float]) -> DTCriterion:
     """The criterion for the pairs that poses can tell apart; rivals that nobody named count less."""
-    questions = [q for q in asked.questions if q.pair in open_]
-    named = np.array([asked.pairs[q.pair].named for q in questions])
+    pairs = [p for k, p in enumerate(asked.pairs) if k in open_]
+    questions = [q for p in pairs for q in p.questions]
+    named = np.array([p.named for p in pairs for _ in p.questions])
     weights = np.where(named, 1.0, INDUCED_WEIGHT * min(1.0, named.sum() / max(1, (~named).sum())))
     return dt_criterion(frame, asked.own, questions, weights)
-
-
-def _list_powers(
-    asked: QuestionSet,
-    open_: dict[int, float],
-    now: list[tuple[float, float]],
-    before: list[tuple[float, float]],
-    other_ways: OtherMeasurements,
-) -> tuple[PairPower, ...]:
-    out = []
-    for k, pair in enumerate(asked.pairs):
-        if k in open_:
-            help_ = other_ways.help(asked, k) if pair.named and now[k][1] < UNSURE else ()
-            out.append(PairPower(pair.finding, pair.rival, pair.named, *now[k], before[k][0], open_[k], help_))
-    return tuple(out)
-
-
-def _replace_poses(choice: PoseChoice, pool: PoseSet, chosen: Positions) -> PoseChoice:
-    """The choice with the separating candidates in place of its own."""
-    there = replace(choice, fixture=pool.fixture[chosen])
-    return there.with_poses(pool.q[chosen], chosen, pool)
