@@ -103,10 +103,15 @@ class CommonFit:
     loaded: Array
     both: Array
 
+    @property
+    def parts(self) -> dict[str, Array]:
+        """The standard deviations by name of what is known."""
+        return {"unloaded": self.unloaded, "loaded": self.loaded, "together": self.both}
+
     def of(self, start: str) -> tuple[tuple[str, float, float, float], ...]:
         """Rows (name, unloaded, loaded, both) of the parameters whose names begin so."""
-        rows = zip(self.names, self.unloaded, self.loaded, self.both, strict=True)
-        return tuple((n, float(u), float(w), float(b)) for n, u, w, b in rows if n.startswith(start))
+        rows = zip(self.names, *(part.tolist() for part in self.parts.values()), strict=True)
+        return tuple(row for row in rows if row[0].startswith(start))
 
 
 def predict_common_fit(
@@ -179,9 +184,8 @@ def select_circles_beside(
     parts = [loaded_rows(cell, [c], has_same_tool(free_cell, cell)) for c in pool]
     names = (*first.names, *(n for n in parts[0].names if n not in first.names and not _is_fixture_of_place(n)))
     rows = first.on(names)
-    return augment_design(
-        rows.T @ rows + np.eye(len(names)), np.array([_shared_information(p, names) for p in parts]), count
-    )
+    blocks = np.array([_shared_information(p, names) for p in parts])
+    return augment_design(rows.T @ rows + np.eye(len(names)), blocks, count)
 
 
 def _is_fixture_of_place(name: str) -> bool:

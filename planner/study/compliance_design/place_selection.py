@@ -96,18 +96,16 @@ def planned_curves(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> A
     """Return the curves that a circle would give, without their readings."""
     circle = own_circle(cell)
     D, K, B = len(circle.directions), len(circle.loads), len(place.q)
-    loads = np.array(circle.loads)
-    shape = (D, K, B)
-    first, second = place.q, np.arange(B) * 2 * np.pi / B
+    loads, shape = np.array(circle.loads), (D, K, B)
     axes = np.stack([*(np.eye(3)["XYZ".index(a)] for a in circle.plane), place.axis_B])
     where = DrivenCircle(circle.name, 0, place.centre, read_only(axes), circle.radius, place.p_BX)
     there = replace(setup, p_BX=place.p_BX[None])
     return AveragedCurves(
         circle=where,
-        theta=read_only(second),
+        theta=read_only(np.arange(B) * 2 * np.pi / B),
         directions=(1, -1)[:D],
         loads=read_only(loads),
-        q=read_only(np.broadcast_to(first, (*shape, first.shape[1]))),
+        q=read_only(np.broadcast_to(place.q, (*shape, place.q.shape[1]))),
         length=read_only(np.zeros(shape)),
         force=read_only(np.broadcast_to(loads[:, None], shape)),
         noise=read_only(promised_turn_noise(there, place.q)),

@@ -8,26 +8,50 @@ import polars as pl
 
 from planner.common.units import to_deg, to_mm
 from planner.instruments.loaded.results import share_text
+from planner.study.compliance_design.circle_candidates import CirclePlace
 from planner.study.compliance_design.common_fit import CommonFit
-from planner.study.compliance_design.place_selection import CirclePlaceChoice, PredictedCompliance
+from planner.study.compliance_design.place_selection import (
+    CirclePlaceChoice,
+    PredictedCompliance,
+    predict_compliance,
+)
 
 GOOD = 0.15  # of the prior size: more places are said to be worth it until the worst joint is known so well
 
 
 def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> dict[str, object]:
     """Return the content of ``places.json``; ``both`` is what the chosen circles know with a plan without load."""
+
+    def shares(known: PredictedCompliance) -> dict[str, object]:
+        std, alone = (dict(zip(found.names, map(_rounded, s), strict=True)) for s in (known.std, known.alone))
+        return {"share_of_prior": std, "share_of_prior_by_readings_alone": alone}
+
+    names = {"unloaded": "unloaded_alone", "loaded": "loaded_alone", "together": "together"}
     return {
         "schema": "edbb-places/1",
         "robot": robot,
         "candidates": len(found.pool),
-        "own_circle": _compliance_content(found, found.own),
+        "own_circle": shares(found.own),
         "sets": [
-            {"places": [_place_content(found, int(i)) for i in chosen], **_compliance_content(found, known)}
+            {"places": [_place_content(found.pool[i]) for i in chosen], **shares(known)}
             for chosen, known in zip(found.sets, found.known, strict=True)
         ],
-        "with_unloaded_plan": None if both is None else [_common_fit_row(r) for r in both.of("")],
+        "with_unloaded_plan": None
+        if both is None
+        else [
+            {"name": n, **{names[k]: _rounded(v[j]) for k, v in both.parts.items()}} for j, n in enumerate(both.names)
+        ],
         "sentences": list(describe_places(found)),
     }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _place_content(c: CirclePlace) -> dict[str, object]:
+    places = {"centre_mm": (to_mm(c.centre), 2), "fixture_mm": (to_mm(c.p_BX), 2), "start_deg": (to_deg(c.q[0]), 3)}
+    return {"plane": c.plane, "side": c.side} | {k: np.round(v, n).tolist() for k, (v, n) in places.items()}
 
 
 def places_text(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> str:
@@ -37,13 +61,13 @@ def places_text(found: CirclePlaceChoice, robot: str, both: CommonFit | None = N
 
 def places_csv(found: CirclePlaceChoice) -> str:
     """Return a row for every candidate: where it is, and how well its circle alone knows each compliance."""
-    single = [_prior_shares(np.asarray(block)) for block in found.information]
+    single = np.array([predict_compliance(block).std for block in found.information])
     centre = np.array([to_mm(c.centre) for c in found.pool])
     data: dict[str, object] = {
         "plane": [c.plane for c in found.pool],
         "side": [c.side for c in found.pool],
         **{f"centre_{a}_mm": np.round(centre[:, k], 1) for k, a in enumerate("xyz")},
-        **{f"{n}_share_of_prior": [round(float(s[k]), 4) for s in single] for k, n in enumerate(found.names)},
+        **{f"{n}_share_of_prior": np.round(single[:, k], 4) for k, n in enumerate(found.names)},
     }
     return pl.DataFrame(data).write_csv()
 
@@ -61,36 +85,6 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
     if enough:
         out.append(f"{enough[0]} places know every joint to {100 * GOOD:.0f} % of its prior size or better.")
     return tuple(out)
-
-
-def _prior_shares(information: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information + np.eye(len(information))))))
-
-
-def _common_fit_row(row: tuple[str, float, float, float]) -> dict[str, object]:
-    name, unloaded, loaded, both = row
-    shares = {"unloaded_alone": unloaded, "loaded_alone": loaded, "together": both}
-    return {"name": name} | {k: float(f"{v:.4g}") for k, v in shares.items()}
-
-
-def _compliance_content(found: CirclePlaceChoice, known: PredictedCompliance) -> dict[str, object]:
-    return {
-        "share_of_prior": {n: float(f"{s:.4g}") for n, s in zip(found.names, known.std, strict=True)},
-        "share_of_prior_by_readings_alone": {
-            n: float(f"{s:.4g}") for n, s in zip(found.names, known.alone, strict=True)
-        },
-    }
-
-
-def _place_content(found: CirclePlaceChoice, i: int) -> dict[str, object]:
-    c = found.pool[i]
-    return {
-        "plane": c.plane,
-        "side": c.side,
-        "centre_mm": np.round(to_mm(c.centre), 2).tolist(),
-        "fixture_mm": np.round(to_mm(c.p_BX), 2).tolist(),
-        "start_deg": np.round(to_deg(c.q[0]), 3).tolist(),
-    }
 
 
 UNITS = {"m": ("mm", 1e3), "rad": ("mdeg", 180e3 / np.pi), "rad/Nm": ("urad_Nm", 1e6)}  # of a key, and its factor
@@ -116,7 +110,7 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
     soft = np.array([n.startswith("compliance") for n in known.names])
     out = []
     for what, which in (("Compliance", soft), ("Geometry", ~soft)):
-        sizes = [np.exp(np.mean(np.log(s[which]))) for s in (known.unloaded, known.loaded, known.both)]
+        sizes = [np.exp(np.mean(np.log(s[which]))) for s in known.parts.values()]
         worst = int(np.argmax(np.where(which, known.both, 0.0)))
         out.append(
             f"{what}, {int(which.sum())} parameters: on average each would be known to {share_text(sizes[0])} of its"
@@ -130,10 +124,6 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
 def _parameter_row(known: CommonFit, k: int) -> dict[str, object]:
     unit, factor = UNITS[known.units[k]]
     prior = float(known.prior[k]) * factor
-    parts = {"unloaded": known.unloaded[k], "loaded": known.loaded[k], "together": known.both[k]}
-    return {
-        "name": known.names[k],
-        f"prior_{unit}": float(f"{prior:.4g}"),
-        **{f"std_{name}_{unit}": float(f"{part * prior:.4g}") for name, part in parts.items()},
-        **{f"share_{name}": float(f"{part:.4g}") for name, part in parts.items()},
-    }
+    row: dict[str, object] = {"name": known.names[k], f"prior_{unit}": _rounded(prior)}
+    row |= {f"std_{name}_{unit}": _rounded(part[k] * prior) for name, part in known.parts.items()}
+    return row | {f"share_{name}": _rounded(part[k]) for name, part in known.parts.items()}
