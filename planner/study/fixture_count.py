@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -73,6 +74,40 @@ class FixtureCount:
         return next((r for r in self.remedies if name in r.shows), None)
 
 
+@dataclass(frozen=True)
+class CombinedReadings:
+    """Readings from several places, as far as they decide what is seen.
+
+    Attributes:
+        rows: (n, 1, P), whose mean square is that of a reading.
+        names, prior: of the parameters, (P,).
+        noise: of a reading [m].
+        sources: how many places' candidates they stand for.
+    """
+
+    rows: Array
+    names: tuple[str, ...]
+    prior: Array
+    noise: float
+    sources: int
+
+    @cached_property
+    def seen(self) -> Identifiability:
+        """Which parameters they tell apart."""
+        order, count = range(len(self.names)), self.sources * CANDIDATES
+        return find_identifiable(self.rows, self.names, self.prior, order, self.noise, count)
+
+    def shown(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
+        """Those of the parameters that were not seen otherwise which are seen by these."""
+        return tuple(d.name for d in unseen if d.name in self.seen.names)
+
+    def without(self, *prefixes: str) -> "CombinedReadings":
+        """Return them with the parameters measured whose names begin with one of ``prefixes``."""
+        left = [k for k, n in enumerate(self.names) if not n.startswith(prefixes)]
+        names = tuple(self.names[k] for k in left)
+        return replace(self, rows=self.rows[:, :, left], names=names, prior=self.prior[left])
+
+
 def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> FixtureCount:
     """Add fixtures one by one, each where it shows most, then where it betters the index most.
 
@@ -82,20 +117,28 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
         noise: of a reading [m].
         seed: of the candidates of the imagined second tool point.
     """
-    sets: list[list[FixturePlace]] = [[map_.present]]
-    for _ in range(MOST - 1):
-        tried = [[*sets[-1], p] for p in map_.usable if all(p is not q for q in sets[-1])]
+    sign = 1.0 if find_rule(map_.index).maximise else -1.0
+
+    def step(places: list[FixturePlace], before: Sequence[DroppedParameter] = ()) -> FixtureStep:
+        return _make_step(map_, places, combine_places(map_, places, noise), before)
+
+    def merit(places: list[FixturePlace]) -> tuple[int, float]:
+        tried = step(places)
+        return tried.robot_seen, sign * tried.value
+
+    places = [map_.present]
+    steps = [step(places)]
+    while len(places) < MOST:
+        tried = [[*places, p] for p in map_.usable if all(p is not q for q in places)]
         if not tried:
             break
-        sets.append(max(tried, key=lambda places: _merit(map_, places, noise)))
-    steps: list[FixtureStep] = []
-    for places in sets:
-        steps.append(_make_step(map_, places, noise, steps[-1] if steps else None))
-    return FixtureCount(tuple(steps), _find_remedies(cell, map_, sets[-1], steps[0], noise, seed))
+        places = max(tried, key=merit)
+        steps.append(step(places, steps[-1].dropped))
+    return FixtureCount(tuple(steps), _find_remedies(cell, map_, places, steps[0].dropped, noise, seed))
 
 
-def combine_places(map_: FixtureMap, places: Sequence[FixturePlace]) -> tuple[Array, tuple[str, ...], Array]:
-    """Return rows (k P, 1, P'), names and priors (P',) of a measurement with one fixture at each of ``places``.
+def combine_places(map_: FixtureMap, places: Sequence[FixturePlace], noise: float) -> CombinedReadings:
+    """Return the readings of a measurement with one fixture at each of ``places``.
 
     Robot, tool and zero are common to all; each fixture has its own place as parameters where that is free.
     """
@@ -109,94 +152,71 @@ def combine_places(map_: FixtureMap, places: Sequence[FixturePlace]) -> tuple[Ar
         rows[k][:, k * len(own) : (k + 1) * len(own)] = factor[:, own]
         rows[k][:, count * len(own) :] = factor[:, common]
     further = [f"fixture_{k + 1}_{map_.names[j][-1]}" for k in range(1, count) for j in own]
-    names = [map_.names[j] for j in own] + further
+    names = (*(map_.names[j] for j in own), *further, *(map_.names[k] for k in common))
     prior = np.concatenate([*[map_.prior[own]] * count, map_.prior[common]])
-    return rows.reshape(count * size, 1, -1), (*names, *[map_.names[k] for k in common]), prior
-
-
-def _find_seen(rows: Array, names: Sequence[str], prior: Array, noise: float, sources: int) -> Identifiability:
-    return find_identifiable(rows, names, prior, range(len(names)), noise, sources * CANDIDATES)
+    return CombinedReadings(rows.reshape(count * size, 1, -1), names, prior, noise, count)
 
 
 def _robot_names(names: Sequence[str]) -> list[str]:
     return [n for n in names if not n.startswith(GAUGE)]
 
 
-def _merit(map_: FixtureMap, places: Sequence[FixturePlace], noise: float) -> tuple[int, float]:
-    step = _make_step(map_, places, noise, None)
-    return step.robot_seen, step.value if find_rule(map_.index).maximise else -step.value
-
-
 def _make_step(
-    map_: FixtureMap, places: Sequence[FixturePlace], noise: float, before: FixtureStep | None
+    map_: FixtureMap, places: list[FixturePlace], readings: CombinedReadings, before: Sequence[DroppedParameter]
 ) -> FixtureStep:
-    rows, names, prior = combine_places(map_, places)
-    seen = _find_seen(rows, names, prior, noise, len(places))
-    lost = {d.name for d in seen.dropped}
+    seen = readings.seen
     return FixtureStep(
         fixtures=len(places),
         place=places[-1].p_BX,
-        parameters=len(names),
+        parameters=len(readings.names),
         seen=seen.rank,
         robot_seen=len(_robot_names(seen.names)),
-        becomes=tuple(d.name for d in before.dropped if d.name not in lost) if before else (),
+        becomes=readings.shown(before),
         dropped=seen.dropped,
-        value=_robot_index(map_, rows, names, seen),
+        value=_robot_index(map_, readings),
     )
 
 
-def _robot_index(map_: FixtureMap, rows: Array, names: tuple[str, ...], seen: Identifiability) -> float:
+def _robot_index(map_: FixtureMap, readings: CombinedReadings) -> float:
     """Index of the robot's parameters that the present fixture alone sees, the gauge's eliminated by QR."""
+    rule, names, kept = find_rule(map_.index), readings.names, readings.seen.kept
     wanted = set(_robot_names([map_.names[k] for k in map_.kept]))
-    robot = [k for k in seen.kept if names[k] in wanted]
+    robot = [k for k in kept if names[k] in wanted]
     if len(robot) < len(wanted):
-        return float("inf") if not find_rule(map_.index).maximise else 0.0
-    gauge = [k for k in seen.kept if names[k] not in wanted]
-    factor = r_factor(rows[:, :, [*gauge, *robot]] / np.sqrt(len(rows)))
+        return 0.0 if rule.maximise else float("inf")
+    gauge = [k for k in kept if names[k] not in wanted]
+    factor = r_factor(readings.rows[:, :, [*gauge, *robot]] / np.sqrt(len(readings.rows)))
     own: Array = factor[len(gauge) :, len(gauge) :]
     mu = np.linalg.svd(own, compute_uv=False) * np.sqrt(map_.poses)
-    return float(find_rule(map_.index).of(mu, map_.poses))
+    return float(rule.of(mu, map_.poses))
 
 
 def _find_remedies(
-    cell: Cell, map_: FixtureMap, places: list[FixturePlace], alone: FixtureStep, noise: float, seed: int
+    cell: Cell,
+    map_: FixtureMap,
+    places: list[FixturePlace],
+    unseen: Sequence[DroppedParameter],
+    noise: float,
+    seed: int,
 ) -> tuple[UnseenRemedy, ...]:
     """Measure one fixture's place, those of all, the tool point, all of these; then add a second tool point.
 
     One known point leaves the base free to turn about it; several known points hold it.
     """
-    unseen, out = [d.name for d in alone.dropped], []
     free = {prefix for prefix in ("fixture_", "map_") if any(n.startswith(prefix) for n in map_.names)}
-    several = len(places) > 1
-    for says, prefixes, used in (
-        ("the fixture's place measured", ("fixture_",), places[:1]),
-        (f"the places of {len(places)} fixtures measured", ("fixture_",), places if several else []),
-        ("the tool point measured", ("map_",), places[:1]),
-        ("fixtures and tool point measured", ("fixture_", "map_"), places),
-    ):
-        if used and free.issuperset(prefixes):
-            out.append(_make_remedy(says, unseen, *_without_measured(map_, used, prefixes), noise, len(used)))
-    rows, names, prior = _without_measured(map_, places, ("fixture_", "map_"))
-    both = np.concatenate([rows, _second_tool_rows(cell, map_, seed)])
+    one, all_ = (combine_places(map_, used, noise) for used in (places[:1], places))
+    tried = [
+        ("the fixture's place measured", one, ("fixture_",)),
+        *([(f"the places of {len(places)} fixtures measured", all_, ("fixture_",))] if len(places) > 1 else []),
+        ("the tool point measured", one, ("map_",)),
+        ("fixtures and tool point measured", all_, ("fixture_", "map_")),
+    ]
+    out = [(says, readings.without(*known)) for says, readings, known in tried if free.issuperset(known)]
+    measured = all_.without("fixture_", "map_")
+    both = np.concatenate([measured.rows, _second_tool_rows(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
-    return (*out, _make_remedy(says, unseen, both, names, prior, noise, len(places) + 1))
-
-
-def _without_measured(
-    map_: FixtureMap, places: list[FixturePlace], prefixes: tuple[str, ...]
-) -> tuple[Array, list[str], Array]:
-    """Rows, names and priors without the parameters that begin with one of ``prefixes``."""
-    rows, names, prior = combine_places(map_, places)
-    left = [k for k, n in enumerate(names) if not n.startswith(prefixes)]
-    return rows[:, :, left], [names[k] for k in left], prior[left]
-
-
-def _make_remedy(
-    says: str, unseen: list[str], rows: Array, names: list[str], prior: Array, noise: float, sources: int
-) -> UnseenRemedy:
-    seen = _find_seen(rows, names, prior, noise, sources)
-    lost = {d.name for d in seen.dropped}
-    return UnseenRemedy(says, tuple(n for n in unseen if n in names and n not in lost), seen.dropped)
+    out.append((says, replace(measured, rows=both, sources=len(places) + 1)))
+    return tuple(UnseenRemedy(says, readings.shown(unseen), readings.seen.dropped) for says, readings in out)
 
 
 def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:

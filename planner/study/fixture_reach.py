@@ -19,16 +19,6 @@ NEAR = 0.25  # [m] a body that ends no further below the fixture than this holds
 UPRIGHT = 0.999  # cosine above which a body counts as standing straight
 
 Status = Literal["usable", "blocked", "unreachable", "cones", "cable", "colliding", "few", "blind"]
-STATUS_TEXT: dict[Status, str] = {
-    "usable": "usable",
-    "blocked": "the fixture or its stand would stand in the robot's base, in an obstacle or below the floor",
-    "unreachable": "no pose brings the tool point within the bar's range",
-    "cones": "a ball joint would tilt too far at every pose",
-    "cable": "the cable's budget rejects every pose",
-    "colliding": "every pose collides",
-    "few": "fewer candidates than three a parameter",
-    "blind": "the readings from here do not see all parameters that are compared",
-}
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,8 @@ def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
         assert step.parameters == len(model.names)
         assert step.seen == int((mu > 1e-9 * mu[0]).sum())
         placed = [next(p for p in m.places if p.information is not None and np.array_equal(p.p_BX, x)) for x in points]
-        squeezed, _, prior = combine_places(m, placed)
-        share = np.linalg.svd(squeezed[:, 0] * prior, compute_uv=False) / np.sqrt(len(squeezed))
+        combined = combine_places(m, placed, 1e-5)
+        share = np.linalg.svd(combined.rows[:, 0] * combined.prior, compute_uv=False) / np.sqrt(len(combined.rows))
         ours = np.linalg.svd(rows * model.prior, compute_uv=False) / np.sqrt(len(rows))
         assert np.allclose(share[: step.seen], ours[: step.seen], rtol=1e-6)
 
