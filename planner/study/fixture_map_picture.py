@@ -1,6 +1,7 @@
 """The study's picture of other fixture places."""
 
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +28,12 @@ STATUS_LOOKS: dict[Status, tuple[str, str, str]] = {
     "blind": ("sees fewer parameters", "#F2F2F2", "++++"),
 }
 """What the legend says of a place that cannot be used, its face and its hatch."""
+
+
+MARKS: dict[str, dict[str, Any]] = {
+    name: {"marker": marker, "markersize": size, "color": "black", "markerfacecolor": "white"}
+    for name, marker, size in (("present place", "o", 8), ("best place", "*", 13))
+}
 
 
 def draw_map(places: FixtureMap) -> bytes:
@@ -85,11 +92,11 @@ def _draw_upright(ax: Axes, places: FixtureMap, colours: ScalarMappable) -> None
 
 def _draw_marks(ax: Axes, places: FixtureMap, plane: str, present: tuple[float, float]) -> None:
     best, half = places.best, places.half[0] if plane == "level" else places.half[1]
-    marks = [("o", 8, present)]
+    at = {"present place": present}
     if best.plane == plane:
-        marks.append(("*", 13, (best.along, best.up + 0.6 * half)))
-    for mark, size, (x, y) in marks:
-        ax.plot([x], [y], mark, markersize=size, color="black", markerfacecolor="white", clip_on=False)
+        at["best place"] = (best.along, best.up + 0.6 * half)
+    for name, (x, y) in at.items():
+        ax.plot([x], [y], **MARKS[name], clip_on=False)
 
 
 def _draw_colour_bar(figure: Figure, axes: list[Axes], places: FixtureMap, colours: ScalarMappable) -> None:
@@ -106,14 +113,7 @@ def _draw_colour_bar(figure: Figure, axes: list[Axes], places: FixtureMap, colou
 
 
 def _map_legend(places: FixtureMap) -> list[Line2D | Patch]:
-    marks = [
-        Line2D([], [], marker=mark, markersize=size, label=says, color="black", markerfacecolor="white", linestyle="")
-        for mark, size, says in (("o", 8, "present place"), ("*", 13, "best place"))
-    ]
+    marks = [Line2D([], [], label=name, linestyle="", **look) for name, look in MARKS.items()]
     used = {p.status for p in places.places}
-    patches = [
-        Patch(facecolor=face, hatch=hatch, edgecolor="#777777", label=says)
-        for status, (says, face, hatch) in STATUS_LOOKS.items()
-        if status in used
-    ]
-    return [*marks, *patches]
+    looks = [look for status, look in STATUS_LOOKS.items() if status in used]
+    return [*marks, *(Patch(facecolor=f, hatch=h, edgecolor="#777777", label=says) for says, f, h in looks)]

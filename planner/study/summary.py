@@ -1,17 +1,16 @@
 """What the study found, in a few lines for the person and as JSON for a program."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planner.common.units import MM, UM, Array
-from planner.design.observability.identifiability import DroppedParameter
+from planner.design.observability.explanations import join_names
 from planner.design.observability.information import INDEX_RULES
 from planner.study.basis import StudyBasis
 from planner.study.fixture_count import FixtureCount
-from planner.study.fixture_places import FixtureMap, FixturePlace
+from planner.study.fixture_places import FixtureMap
 from planner.study.fixture_reach import find_stands
 
 SCHEMA = "edbb-study/1"
@@ -31,22 +30,29 @@ class StudySummary:
         """Return a few lines for the person."""
         b = self.basis
         own = b.curve
+        share = b.predicted.std / b.model.prior
+        least = [
+            f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in np.argsort(-share, kind="stable")
+        ]
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
             *[f"  unseen      {d.because}" for d in b.seen.dropped],
             f"  poses       {b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}",
-            f"  least sure  {', '.join(_least_certain(b)[:3])}",
-            f"  fixture     {describe_best_place(self.places)}{self._stand()}",
+            f"  least sure  {least}",
+            f"  fixture     {describe_best_place(self.places)}{self._moved_along()}",
             *[f"  fixtures    {sentence}" for sentence in describe_fixtures(self.fixtures, b.index)],
         ]
         return "\n".join(lines)
 
-    def _stand(self) -> str:
-        names = [self.basis.cell.obstacles[k].name for k in find_stands(self.basis.cell)]
+    def _stands(self) -> list[str]:
+        """Names of the bodies that hold the fixture up."""
+        return [self.basis.cell.obstacles[k].name for k in find_stands(self.basis.cell)]
+
+    def _moved_along(self) -> str:
+        names, fixtures = self._stands(), self.basis.cell.fixtures
         moved = f"; {' and '.join(names)} moved along, all other obstacles stayed" if names else ""
-        more = len(self.basis.cell.fixtures) - 1
-        return moved + (f"; fixture {self.basis.cell.fixtures[0].name} alone" if more else "")
+        return moved + (f"; fixture {fixtures[0].name} alone" if len(fixtures) > 1 else "")
 
     def content(self) -> dict[str, Any]:
         """Return the findings as ``study.json`` holds them; all places in mm, index values raw (m, rad)."""
@@ -64,12 +70,12 @@ class StudySummary:
             "dropped": [{"name": d.name, "because": d.because} for d in b.seen.dropped],
             "absorbs": {name: carried for name, carried in b.absorbers.items() if carried},
             "predicted": [
-                {"name": p.name, "std": round_significant(std), "prior": round_significant(p.prior), "unit": p.unit}
+                {"name": p.name, "std": _rounded(std), "prior": _rounded(p.prior), "unit": p.unit}
                 for p, std in zip(b.model.parameters, b.predicted.std, strict=True)
             ],
             "sensitivity_um": {
-                n: {"rms": round_significant(r / UM), "max": round_significant(m / UM)}
-                for n, r, m in zip(b.whole.names, rms, most, strict=True)
+                n: {"rms": _rounded(r), "max": _rounded(m)}
+                for n, r, m in zip(b.whole.names, rms / UM, most / UM, strict=True)
             },
             "curves": [{"index": c.index, "scaling": c.scaling, "bend": c.knee} for c in b.curves],
             "fixture_map": self._map(),
@@ -78,13 +84,16 @@ class StudySummary:
         }
 
     def _map(self) -> dict[str, Any]:
-        m, cell = self.places, self.basis.cell
-        return {
-            "places": len(m.places),
-            "usable": len(m.usable),
-            "present": _place(m.present),
-            "best": _place(m.best),
-            "moves_along": [cell.obstacles[k].name for k in find_stands(cell)],
+        m = self.places
+        best, present = (
+            {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": _rounded(p.value)}
+            for p in (m.best, m.present)
+        )
+        counts = {"places": len(m.places), "usable": len(m.usable)}
+        return counts | {
+            "present": present,
+            "best": best,
+            "moves_along": self._stands(),
             "in_words": describe_best_place(m),
         }
 
@@ -93,15 +102,9 @@ class StudySummary:
         return {
             "needed": f.needed,
             "steps": [
-                {
-                    "fixtures": s.fixtures,
-                    "position_mm": _mm(s.place),
-                    "parameters": s.parameters,
-                    "seen": s.seen,
-                    "robot_seen": s.robot_seen,
-                    "becomes_visible": list(s.becomes),
-                    "value": round_significant(s.value),
-                }
+                {"fixtures": s.fixtures, "position_mm": _mm(s.place), "parameters": s.parameters}
+                | {"seen": s.seen, "robot_seen": s.robot_seen, "becomes_visible": list(s.becomes)}
+                | {"value": _rounded(s.value)}
                 for s in f.steps
             ],
             "remedies": [{"name": r.name, "shows": list(r.shows)} for r in f.remedies],
@@ -115,34 +118,13 @@ def format_number(value: float) -> str:
     return f"{value:.3g}" if 1e-3 <= abs(value) < 1e3 else f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
-def round_significant(value: float) -> float | None:
+def _rounded(value: float) -> float | None:
     """Round to six significant digits; ``None`` for what is not finite."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
 def _mm(p: Array) -> list[float]:
     return [round(float(v) / MM, 3) for v in p]
-
-
-def _place(p: FixturePlace) -> dict[str, Any]:
-    return {
-        "position_mm": _mm(p.p_BX),
-        "status": p.status,
-        "parameters_seen": p.rank,
-        "value": round_significant(p.value),
-    }
-
-
-def _least_certain(b: StudyBasis) -> list[str]:
-    """Kept parameters from the least certain on, with the part of the prior size that stays unknown."""
-    share = b.predicted.std / b.model.prior
-    return [f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in np.argsort(-share, kind="stable")]
-
-
-def improvement_percent(index: str, value: float, than: float) -> float:
-    """Return by how many per cent an index is better than another: its distance as a share of the old value."""
-    sign = 1.0 if INDEX_RULES[index].maximise else -1.0
-    return sign * 100.0 * (value / than - 1.0)
 
 
 def format_place(p: Array) -> str:
@@ -156,8 +138,9 @@ def describe_best_place(m: FixtureMap) -> str:
     of = f"of {len(m.usable)} usable places on the grid ({len(m.places)} tried)"
     if best is present:
         return f"the present place is the best {of}: {m.index} {format_number(present.value)} with {m.poses} poses"
-    gain = improvement_percent(m.index, best.value, present.value)
-    side = "higher" if INDEX_RULES[m.index].maximise else "lower"
+    maximise = INDEX_RULES[m.index].maximise
+    gain = (100.0 if maximise else -100.0) * (best.value / present.value - 1.0)
+    side = "higher" if maximise else "lower"
     head = "" if abs(gain) >= CLEAR else "no place is clearly better than the present one; "
     return (
         f"{head}best {of} is {format_place(best.p_BX)}: {m.index} {format_number(best.value)} with {m.poses} poses"
@@ -183,15 +166,6 @@ def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
         fresh = [n for n in r.shows if n not in known]
         known |= set(fresh)
         if fresh:
-            out.append(f"{_join_names(fresh)} would be seen with {r.name}")
-    out += [f"{d.name} can never be seen by a length gauge, {_reason_without_name(d)}" for d in f.never]
+            out.append(f"{join_names(fresh)} would be seen with {r.name}")
+    out += [f"{d.name} can never be seen by a length gauge, it {d.because.removeprefix(d.name + ' ')}" for d in f.never]
     return tuple(out)
-
-
-def _reason_without_name(d: DroppedParameter) -> str:
-    """The sentence without the name that it begins with."""
-    return f"it {d.because.removeprefix(d.name + ' ')}"
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

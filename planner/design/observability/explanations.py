@@ -1,12 +1,13 @@
 """One sentence for a parameter that cannot be seen, in the robot's terms, made from its null vector."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 Direction = Sequence[tuple[str, float]]
 
 _JOINT = re.compile(r"^(theta|alpha|a|d|beta|rx|ry|rz|x|y|z)_?(\d+)$")
+_TURNING = {"theta", "alpha", "beta", "rx", "ry", "rz"}
 _SHOWN = 4  # terms of a direction that are written out
 
 
@@ -43,11 +44,15 @@ def explain_direction(direction: Direction, faint: bool = False) -> str:
         )
     if len(terms) == 1:
         return _explain_single(terms[0])
-    for pattern in _PATTERNS:
-        reason = pattern(terms)
-        if reason:
-            return f"{_list_coupled(terms)}: {reason}{_format_mixture(direction)}"
+    reason = _reason(terms)
+    if reason:
+        return f"{_list_coupled(terms)}: {reason}{_format_mixture(direction)}"
     return f"{_list_coupled(terms)}: no reading changes along {format_direction(direction)}"
+
+
+def join_names(names: Sequence[str]) -> str:
+    """Return names as a list in words, such as ``a, b and c``."""
+    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
 
 
 def format_direction(direction: Direction) -> str:
@@ -66,8 +71,7 @@ def _list_coupled(terms: Sequence[_Term]) -> str:
         return f"{terms[0].name} is too faint"
     if len(others) > _SHOWN:
         others = [*others[: _SHOWN - 1], f"{len(others) - _SHOWN + 1} more"]
-    listed = others[0] if len(others) == 1 else ", ".join(others[:-1]) + " and " + others[-1]
-    return f"{terms[0].name} moves with {listed}"
+    return f"{terms[0].name} moves with {join_names(others)}"
 
 
 def _format_mixture(direction: Direction) -> str:
@@ -87,73 +91,35 @@ def _explain_single(term: _Term) -> str:
     return f"{term.name} moves no reading at any of these poses"
 
 
-def _explain_parallel_axes(terms: Sequence[_Term]) -> str:
-    """Offsets along neighbouring axes cancel: the axes are parallel."""
-    if {t.kind for t in terms} <= {"d", "z"} and all(t.joint for t in terms) and _is_exchange(terms):
-        joints = sorted(t.joint for t in terms)
-        axes = ", ".join(map(str, joints[:-1])) + f" and {joints[-1]}"
-        return f"axes {axes} are parallel"
+def _reason(terms: Sequence[_Term]) -> str:
+    """Why no reading tells several parameters apart; empty where there is no simple reason."""
+    kinds, joints, sizes = {t.kind for t in terms}, {t.joint for t in terms}, [abs(t.share) for t in terms]
+    fixed, tool, first, last = kinds & {"fixture", "base"}, kinds & {"map", "tool"}, min(joints), max(joints)
+    if kinds <= {"d", "z"} and 0 not in joints and max(sizes) - min(sizes) < 1e-3 * max(sizes):
+        return f"axes {join_names([str(t.joint) for t in sorted(terms, key=lambda t: t.joint)])} are parallel"
+    if kinds <= _TURNING and len(joints) == 1 and first:
+        return f"with this tool offset both only turn the tool point about axis {first}"
+    if fixed and not tool:
+        return _fixture_reason(terms)
+    if tool and not fixed and len(joints - {0}) == 1:
+        return f"only where the tool point sits from axis {last} counts, not how the flange frame is drawn"
+    if first and first == last:
+        return f"within joint {first} they move the tool point the same way"
+    if first and last - first == 1:
+        return f"joints {first} and {last} share a motion that no reading can divide between them"
     return ""
 
 
-def _is_exchange(terms: Sequence[_Term]) -> bool:
-    """Shares of equal size: only whole offsets trade places."""
-    sizes = [abs(t.share) for t in terms]
-    return max(sizes) - min(sizes) < 1e-3 * max(sizes)
-
-
-def _explain_fixture_coupling(terms: Sequence[_Term]) -> str:
+def _fixture_reason(terms: Sequence[_Term]) -> str:
     """The arm as a whole and the fixture move together."""
-    if not any(t.kind in ("fixture", "base") for t in terms):
-        return ""
-    arm = [t for t in terms if t.joint]
-    if any(t.kind in ("map", "tool") for t in terms):
-        return ""
+    arm, kinds = {t.joint for t in terms if t.joint}, {t.kind for t in terms if t.joint}
     if any(t.kind == "base" for t in terms):
         return "only how the arm stands to the gauge's own frame counts, not what of that is the base's"
     if not arm:
         return "only the place of the fixture from the base counts"
-    joints = {t.joint for t in arm}
-    if len(joints) > 1:
+    if len(arm) > 1:
         return "shifting these links together carries the tool point as moving the fixture does"
-    joint = arm[0].joint
-    if all(t.kind in ("theta", "alpha", "beta", "rx", "ry", "rz") for t in arm):
+    joint = arm.pop()
+    if kinds <= _TURNING:
         return f"turning the arm from joint {joint} on is the same as carrying the fixture round the other way"
     return f"shifting the arm at joint {joint} is the same as moving the fixture the other way"
-
-
-def _explain_tool_coupling(terms: Sequence[_Term]) -> str:
-    """The last link's frame and the tool point in it are one and the same to a gauge that sees the point alone."""
-    if not any(t.kind in ("map", "tool") for t in terms) or any(t.kind in ("fixture", "base") for t in terms):
-        return ""
-    joints = {t.joint for t in terms if t.joint}
-    if len(joints) != 1:
-        return ""
-    return f"only where the tool point sits from axis {joints.pop()} counts, not how the flange frame is drawn"
-
-
-def _explain_common_axis(terms: Sequence[_Term]) -> str:
-    """Angles of one joint that both turn the measured point about the same line."""
-    turning = {"theta", "alpha", "beta", "rx", "ry", "rz"}
-    joints = {t.joint for t in terms}
-    if all(t.kind in turning for t in terms) and len(joints) == 1 and 0 not in joints:
-        return f"with this tool offset both only turn the tool point about axis {joints.pop()}"
-    return ""
-
-
-def _explain_one_joint(terms: Sequence[_Term]) -> str:
-    joints = {t.joint for t in terms}
-    if len(joints) == 1 and 0 not in joints:
-        return f"within joint {joints.pop()} they move the tool point the same way"
-    if 0 not in joints and max(joints) - min(joints) == 1:
-        return f"joints {min(joints)} and {max(joints)} share a motion that no reading can divide between them"
-    return ""
-
-
-_PATTERNS: tuple[Callable[[Sequence[_Term]], str], ...] = (
-    _explain_parallel_axes,
-    _explain_common_axis,
-    _explain_fixture_coupling,
-    _explain_tool_coupling,
-    _explain_one_joint,
-)

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import MM, UM, Array, to_deg, to_mm
+from planner.design.observability.explanations import join_names
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
     KNOWN,
@@ -71,8 +72,7 @@ def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ..
     untold = [n for n, well in zip(found.names, found.told, strict=True) if well == NOT_LEARNT]
     if untold:
         out.append(
-            f"So nothing is learnt of {_join_names(untold)}; circles at other places would tell, see edbb"
-            " loaded-places."
+            f"So nothing is learnt of {join_names(untold)}; circles at other places would tell, see edbb loaded-places."
         )
     return tuple(out)
 
@@ -99,10 +99,6 @@ def _list_combinations(those: Sequence[Combination]) -> str:
 
 def _times_text(std: float) -> str:
     return f"{std:.1f} times" if std < 10 else f"{std:.0f} times" if std < 1e4 else "many thousand times"
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
 
 
 MICRORADIAN = 1e-6  # [rad]
