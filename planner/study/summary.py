@@ -31,9 +31,8 @@ class StudySummary:
         b = self.basis
         own = b.curve
         share = b.predicted.std / b.model.prior
-        least = [
-            f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in np.argsort(-share, kind="stable")
-        ]
+        order = np.argsort(-share, kind="stable")[:3]
+        least = ", ".join(f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in order)
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
