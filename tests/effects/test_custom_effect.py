@@ -1,0 +1,77 @@
+"""An effect in one file that the package does not ship: simulated by its name in a truth file, and found by tracing."""
+
+import importlib
+import sys
+
+import pytest
+
+import planner.effects.basis as basis
+import planner.effects.catalogue as registry
+from planner.common.errors import InputError
+from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
+from planner.effects.context import Context
+from planner.effects.phi_keys import is_static, phi_from_key
+from planner.identification.pipeline import identify
+from planner.tracing.trace import trace
+from planner.workflow.plan_reading import simulate_plan
+from tests.simulation.made import cell_in, truth_file, wide_plan
+
+TRUTH = """
+[noise]
+gauge_um = 2.0
+repeatability_mm = 0.002
+
+[[effects]]
+kind = "hose pull"
+on = "joint 2 by joint 4"
+value = 400
+unit = "urad/rad"
+"""
+ROBOT = "kuka-kr6-r700"
+
+
+@pytest.fixture
+def hose(monkeypatch):
+    """The file imported for this test alone."""
+    effect_kinds()  # those that are shipped first
+    monkeypatch.setattr(registry, "_REGISTRY", list(registry._REGISTRY))
+    monkeypatch.setattr(basis, "FUNCTIONS", list(basis.FUNCTIONS))
+    monkeypatch.setattr(importlib.import_module("planner.effects.phi_keys"), "FUNCTIONS", basis.FUNCTIONS)
+    monkeypatch.delitem(sys.modules, "tests.effects.hose_pull", raising=False)
+    return importlib.import_module("tests.effects.hose_pull")
+
+
+@pytest.mark.usefixtures("hose")
+def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
+    plan = wide_plan(tmp_path, calibrate=90)
+    run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 1)
+    assert any("hose pull" in line for line in run.truth)
+    found = identify(run, cell_in(tmp_path, ROBOT, 1, ()), tracer=trace)
+    names = [f"{f.effect}, {f.on}" for f in found.findings]
+    assert names == ["hose pull, joint 2 by joint 4"]
+    first = found.findings[0]
+    assert abs(abs(first.value) - 400e-6) < 4 * first.std
+    assert first.note.startswith("joint 2: the hose pulls once joint 4 has wound it up")
+    assert found.stages[-1].held_out.rms < 0.5 * found.stages[-2].held_out.rms
+
+
+def test_its_name_and_its_key_are_known_with_the_file_only(hose, tmp_path):
+    run = simulate_plan(wide_plan(tmp_path, calibrate=10), None, 1)
+    cell = cell_in(tmp_path, ROBOT, 1, ())
+    setup = importlib.import_module("planner.cell.setup").setup_of(cell)
+    (first, *_) = [e for e in catalogue(setup, run.samples) if e.kind == "hose pull"]
+    phi = first.make()[0].main.phi
+    assert phi_from_key("hose:4", 6) == phi == hose.HoseWinding(3)
+    assert phi.key == "hose:4"
+    assert is_static(phi.key)
+    assert phi.plot_variable(Context(setup, run.samples)).label == "joint 4: hose wound up (rad)"
+    check_effect_name(first.name, 6, "here")
+    assert needs_of("hose pull") == "poses with the wrist wound up"
+
+
+def test_without_the_file_nobody_knows_it():
+    assert "hose pull" not in effect_kinds()
+    with pytest.raises(InputError, match="no effect"):
+        check_effect_name("hose pull, joint 2", 6, "here")
+    with pytest.raises(InputError, match="unknown"):
+        phi_from_key("hose:4", 6)
