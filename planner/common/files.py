@@ -1,5 +1,6 @@
 """Files appear whole or not at all, and the data folders robots and g-code are found here."""
 
+import json
 import os
 import tempfile
 from pathlib import Path
@@ -18,6 +19,11 @@ def write_text(path: Path, text: str, encoding: str = "utf-8") -> None:
     except UnicodeEncodeError as err:
         raise InputError(f"{path}: the character {text[err.start]!r} does not exist in {encoding}") from err
     write_bytes(path, data)
+
+
+def document_text(content: object) -> str:
+    """Return the text of a JSON file as all are written: one space for each level, letters as they are."""
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -11,6 +11,7 @@ MM = 1e-3  # [m]
 UM = 1e-6  # [m]
 DEG = np.pi / 180.0  # [rad]
 MM_PER_MIN = 1e-3 / 60.0  # [m/s]
+SCALES = {"_mm": MM, "_um": UM, "_deg": DEG}  # by the end of a key
 
 
 def from_mm(value: ArrayLike) -> Array:
@@ -38,3 +39,17 @@ def read_only(value: ArrayLike, dtype: DTypeLike = float) -> NDArray[Any]:
     array = np.array(value, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def in_units(decimals: int, **values: ArrayLike | None) -> dict[str, object]:
+    """Return SI values by their keys in the unit that each key ends in, rounded; ``None`` where there is no number."""
+    return {key: _rounded(value, SCALES[key[key.rindex("_") :]], decimals) for key, value in values.items()}
+
+
+def _rounded(value: ArrayLike | None, scale: float, decimals: int) -> object:
+    if value is None:
+        return None
+    if np.ndim(value):
+        return [_rounded(v, scale, decimals) for v in np.asarray(value)]
+    number = float(np.asarray(value))
+    return None if np.isnan(number) else round(number / scale, decimals) + 0.0

@@ -25,11 +25,6 @@ def plan_document(plan: Plan) -> PlanDocument:
     return PlanDocument.model_validate(round_numbers(content | closing_record(plan.programs, plan.notes)))
 
 
-def document_text(content: object) -> str:
-    """Return the text of ``plan.json``."""
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
 def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, object]:
     """Return what any plan says last: its programs and its notes."""
     files = [{"dialect": name, "file": f.name} for name, files in programs for f in files]

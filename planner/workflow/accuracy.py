@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import document_text, write_bytes, write_text
 from planner.common.progress import Stages
 from planner.instruments.accuracy.precision import (
     Mastering,
@@ -17,7 +17,7 @@ from planner.instruments.accuracy.precision import (
     repeat_groups,
     repeated_centrings,
 )
-from planner.instruments.accuracy.results import accuracy_text, errors_csv, precision_content, validation_content
+from planner.instruments.accuracy.results import errors_csv, precision_content, validation_content
 from planner.instruments.accuracy.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
@@ -92,7 +92,7 @@ def write_accuracy(done: AccuracyCheck, folder: Path, stages: Stages) -> list[Pa
 
     title = done.cell.robot.title
     with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "accuracy.json", accuracy_text(done.content))
+        write_text(draft / "accuracy.json", document_text(done.content))
         if isinstance(done.found, Validation):
             write_text(draft / "errors.csv", errors_csv(done.found))
             report = report_validation(title, done.found)

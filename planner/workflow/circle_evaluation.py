@@ -6,15 +6,15 @@ from pathlib import Path
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
-from planner.common.files import write_text
+from planner.common.files import document_text, write_text
 from planner.common.progress import Stages
-from planner.instruments.circular.evaluation import CircularTest, circular_test_text, evaluate_circles
+from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import read_circular_plan
 from planner.instruments.circular.planned_test import load_circular_cell
 from planner.instruments.loaded.evaluation import LoadedOptions
 from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
-from planner.instruments.loaded.results import curves_csv, loaded_text
+from planner.instruments.loaded.results import curves_csv, loaded_content
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
@@ -42,7 +42,7 @@ def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> lis
     from planner.report.circular_report import report_circular_test  # matplotlib: other commands start quicker without
 
     with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "circular.json", circular_test_text(test))
+        write_text(draft / "circular.json", document_text(circular_test_content(test)))
         report_circular_test(test).write(draft)
         return move_all(draft, folder)
 
@@ -96,7 +96,7 @@ def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> li
     from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
 
     with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "loaded.json", loaded_text(done.found, done.joint))
+        write_text(draft / "loaded.json", document_text(loaded_content(done.found, done.joint)))
         write_text(draft / "curves.csv", curves_csv(done.found))
         write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
         if done.joint is not None:

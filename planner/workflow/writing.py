@@ -14,13 +14,13 @@ import tomli_w
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import data_folder, write_text
+from planner.common.files import data_folder, document_text, write_text
 from planner.common.progress import Stages
-from planner.instruments.circular.plan import CircularPlan, circular_text
+from planner.instruments.circular.plan import CircularPlan, circular_content
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
 from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
-from planner.session.plan_record import document_text, plan_document
+from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
 
 SAMPLE = 0.05  # [s] of trajectory.csv
@@ -132,7 +132,7 @@ def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> lis
         with stages.stage("report"):
             write_driven(plan.cell, plan.programs, circular_trajectory_csv(plan), draft)
             report_circular_plan(plan).write(draft)
-            write_text(draft / "plan.json", circular_text(plan))
+            write_text(draft / "plan.json", document_text(circular_content(plan)))
         return write_timings(stages, draft, folder)
 
 

@@ -87,6 +87,7 @@ RIVALS = {
         }
     ],
 }
+MOVE = "DEF P ( )\nPTP_REL {A1 10}\nEND\n"
 MAP = """schema = "edbb-map/1"
 separator = ";"
 decimal = ","
@@ -195,10 +196,11 @@ CASES = (
     ),
     Case(
         "kr6-traced",
-        {"cell.toml": BAR, **given("bar.csv", "part.src", "part.mod", "targets.csv")},
+        {"cell.toml": BAR, "move.src": MOVE, **given("bar.csv", "part.src", "part.mod", "targets.csv")},
         (
             edbb("identify bar.csv --cell cell.toml -o found --robust --json"),
             edbb("compensate part.src --model found/robot.toml -o part_corrected.src"),
+            edbb("compensate move.src --model found/robot.toml -o move_corrected.src", 2, ("move.src:2", "PTP_REL")),
             edbb("compensate part.mod --model found/robot.toml -o part_corrected.mod"),
             edbb("compensate targets.csv --model found/robot.toml --cell cell.toml -o targets_corrected.csv"),
         ),
@@ -345,14 +347,14 @@ CASES = (
             "key.toml": BAR.replace("noise_um", "noize_um"),
             "metres.toml": BAR.replace("[300, 520]", "[0.3, 0.52]"),
             "gauge.toml": BAR.replace('"edbb"', '"ebdd"'),
-            "far.toml": BAR.replace("[430, 330, 60]", "[4300, 330, 60]"),
+            "few.toml": BAR.replace("candidates = 400", "candidates = 20"),
             "socket.toml": BALLS,
             "wall.toml": BAR + '\n[[obstacles]]\nkind = "box"\nat_mm = [0, 0, 600]\nsize_mm = [3000, 3000, 300]\n',
             "empty.csv": "t_s,q1_deg\n",
             "nan.csv": (INPUTS / "bar.csv").read_text().replace("375.921123", "nan"),
             "cell.toml": BAR,
             "robot.toml": (ROOT / "robots" / "kuka-kr6-r700" / "robot.toml").read_bytes(),
-            "move.src": "DEF P ( )\nPTP_REL {A1 10}\nEND\n",
+            "move.src": MOVE,
             **given("bar.csv", "tracker.csv"),
         },
         (
@@ -360,13 +362,13 @@ CASES = (
             edbb("plan metres.toml -o out", 2, ("metres.toml", "length_mm", "metres")),
             edbb("plan gauge.toml -o out", 2, ("gauge.toml", "ebdd", "trical")),
             edbb("plan socket.toml -o out", 2, ("socket.toml", "ball-socket", "tracker")),
-            edbb("plan far.toml -o out --poses 30", 3, ("A",)),
+            edbb("plan few.toml -o out --poses 30", 3, ("candidate", "cones", "clearance")),
             edbb("plan none.toml -o out", 2, ("none.toml",)),
             edbb("plan kuka-kr6-r700/ebdd -o out", 2, ("ebdd", "edbb")),
             edbb("identify empty.csv --cell cell.toml -o out", 2, ("empty.csv",)),
             edbb("identify nan.csv --cell cell.toml -o out", 2, ("nan.csv", "length_mm")),
             edbb("identify tracker.csv --cell cell.toml -o out", 2, ("x_mm", "cell.toml", "edbb")),
-            edbb("compensate move.src --model robot.toml -o p.src", 2, ("move.src", "PTP_REL")),
+            edbb("compensate move.src --model robot.toml -o p.src", 2, ("robot.toml", "calibrated")),
             edbb("export none.json --dialect krl -o p.src", 2, ("none.json",)),
             edbb("loaded bar.csv --cell cell.toml -o out", 2, ("circle",)),
         ),

@@ -1,13 +1,10 @@
 """What ``edbb accuracy`` writes: ``accuracy.json`` (schema edbb-accuracy/1) and ``errors.csv``."""
 
-import json
-
 import numpy as np
 import polars as pl
 
-from planner.common.units import MM, UM, to_mm
+from planner.common.units import in_units, to_mm
 from planner.instruments.accuracy.precision import Mastering, RepeatedCentrings
-from planner.instruments.accuracy.reference_frame import ErrorFloor
 from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
 
 SCHEMA = "edbb-accuracy/1"
@@ -17,6 +14,7 @@ DIGITS = 6
 
 def validation_content(robot: str, found: Validation) -> dict[str, object]:
     """Return ``accuracy.json`` of a tracker's run."""
+    f = found.floor
     misses = zip(found.nests, found.frame.misses, strict=True)
     return {
         "schema": SCHEMA,
@@ -24,10 +22,10 @@ def validation_content(robot: str, found: Validation) -> dict[str, object]:
         "robot": robot,
         "run": found.run.name,
         "n_poses": len(found.run),
-        "frame": {"from": "nests", "nests": [{"name": n, "miss_mm": _rounded(float(m) / MM)} for n, m in misses]},
+        "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
         "before": _figures_section(found.before.figures),
         "after": None if found.after is None else _figures_section(found.after.figures),
-        "floor": {f"{k}_rms_mm": _rounded(v / MM) for k, v in _floor_section(found.floor)},
+        "floor": in_units(DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm),
         "notes": list(found.notes),
     }
 
@@ -45,29 +43,16 @@ def precision_content(
         "run": run,
         "poses": s.poses,
         "centrings": s.centrings,
-        "max_um": _rounded(s.largest / UM),
-        "rms_um": _rounded(s.rms / UM),
-        "expected_rms_um": _rounded(found.expected / UM),
-        "apart_um": _rounded(s.apart / UM),
-        "std_um": [_rounded(float(v) / UM) for v in s.axis_std],
+        **in_units(DIGITS, max_um=s.largest, rms_um=s.rms, expected_rms_um=found.expected),
+        **in_units(DIGITS, apart_um=s.apart, std_um=s.axis_std),
         "published": {"centrings": 3, "max_um": PUBLISHED_UM, "by": "a CMM, the arm left out"},
         "each": [
-            {
-                "pose": int(p),
-                "ball": b,
-                "off_um": [_rounded(float(v) / UM) for v in o],
-                "size_um": _rounded(float(d) / UM),
-            }
+            {"pose": int(p), "ball": b, **in_units(DIGITS, off_um=o, size_um=d)}
             for p, b, o, d in zip(found.pose, found.ball, found.off, size, strict=True)
         ],
         "mastering": None if master is None else _mastering_section(master),
         "notes": list(notes),
     }
-
-
-def accuracy_text(content: dict[str, object]) -> str:
-    """Return the text of ``accuracy.json``."""
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 def errors_csv(found: Validation) -> str:
@@ -85,27 +70,10 @@ def _error_columns(name: str, judged: ModelErrors) -> dict[str, object]:
     return out | {f"{name}_mm": np.round(np.linalg.norm(error, axis=1), DIGITS)}
 
 
-def _figures_section(f: ErrorFigures) -> dict[str, float]:
-    shares = {f"p{share}_mm": _rounded(v / MM) for share, v in f.percentiles}
-    return {
-        "mean_mm": _rounded(f.mean / MM),
-        "max_mm": _rounded(f.largest / MM),
-        "std_mm": _rounded(f.std / MM),
-    } | shares
-
-
-def _floor_section(f: ErrorFloor) -> tuple[tuple[str, float], ...]:
-    return (("all", f.all), ("nests", f.nests), ("tracker", f.tracker), ("arm", f.arm))
+def _figures_section(f: ErrorFigures) -> dict[str, object]:
+    shares = {f"p{share}_mm": v for share, v in f.percentiles}
+    return in_units(DIGITS, mean_mm=f.mean, max_mm=f.largest, std_mm=f.std, **shares)
 
 
 def _mastering_section(m: Mastering) -> dict[str, object]:
-    return {
-        "wanted_mm": _rounded(m.wanted / MM),
-        "off_um": [[_rounded(float(v) / UM) for v in row] for row in m.off],
-        "drift_um": [_rounded(float(v) / UM) for v in m.drift],
-        "good": m.good,
-    }
-
-
-def _rounded(value: float) -> float:
-    return round(value, DIGITS)
+    return {**in_units(DIGITS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift), "good": m.good}

@@ -1,15 +1,12 @@
 """From a run of circles to the figures of each circle and to ``circular.json``."""
 
-import json
-import math
 from dataclasses import dataclass
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.units import UM, to_deg, to_mm
+from planner.common.units import in_units
 from planner.instruments.circular.figures import CircleFigures, PathFigures, circle_figures
 from planner.instruments.circular.plan import CircularPlanFile
-from planner.instruments.circular.reversal import Reversal
 from planner.instruments.circular.sweeps import find_sweeps, measured_circles
 from planner.runs.run import Run
 
@@ -90,27 +87,16 @@ def circular_test_content(test: CircularTest) -> dict[str, object]:
     }
 
 
-def circular_test_text(test: CircularTest) -> str:
-    """Return the text of ``circular.json``."""
-    return json.dumps(circular_test_content(test), indent=1, ensure_ascii=False) + "\n"
-
-
 def _circle(c: CircleFigures) -> dict[str, object]:
     return {
         "name": c.ring.name,
         "plane": c.ring.plane,
         **({} if c.load is None else {"load_N": c.load}),
-        "radius_mm": round(float(to_mm(c.ring.radius)), 9),
-        "centre_um": [to_um(v) for v in c.centre.centre],
-        "centre_std_um": [to_um(v) for v in c.centre.std],
+        **in_units(9, radius_mm=c.ring.radius),
+        **in_units(DIGITS, centre_um=c.centre.centre, centre_std_um=c.centre.std),
         "paths": [_path(p) for p in c.paths],
-        "G_b_um": to_um(c.G_b),
-        "G_b_least_squares_um": to_um(c.G_b_ls),
-        "D_um": to_um(c.D),
-        "H_um": to_um(c.H),
-        "H_mean_um": to_um(c.H_mean),
-        "length_range_mm": round(float(to_mm(c.length_range)), 6),
-        "deviation_from_joint_angles_range_mm": round(float(to_mm(c.calculated_range)), 6),
+        **in_units(DIGITS, G_b_um=c.G_b, G_b_least_squares_um=c.G_b_ls, D_um=c.D, H_um=c.H, H_mean_um=c.H_mean),
+        **in_units(6, length_range_mm=c.length_range, deviation_from_joint_angles_range_mm=c.calculated_range),
     }
 
 
@@ -119,27 +105,14 @@ def _path(p: PathFigures) -> dict[str, object]:
         "direction": p.direction,
         "sweeps": p.sweeps,
         "samples": p.samples,
-        "G_um": to_um(p.G),
-        "G_least_squares_um": to_um(p.G_ls),
-        "F_max_um": to_um(p.F_max),
-        "F_min_um": to_um(p.F_min),
-        "mean_radial_um": to_um(p.mean),
-        "centre_um": [to_um(v) for v in p.offset],
-        "reversals": [_reversal(r) for r in p.reversals],
+        **in_units(DIGITS, G_um=p.G, G_least_squares_um=p.G_ls, F_max_um=p.F_max, F_min_um=p.F_min),
+        **in_units(DIGITS, mean_radial_um=p.mean, centre_um=p.offset),
+        "reversals": [
+            {
+                **in_units(2, angle_deg=r.angle),
+                "joints": [j + 1 for j in r.joints],
+                **in_units(DIGITS, step_um=r.step, std_um=r.std),
+            }
+            for r in p.reversals
+        ],
     }
-
-
-def _reversal(r: Reversal) -> dict[str, object]:
-    return {
-        "angle_deg": round(float(to_deg(r.angle)), 2),
-        "joints": [j + 1 for j in r.joints],
-        "step_um": to_um(r.step),
-        "std_um": to_um(r.std),
-    }
-
-
-def to_um(value: float | None) -> float | None:
-    """Return a length [m] in micrometres, ``None`` where there is none."""
-    if value is None or math.isnan(value):
-        return None
-    return round(float(value) / UM, DIGITS) + 0.0

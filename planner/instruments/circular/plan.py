@@ -19,7 +19,6 @@ from planner.session.document import SCHEMA, PlanHeader, WaypointRecord
 from planner.session.plan_record import (
     closing_record,
     content_hash,
-    document_text,
     round_numbers,
     verdict_records,
     waypoint_records,
@@ -239,11 +238,6 @@ def circular_content(plan: CircularPlan) -> dict[str, object]:
     out = round_numbers(content | closing_record(plan.programs, plan.notes))
     assert isinstance(out, dict)
     return out
-
-
-def circular_text(plan: CircularPlan) -> str:
-    """Return the text of ``plan.json``."""
-    return document_text(circular_content(plan))
 
 
 def circular_identity(plan: CircularPlan) -> str:

@@ -1,12 +1,11 @@
 """Output of ``edbb loaded``: sentences, ``loaded.json`` (schema edbb-loaded/1) and ``curves.csv``."""
 
-import json
 from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
 
-from planner.common.units import MM, UM, Array, to_deg, to_mm
+from planner.common.units import MM, UM, Array, in_units, to_deg, to_mm
 from planner.design.observability.explanations import join_names
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
@@ -19,7 +18,6 @@ from planner.instruments.loaded.types import (
     EvaluatedCircle,
     JointCompliances,
     LoadedEvaluation,
-    TrackerComparison,
 )
 
 URAD = 1e-6  # [rad]
@@ -101,7 +99,6 @@ def _times_text(std: float) -> str:
     return f"{std:.1f} times" if std < 10 else f"{std:.0f} times" if std < 1e4 else "many thousand times"
 
 
-MICRORADIAN = 1e-6  # [rad]
 SENSES = {1: "counter-clockwise", -1: "clockwise"}
 
 
@@ -131,18 +128,13 @@ def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> di
     }
 
 
-def loaded_text(found: LoadedEvaluation, joint: JointFit | None = None) -> str:
-    """Return ``loaded.json``."""
-    return json.dumps(loaded_content(found, joint), indent=1, ensure_ascii=False) + "\n"
-
-
 def _compliances(found: JointCompliances) -> list[dict[str, object]]:
     return [
         {
             "name": name,
-            "value_urad_Nm": _four_digits(value / MICRORADIAN),
-            "std_urad_Nm": _four_digits(std / MICRORADIAN),
-            "prior_urad_Nm": _four_digits(prior / MICRORADIAN),
+            "value_urad_Nm": _four_digits(value / URAD),
+            "std_urad_Nm": _four_digits(std / URAD),
+            "prior_urad_Nm": _four_digits(prior / URAD),
             "share_of_prior": _four_digits(std / prior),
             "told": told,
         }
@@ -156,8 +148,7 @@ def _joint(joint: JointFit) -> dict[str, object]:
     """Every parameter of the joint fit in SI units."""
     return {
         "samples": len(joint.run),
-        "rms_without_load_um": round(joint.rms[0] / UM, 2),
-        "rms_with_load_um": round(joint.rms[1] / UM, 2),
+        **in_units(2, rms_without_load_um=joint.rms[0], rms_with_load_um=joint.rms[1]),
         "parameters": [
             {
                 "name": e.name,
@@ -179,8 +170,7 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
     curves, circle = c.curves, c.curves.circle
     return {
         "fixture": circle.name,
-        "centre_mm": np.round(to_mm(circle.centre), 4).tolist(),
-        "radius_mm": round(circle.radius / MM, 4),
+        **in_units(4, centre_mm=circle.centre, radius_mm=circle.radius),
         "directions": [SENSES[d] for d in curves.directions],
         "loads_N": np.round(curves.loads, 2).tolist(),
         "repeats": curves.repeats.tolist(),
@@ -189,32 +179,25 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
             f"{load:.0f} N": [round(float(v), 2) for v in (d.min() / UM, d.max() / UM)]
             for load, d in zip(curves.apparent, np.moveaxis(curves.deflection, 1, 0), strict=True)
         },
-        "spread_um": round(c.spread / UM, 2),
-        "spread_rms_um": round(c.spread_rms / UM, 2),
-        "spread_of_straight_lines_um": round(c.bent / UM, 2),
-        "centre_offset_mm": np.round(to_mm(c.centre_offset), 4).tolist(),
+        **in_units(2, spread_um=c.spread, spread_rms_um=c.spread_rms, spread_of_straight_lines_um=c.bent),
+        **in_units(4, centre_offset_mm=c.centre_offset),
         "offset": _offset(c.offset),
         **({} if c.paper_offset is None else {"offset_as_in_the_paper": _offset(c.paper_offset)}),
-        "kinematic_error_um": {"rms": _rms(c.kinematic), "largest": round(float(np.abs(c.kinematic).max()) / UM, 2)},
-        "tracker": None if c.tracker is None else _tracker(c.tracker),
+        "kinematic_error_um": {
+            "rms": round(float(np.sqrt(np.mean(c.kinematic**2))) / UM, 2),
+            "largest": round(float(np.abs(c.kinematic).max()) / UM, 2),
+        },
+        "tracker": None if c.tracker is None else in_units(2, mean_um=c.tracker.mean, largest_um=c.tracker.largest),
     }
 
 
-def _offset(o: CentringOffset) -> dict[str, float]:
+def _offset(o: CentringOffset) -> dict[str, object]:
     return {
-        "amplitude_mm": round(o.amplitude / MM, 5),
+        **in_units(5, amplitude_mm=o.amplitude),
         "frequency": round(o.frequency, 5),
-        "phase_deg": round(float(to_deg(o.phase)), 4),
-        "rms_left_um": round(o.rms / UM, 2),
+        **in_units(4, phase_deg=o.phase),
+        **in_units(2, rms_left_um=o.rms),
     }
-
-
-def _tracker(t: TrackerComparison) -> dict[str, float]:
-    return {"mean_um": round(t.mean / UM, 2), "largest_um": round(t.largest / UM, 2)}
-
-
-def _rms(values: Array) -> float:
-    return round(float(np.sqrt(np.mean(values**2))) / UM, 2)
 
 
 def _four_digits(value: float) -> float:
