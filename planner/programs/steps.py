@@ -4,21 +4,9 @@ import unicodedata
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
+import planner.programs.instructions as ins
 from planner.common.errors import InputError
 from planner.programs.dialect import CommentStyle, Dialect
-from planner.programs.instructions import (
-    Centre,
-    Comment,
-    Dwell,
-    Instruction,
-    JointMove,
-    LogAxes,
-    Pause,
-    Program,
-    Section,
-    Sync,
-    WaitInput,
-)
 from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, speed_value
 
 
@@ -35,18 +23,18 @@ class PoseMark:
         return self.sync if self.sync is not None else self.log
 
 
-def find_marks(instructions: tuple[Instruction, ...]) -> list[PoseMark]:
+def find_marks(instructions: tuple[ins.Instruction, ...]) -> list[PoseMark]:
     """Return for each instruction the marks that stand between it and the next move."""
     mark = PoseMark()
     ahead: list[PoseMark] = []
     for item in reversed(instructions):
         ahead.append(mark)
         match item:
-            case JointMove():
+            case ins.JointMove():
                 mark = PoseMark()
-            case Sync(pose=pose):
+            case ins.Sync(pose=pose):
                 mark = replace(mark, sync=pose)
-            case LogAxes(pose=pose):
+            case ins.LogAxes(pose=pose):
                 mark = replace(mark, log=pose)
             case _:
                 pass
@@ -81,6 +69,7 @@ Kind = Literal[
     "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
     "centre", "pause", "wait", "comment", "section", "override",
 ]  # fmt: skip
+WITH_TEXT: dict[type, Kind] = {ins.Comment: "comment", ins.Section: "section", ins.Pause: "pause"}
 
 
 @dataclass(frozen=True)
@@ -104,7 +93,7 @@ def comment_text(text: str, style: CommentStyle) -> str:
     return " ".join(kept.split())[: style.max_length].rstrip()
 
 
-def lower_program(program: Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
+def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
     """Return the steps of ``program`` in ``dialect``.
 
     Raises:
@@ -121,7 +110,7 @@ def lower_program(program: Program, dialect: Dialect) -> tuple[ProgramStep, ...]
 class _StepBuilder:
     """Walks the instructions once; remembers what the controller would."""
 
-    def __init__(self, program: Program, dialect: Dialect) -> None:
+    def __init__(self, program: ins.Program, dialect: Dialect) -> None:
         self.dialect = dialect
         self.pulses, self.waits = program.sync_output is not None, program.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
@@ -137,35 +126,31 @@ class _StepBuilder:
             self._add(item, mark)
         self._set_override(100)
 
-    def _add(self, item: Instruction, mark: PoseMark) -> None:
-        style = self.dialect.comment
+    def _add(self, item: ins.Instruction, mark: PoseMark) -> None:
         match item:
-            case JointMove():
+            case ins.JointMove():
                 self._move(item, mark)
-            case Dwell(seconds=seconds):
+            case ins.Dwell(seconds=seconds):
                 self.steps.append(ProgramStep("dwell", seconds=seconds))
-            case Sync() | LogAxes() if self.flying:
+            case ins.Sync() | ins.LogAxes() if self.flying:
                 pass  # told with the move
-            case Comment(text=text):
-                self.steps.append(ProgramStep("comment", text=comment_text(text, style)))
-            case Section(name=text):
-                self.steps.append(ProgramStep("section", text=comment_text(text, style)))
-            case Pause(message=text):
-                self.steps.append(ProgramStep("pause", text=comment_text(text, style)))
+            case ins.Comment(text=text) | ins.Section(name=text) | ins.Pause(message=text):
+                kind: Kind = WITH_TEXT[type(item)]
+                self.steps.append(ProgramStep(kind, text=comment_text(text, self.dialect.comment)))
             case _:
                 self._add_signal(item)
 
-    def _add_signal(self, item: Sync | LogAxes | Centre | WaitInput) -> None:
+    def _add_signal(self, item: ins.Sync | ins.LogAxes | ins.Centre | ins.WaitInput) -> None:
         match item:
-            case Sync(pose=pose):
+            case ins.Sync(pose=pose):
                 self.steps.append(
                     ProgramStep("sync", number=pose) if self.pulses else ProgramStep("comment", text=f"pose {pose}")
                 )
-            case LogAxes(pose=pose):
+            case ins.LogAxes(pose=pose):
                 self._log("log", pose)
-            case Centre(ball=ball, pose=pose):
+            case ins.Centre(ball=ball, pose=pose):
                 self.steps.append(ProgramStep("centre", text=self._centring(ball, pose)))
-            case WaitInput(what=text):
+            case ins.WaitInput(what=text):
                 self._wait(comment_text(text, self.dialect.comment))
             case _:
                 assert_never(item)
@@ -197,7 +182,7 @@ class _StepBuilder:
         else:
             self.steps.append(ProgramStep("comment", text=f"{what}: no input is waited for, the operator goes on"))
 
-    def _move(self, item: JointMove, mark: PoseMark) -> None:
+    def _move(self, item: ins.JointMove, mark: PoseMark) -> None:
         if not self.flying:
             self._set_override(self.overrides[self.moves])
         move = self._printed(item, self.blends[self.moves], mark)
@@ -216,13 +201,14 @@ class _StepBuilder:
         if self.flying:
             self._passed(mark)
 
-    def _printed(self, item: JointMove, value: float | None, mark: PoseMark) -> MoveWords:
+    def _printed(self, item: ins.JointMove, value: float | None, mark: PoseMark) -> MoveWords:
         d = self.dialect
         blend = "" if value is None else format_fixed(value, d.blend.decimals)
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
         speed = format_fixed(speed_value(item, self.override, d.speed), d.speed.decimals)
         with_move = value is not None and d.sync.flying == "with_move"
+        pulse, log = self._signals(mark)
         turned = sum(abs(b - a) for a, b in zip(self.here, item.q_deg, strict=True))
         return MoveWords(
             words=tuple(zip(d.axes, (format_fixed(q, d.decimals) for q in item.q_deg), strict=False)),
@@ -235,19 +221,17 @@ class _StepBuilder:
             approach=self.moves == 0,
             sync=mark.pose if with_move else None,
             pose=item.pose,
-            pulse=self._pulsed(mark),
-            log=self._logged(mark),
+            pulse=pulse,
+            log=log,
         )
 
-    def _pulsed(self, mark: PoseMark) -> bool:
-        return self.pulses and mark.sync is not None
-
-    def _logged(self, mark: PoseMark) -> bool:
-        return mark.log is not None and self.dialect.log is not None and self.dialect.log.passing
+    def _signals(self, mark: PoseMark) -> tuple[bool, bool]:
+        """Whether a mark in passing pulses the output, and whether it records the axes."""
+        return self.pulses and mark.sync is not None, self.dialect.logs_passing and mark.log is not None
 
     def _passed(self, mark: PoseMark) -> None:
         """The steps of a pose that the robot has just driven through."""
-        pose, pulse, log = mark.pose, self._pulsed(mark), self._logged(mark)
+        pose, (pulse, log) = mark.pose, self._signals(mark)
         if pose is None:
             return
         if self.dialect.sync.flying == "after":

@@ -8,7 +8,7 @@ import pytest
 import tests.program.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
-from planner.programs.instructions import Program
+from planner.programs.instructions import Pause, Program
 from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile
@@ -42,6 +42,16 @@ def test_the_reader_knows_every_statement_that_is_written(name: str, kind: str) 
     files = write_program(program, name, "a")
     assert read_back(name, files).unknown == ()
     read_texts(load_dialect(name), tuple(file.text for file in files), only_known=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_of_a_person_gets_out_of_its_comment(name: str) -> None:
+    hostile = "arm) ;\nM30\n' \" PTP {A1 0} (é"
+    pause = [Pause(hostile) if isinstance(i, Pause) else i for i in sessions.static().instructions]
+    program = dataclasses.replace(sessions.static(), robot=hostile, instructions=tuple(pause))
+    files = write_program(program, name, "a")
+    assert verify(program, name, files).unknown == ()
+    assert all(file.text.isascii() for file in files)
 
 
 @pytest.mark.parametrize("name", NAMES)

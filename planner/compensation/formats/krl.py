@@ -6,24 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import planner.compensation.targets as tg
+import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.arm_shapes import NEAR
 from planner.compensation.rotations import frame, from_abc
-from planner.compensation.targets import (
-    DEG_DECIMALS,
-    EXTERNAL_NOTE,
-    MM_DECIMALS,
-    CartesianTarget,
-    DeclaredPose,
-    FramePair,
-    PointTable,
-    Target,
-    TargetReading,
-    common_frames,
-)
 from planner.programs.dialect import Dialect
 from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
-from planner.programs.languages.statements import Assignment, Call, Flow, PlacedNumber, Routine, RoutineEnd, Statement
 
 ACCURATE = 16  # status bit of a point that was taught on a robot with an accuracy model of its own
 _JOINT_TYPES, _POSE_TYPES = ("E6AXIS", "AXIS"), ("E6POS", "POS")
@@ -34,10 +23,10 @@ _HINT = (
     ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
     "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base)"
 )
-Numbers = dict[str, PlacedNumber]
+Numbers = dict[str, st.PlacedNumber]
 
 
-def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
+def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     """Note the targets of one file, declared or written at their move; refuse points that the program computes."""
     statements = list(parse(text))
     targets = _KrlTargets(statements, reading)
@@ -84,15 +73,15 @@ def _transform(found: Aggregate | None) -> Array | None:
 class _FrameState:
     """Tool and base as they stand at a statement; None where the file does not say them for certain."""
 
-    def __init__(self, statements: Sequence[Statement], reading: TargetReading) -> None:
-        self.given: FramePair = reading.frames.T_FT, reading.frames.T_WB
+    def __init__(self, statements: Sequence[st.Statement], reading: tg.TargetReading) -> None:
+        self.given: tg.FramePair = reading.frames.T_FT, reading.frames.T_WB
         self._tables: dict[tuple[str, int], Array] = {("TOOL", 0): np.eye(4), ("BASE", 0): np.eye(4)}
         for statement in (*parse(reading.frames.data), *statements):
-            if isinstance(statement, Assignment) and (match := _TABLE.fullmatch(statement.name)):
+            if isinstance(statement, st.Assignment) and (match := _TABLE.fullmatch(statement.name)):
                 T = _transform(aggregate(statement.value, 0))
                 if T is not None:
                     self._tables[match[1], int(match[2])] = T
-        taught = (s for s in statements if isinstance(s, Assignment) and s.kind == "FDAT")
+        taught = (s for s in statements if isinstance(s, st.Assignment) and s.kind == "FDAT")
         self._taught = {s.name[1:]: s.value.upper() for s in taught if s.name.startswith("F")}
         self.forget()
 
@@ -101,14 +90,14 @@ class _FrameState:
         self._now: dict[str, Array | None] = {"TOOL": None, "BASE": None}
         self._depth, self._doubtful = 0, False
 
-    def now(self) -> FramePair:
+    def now(self) -> tg.FramePair:
         """Return tool and base at this statement."""
         return self.given if self._doubtful else self._or_given(self._now["TOOL"], self._now["BASE"])
 
-    def _or_given(self, tool: Array | None, base: Array | None) -> FramePair:
+    def _or_given(self, tool: Array | None, base: Array | None) -> tg.FramePair:
         return self.given[0] if tool is None else tool, self.given[1] if base is None else base
 
-    def of_point(self, name: str) -> FramePair | None:
+    def of_point(self, name: str) -> tg.FramePair | None:
         """Return tool and base of a point taught by inline form: XP1 goes with FP1; None where it has no FDAT."""
         data = self._taught.get(name[1:]) if name.startswith("X") else None
         if data is None:
@@ -132,7 +121,7 @@ class _FrameState:
             self._set("TOOL", None)
             self._set("BASE", None)
 
-    def assign(self, statement: Assignment) -> None:
+    def assign(self, statement: st.Assignment) -> None:
         """Take in ``$TOOL = …`` or ``$BASE = …``."""
         value = statement.value
         if value.upper() == "$NULLFRAME":
@@ -151,27 +140,27 @@ class _FrameState:
 class _KrlTargets:
     """What a controller knows, statement by statement, as far as the meaning of a target depends on it."""
 
-    def __init__(self, statements: Sequence[Statement], reading: TargetReading) -> None:
+    def __init__(self, statements: Sequence[st.Statement], reading: tg.TargetReading) -> None:
         self.reading = reading
         self.frames = _FrameState(statements, reading)
-        self.points = PointTable(reading, "file")
+        self.points = tg.PointTable(reading, "file")
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
-    def take(self, statement: Statement) -> None:
+    def take(self, statement: st.Statement) -> None:
         """Take in one statement."""
         match statement:
             case KrlMove():
                 self._move(statement)
             case Bas():
                 self.frames.select(statement)
-            case Assignment(name="$TOOL" | "$BASE", part=""):
+            case st.Assignment(name="$TOOL" | "$BASE", part=""):
                 self.frames.assign(statement)
-            case Assignment():
+            case st.Assignment():
                 self._assigned(statement)
-            case Flow(depth=depth):
+            case st.Flow(depth=depth):
                 self.last = None
                 self.frames.branch(depth)
-            case Routine() | RoutineEnd() | Call(triggered=False):
+            case st.Routine() | st.RoutineEnd() | st.Call(triggered=False):
                 self.last = None
                 self.frames.forget()
 
@@ -179,7 +168,7 @@ class _KrlTargets:
         """Note the poses that are declared by name, with the frames of the moves that use them."""
         self.points.check()
         for name, pose in self.points.poses.items():
-            frames = self.frames.of_point(name) or (common_frames(pose.frames) if pose.frames else self.frames.given)
+            frames = self.frames.of_point(name) or (tg.common_frames(pose.frames) if pose.frames else self.frames.given)
             self._pose(pose.line, pose.value, frames, inherits=False)
 
     def _move(self, move: KrlMove) -> None:
@@ -201,7 +190,7 @@ class _KrlTargets:
             else:
                 self._pose(move.line, target.numbers, self.frames.now(), inherits=move.word not in ("PTP", "SPTP"))
 
-    def _assigned(self, statement: Assignment) -> None:
+    def _assigned(self, statement: st.Assignment) -> None:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
         name, kind, line = statement.name, statement.kind, statement.line
         if statement.part or not statement.value.startswith("{"):
@@ -221,7 +210,7 @@ class _KrlTargets:
                 return
             if name in self.points.declared:
                 self.reading.refuse(line, f"{name} has more than one value in this file")
-            self.points.declare(name, DeclaredPose(line, numbers))
+            self.points.declare(name, tg.DeclaredPose(line, numbers))
         elif kind in (*_JOINT_TYPES, *_POSE_TYPES):
             self._joints(line, numbers) if "A1" in numbers else self._pose(line, numbers, (None, None), inherits=False)
 
@@ -239,7 +228,7 @@ class _KrlTargets:
             self.last = len(self.reading.targets)
             self.reading.add_joints(line, [found[axis] for axis in axes])
 
-    def _pose(self, line: int, found: Numbers, frames: FramePair, inherits: bool) -> None:
+    def _pose(self, line: int, found: Numbers, frames: tg.FramePair, inherits: bool) -> None:
         if not self._complete(line, found, POSE_KEYS, ("S", "T")):
             return
         T_FT, T_WB = frames
@@ -254,17 +243,19 @@ class _KrlTargets:
             sentence = "the pose says no status and turn (S, T), and the target before it is not certain"
             self.reading.refuse(line, sentence)
             return
-        slots = [found[k].slot(MM, MM_DECIMALS) for k in "XYZ"] + [found[k].slot(DEG, DEG_DECIMALS) for k in "ABC"]
+        slots = [found[k].slot(MM, tg.MM_DECIMALS) for k in "XYZ"] + [
+            found[k].slot(DEG, tg.DEG_DECIMALS) for k in "ABC"
+        ]
         if configuration is not None:
             slots += [found[k].slot(1.0, 0, aligned=False) for k in "ST"]
         words = read_only([found[k].value * DEG for k in "ABC"])
         if any(found[k].value != 0.0 for k in EXTERNAL if k in found):
-            self.reading.notes.append((line, EXTERNAL_NOTE))
+            self.reading.notes.append((line, tg.EXTERNAL_NOTE))
         T_BT = _transform(Aggregate("", found))
         assert T_BT is not None
-        pose = CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
+        pose = tg.CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
         self.last = len(self.reading.targets)
-        self.reading.targets.append(Target(line, tuple(slots), pose=pose, follows=follows))
+        self.reading.targets.append(tg.Target(line, tuple(slots), pose=pose, follows=follows))
 
     def _configuration(self, line: int, found: Numbers) -> StatusTurn | None:
         if "S" not in found or "T" not in found:

@@ -6,23 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import planner.compensation.targets as tg
+import planner.programs.languages.statements as st
 from planner.common.units import MM, Array, read_only
 from planner.compensation.arm_shapes import NEAR
 from planner.compensation.rotations import pose_matrix
-from planner.compensation.targets import (
-    EXTERNAL_NOTE,
-    MM_DECIMALS,
-    CartesianTarget,
-    DeclaredPose,
-    FramePair,
-    PointTable,
-    Target,
-    TargetReading,
-    common_frames,
-)
 from planner.programs.dialect import Dialect
 from planner.programs.languages.rapid import JOINT_TARGET, POSE, ROB_TARGET, UNUSED, Argument, RapidMove, parse
-from planner.programs.languages.statements import Assignment, PlacedNumber, Statement, placed_numbers
 from planner.programs.languages.text import EXPONENT_NUMBER
 
 QUATERNION_DECIMALS = 8
@@ -35,11 +25,11 @@ _WORK_OBJECT = re.compile(
 _DISPLACED = re.compile(r"\b(ConfJ|ConfL)\s*\\\s*Off\b|\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
 
 
-def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
+def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     """Note the targets of one module, declared or written at their move; refuse points that the program computes."""
     targets = _RapidTargets(reading)
     for statement in parse(reading.frames.data):
-        if isinstance(statement, Assignment):
+        if isinstance(statement, st.Assignment):
             targets.frame(statement)
     for statement in parse(text):
         targets.take(statement)
@@ -77,17 +67,17 @@ class ConfData:
 class _RapidTargets:
     """Declarations and moves of a module."""
 
-    def __init__(self, reading: TargetReading) -> None:
+    def __init__(self, reading: tg.TargetReading) -> None:
         self.reading = reading
-        self.points = PointTable(reading, "module")
+        self.points = tg.PointTable(reading, "module")
         self.tools: dict[str, Array | None] = {"tool0": np.eye(4)}
         self.objects: dict[str, Array | None] = {"wobj0": np.eye(4)}
-        self.displaced: Statement | None = None
+        self.displaced: st.Statement | None = None
 
-    def take(self, statement: Statement) -> None:
+    def take(self, statement: st.Statement) -> None:
         """Take in one statement."""
         match statement:
-            case Assignment():
+            case st.Assignment():
                 self._assigned(statement)
             case RapidMove():
                 self._move(statement)
@@ -100,7 +90,7 @@ class _RapidTargets:
         for pose in self.points.poses.values():
             self._pose(pose)
 
-    def frame(self, declared: Assignment) -> bool:
+    def frame(self, declared: st.Assignment) -> bool:
         """Take in a tool or a work object, and return whether it was one."""
         if declared.kind == "tooldata":
             match = _TOOL.fullmatch(declared.value)
@@ -111,7 +101,7 @@ class _RapidTargets:
             self.objects[declared.name] = found
         return declared.kind in ("tooldata", "wobjdata")
 
-    def _assigned(self, statement: Assignment) -> None:
+    def _assigned(self, statement: st.Assignment) -> None:
         name, value, line = statement.name, statement.value, statement.line
         if statement.kind not in ("tooldata", "wobjdata", "jointtarget", "robtarget"):
             self.points.assigned.setdefault(name, line)
@@ -125,7 +115,7 @@ class _RapidTargets:
             self.points.declare(name)
             self._joints(line, value, statement.value_start)
         elif ROB_TARGET.fullmatch(value) and statement.kind == "robtarget":
-            self.points.declare(name, DeclaredPose(line, _numbers(value, statement.value_start)))
+            self.points.declare(name, tg.DeclaredPose(line, _numbers(value, statement.value_start)))
         else:
             self.points.declare(name)
             self.reading.refuse(line, f"{name} := {value[:60]} found; plain numbers in brackets are allowed")
@@ -153,7 +143,7 @@ class _RapidTargets:
         if JOINT_TARGET.fullmatch(value):
             self._joints(line, value, argument.start)
         elif ROB_TARGET.fullmatch(value):
-            self.points.poses[f"at {argument.start}"] = DeclaredPose(line, _numbers(value, argument.start), [frames])
+            self.points.poses[f"at {argument.start}"] = tg.DeclaredPose(line, _numbers(value, argument.start), [frames])
         elif name:
             self.points.use(name[1].lower(), line, frames)
         else:
@@ -168,8 +158,8 @@ class _RapidTargets:
         else:
             self.reading.add_joints(line, found)
 
-    def _pose(self, declared: DeclaredPose) -> None:
-        found: list[PlacedNumber] = declared.value
+    def _pose(self, declared: tg.DeclaredPose) -> None:
+        found: list[st.PlacedNumber] = declared.value
         values = [number.value for number in found]
         conf = [round(v) for v in values[7:11]]
         T_FT, T_WB = self._known_frames(declared)
@@ -184,13 +174,13 @@ class _RapidTargets:
             self.reading.refuse(declared.line, refusal or "")
             return
         if any(v < UNUSED for v in values[11:]):
-            self.reading.notes.append((declared.line, EXTERNAL_NOTE))
-        units = [(MM, MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4 + [(1.0, 0)] * 4
+            self.reading.notes.append((declared.line, tg.EXTERNAL_NOTE))
+        units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4 + [(1.0, 0)] * 4
         slots = tuple(number.slot(*unit) for number, unit in zip(found, units, strict=False))
         configuration = ConfData((conf[0], conf[1], conf[2]), conf[3])
         words = read_only(values[3:7])
-        pose = CartesianTarget(_pose_of(values), "quaternion", words, T_WB, T_FT, configuration)
-        self.reading.targets.append(Target(declared.line, slots, pose=pose))
+        pose = tg.CartesianTarget(_pose_of(values), "quaternion", words, T_WB, T_FT, configuration)
+        self.reading.targets.append(tg.Target(declared.line, slots, pose=pose))
 
     def _refusal(self, values: list[float], conf: list[int]) -> str | None:
         size = float(np.linalg.norm(values[3:7]))
@@ -204,14 +194,14 @@ class _RapidTargets:
             return f"{word[0]} in line {self.displaced.line} makes the meaning of this target uncertain"
         return None
 
-    def _known_frames(self, declared: DeclaredPose) -> FramePair:
+    def _known_frames(self, declared: tg.DeclaredPose) -> tg.FramePair:
         given = self.reading.frames
         frames = [(self.tools.get(t, given.T_FT), self.objects.get(w, given.T_WB)) for t, w in declared.frames]
-        return common_frames(frames) if frames else (given.T_FT, given.T_WB)
+        return tg.common_frames(frames) if frames else (given.T_FT, given.T_WB)
 
 
-def _numbers(value: str, start: int) -> list[PlacedNumber]:
-    return placed_numbers(value, start, EXPONENT_NUMBER)
+def _numbers(value: str, start: int) -> list[st.PlacedNumber]:
+    return st.placed_numbers(value, start, EXPONENT_NUMBER)
 
 
 def _transform(pose: str) -> Array:
