@@ -269,10 +269,8 @@ class Cell:
     def map_jacobian(self, q: Array) -> Array:
         """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""
         chain = self.chain
-        moving = [k for k, t in enumerate(chain.transforms) if t.joint is not None]
-        joints = [int(chain.transforms[k].joint or 0) for k in moving]
-        screws = chain.forward(self.robot.theta(q)).point_screws()[moving]  # (N, 3, n) by theta
-        return np.asarray(np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix[joints]))
+        screws = chain.forward(self.robot.theta(q)).point_screws(chain.joint_places)  # (N, 3, n) by theta
+        return np.asarray(np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix))
 
     def map_axis(self, q: Array) -> Array:
         """Axis of the MAP's ball joint in the base frame, (n, 3)."""

@@ -52,8 +52,7 @@ def has_shape(robot: Robot, q: Array, shape: np.ndarray) -> np.ndarray:
 def _axes(robot: Robot, q: Array) -> tuple[Array, Array]:
     """Return a point on every joint's axis and its direction, each (6, n, 3)."""
     motion = robot.chain.forward(robot.theta(q))
-    moving = sorted((t.joint, k) for k, t in enumerate(robot.transforms) if t.joint is not None)
-    order = [k for _, k in moving]
+    order = robot.chain.joint_places
     return np.swapaxes(motion.p[order], 1, 2), np.swapaxes(motion.u[order], 1, 2)
 
 

@@ -73,8 +73,7 @@ class Context:
     @cached_property
     def joints(self) -> np.ndarray:
         """Position of each joint's rotation in the setup's chain, (N,)."""
-        where = {t.joint: k for k, t in enumerate(self.setup.chain.transforms) if t.joint is not None}
-        return np.array([where[i] for i in range(self.setup.robot.n_joints)])
+        return self.setup.chain.joint_places
 
     @cached_property
     def load_torque(self) -> Array:
@@ -104,8 +103,7 @@ class Context:
     def _ends(self) -> tuple[int, ...]:
         """Number of the robot's transforms before each station."""
         robot = self.setup.robot
-        turns = sorted((t.joint, k) for k, t in enumerate(robot.transforms) if t.joint is not None)
-        return (0, *(k for _, k in turns), len(robot.transforms))
+        return (0, *robot.chain.joint_places.tolist(), len(robot.transforms))
 
     @cached_property
     def stations(self) -> StationFrames:

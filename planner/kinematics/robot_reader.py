@@ -171,12 +171,12 @@ def _from_toml(path: Path, beta: str) -> Robot:
 
 def _from_urdf(file: RobotDescription, path: Path) -> Robot:
     chain = read_urdf(path.parent / str(file.urdf), file.tip)
-    n = len(chain.sense)
+    n = len(chain.joints)
     _check_count(path, n)
     if file.joints and len(file.joints) != n:
         raise InputError(f"{path}: {len(file.joints)} [[joints]] tables, but the chain of the URDF has {n} joints")
     if not file.joints:
-        still = [i for i, v in enumerate(chain.speed, 1) if v <= 0]
+        still = [i for i, j in enumerate(chain.joints, 1) if j.speed <= 0]
         if still:
             raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
         file = file.model_copy(update={"joints": _joints_from_urdf(chain)})
@@ -187,13 +187,13 @@ def _joints_from_urdf(chain: UrdfChain) -> tuple[JointTable, ...]:
     deg = np.rad2deg
     return tuple(
         JointTable(
-            sense=s,  # type: ignore[arg-type]
-            limit_deg=(float(deg(low)), float(deg(up))),
-            speed_deg_s=float(deg(v)),
-            acceleration_deg_s2=float(deg(v)) / SPEED_TIME,
-            jerk_deg_s3=float(deg(v)) / SPEED_TIME**2,
+            sense=j.sense,  # type: ignore[arg-type]
+            limit_deg=(float(deg(j.lower)), float(deg(j.upper))),
+            speed_deg_s=float(deg(j.speed)),
+            acceleration_deg_s2=float(deg(j.speed)) / SPEED_TIME,
+            jerk_deg_s3=float(deg(j.speed)) / SPEED_TIME**2,
         )
-        for s, low, up, v in zip(chain.sense, chain.lower, chain.upper, chain.speed, strict=True)
+        for j in chain.joints
     )
 
 
@@ -221,7 +221,7 @@ def _build_robot(
     shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
     sources = dict(file.sources)
     if urdf is not None:
-        masses = masses if any(masses) else urdf.masses
+        masses = masses if any(masses) else tuple(j.mass for j in urdf.joints)
         shapes = shapes or urdf.bodies
         if not sources:
             sources = {

@@ -16,6 +16,19 @@ from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_fr
 from planner.kinematics.chain import Transform, frame_transforms
 from planner.kinematics.robot import LinkMass, elementary_placement
 
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """Sense, limits [rad] and largest speed [rad/s] of a revolute joint, and the mass of the link that it carries."""
+
+    sense: int
+    lower: float
+    upper: float
+    speed: float
+    mass: LinkMass | None
+
 
 @dataclass(frozen=True)
 class UrdfChain:
@@ -26,11 +39,7 @@ class UrdfChain:
 
     transforms: tuple[Transform, ...]
     link_end: tuple[int, ...]
-    sense: tuple[int, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-    speed: tuple[float, ...]
-    masses: tuple[LinkMass | None, ...]
+    joints: tuple[UrdfJoint, ...]
     bodies: tuple[tuple[int, Body], ...]
     tip: str
     parts: tuple[tuple[str, int], ...]
@@ -63,9 +72,7 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
 
 def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str, tip: str) -> UrdfChain:
     transforms: list[Transform] = []
-    ends, lower, upper, speed = [0], list[float](), list[float](), list[float]()
-    sense: list[int] = []
-    masses: list[LinkMass | None] = []
+    ends, revolute = [0], list[UrdfJoint]()
     bodies = [(0, b) for b in _read_bodies(path, links[base], np.eye(4))]
     parts: list[tuple[str, int]] = []
     carried = np.eye(4)  # pose of the current URDF link in the last link frame
@@ -77,36 +84,23 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
             transforms += frame_transforms(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))
             carried = carried @ _pose_matrix(xyz, rpy)
-            bodies += [(len(sense), b) for b in _read_bodies(path, child, carried)]
+            bodies += [(len(revolute), b) for b in _read_bodies(path, child, carried)]
             continue
         if kind not in ("revolute", "continuous"):
             raise InputError(f"{path}: joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
-        i = len(sense) + 1
+        i = len(revolute) + 1
         rows, sign = _joint_transforms(i, xyz, rpy, np.array(_read_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
         transforms += rows
         ends.append(len(transforms))
         parts.append((name, len(transforms)))
         carried = np.eye(4)
         limit = joint.find("limit")
-        bound = 2 * np.pi if kind == "continuous" or limit is None else None
-        sense.append(sign)
-        lower.append(-bound if bound else float(limit.get("lower", 0)))  # type: ignore[union-attr]
-        upper.append(bound if bound else float(limit.get("upper", 0)))  # type: ignore[union-attr]
-        speed.append(0.0 if limit is None else float(limit.get("velocity", 0)))
-        masses.append(_read_mass(child))
+        free = kind == "continuous"
+        lower, upper = (-TURN, TURN) if free or limit is None else (float(limit.get(k, 0)) for k in ("lower", "upper"))
+        speed = 0.0 if limit is None else float(limit.get("velocity", 0))
+        revolute.append(UrdfJoint(sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
-    return UrdfChain(
-        tuple(transforms),
-        tuple(ends),
-        tuple(sense),
-        tuple(lower),
-        tuple(upper),
-        tuple(speed),
-        tuple(masses),
-        tuple(bodies),
-        tip,
-        tuple(parts),
-    )
+    return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts))
 
 
 def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:

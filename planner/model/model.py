@@ -148,8 +148,7 @@ class Model:
     def joint_rows(self, samples: Samples) -> Array:
         """Derivative of the reading by the controller's joint angles, (n, r, N) [m/rad, rad/rad]."""
         robot = self.setup.robot
-        turns = {t.joint: k for k, t in enumerate(self.setup.chain.transforms) if t.joint is not None}
-        which = np.array([turns[i] for i in range(robot.n_joints)])
+        which = self.setup.chain.joint_places
         out = np.empty((len(samples), self.width, robot.n_joints))
         for part in chunks(len(samples)):
             context = Context(self.setup, samples.take(part))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.units import Array
-from planner.motion.collision.engines import CoalPairs, CollisionWorld, FclPairs, FclWorld
+from planner.motion.collision.engines import CollisionWorld, FclWorld
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
 
@@ -125,7 +125,7 @@ def test_engines_agree_on_random_states(name: str) -> None:
 def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
     """Plain fcl distances do, for boxes: this is why the second judge grows a body before it believes them."""
     w, q = world(name), states(name, 1500)
-    coal, safe = w.distances(q), FclPairs(w.scene).wanted(q, np.ones((1500, len(w.scene.pairs)), bool))
+    coal, safe = w.distances(q), FclWorld(w.scene).distances(q)
     apart = coal > 2e-5
     assert (safe - coal)[apart].max() < 2e-6
     assert (safe[apart] > 0.0).all()
@@ -143,17 +143,17 @@ def test_bulk_answers_are_those_of_the_distances(name: str, clearance: float) ->
     sure = np.abs(nearest - clearance) > 1e-5
     assert 0.02 < (nearest < clearance).mean() < 0.999
     np.testing.assert_array_equal(w.collides(q, clearance)[sure], (nearest < clearance)[sure])
-    np.testing.assert_array_equal(CoalPairs(w.scene).near(q, clearance)[sure], (nearest < clearance)[sure])
+    np.testing.assert_array_equal(CollisionWorld(w.scene).near(q, clearance)[sure], (nearest < clearance)[sure])
 
 
 def test_pairs_that_were_not_asked_for_stay_unknown() -> None:
     w, q = world(CELLS[0]), states(CELLS[0], 40)
     mask = np.random.default_rng(0).random((40, len(w.scene.pairs))) < 0.3
-    for engine in (CoalPairs(w.scene), FclPairs(w.scene)):
-        found = engine.wanted(q, mask)
+    for engine in (CollisionWorld(w.scene), FclWorld(w.scene)):
+        found = engine.distances(q, mask)
         assert np.isinf(found[~mask]).all()
         assert np.isfinite(found[mask]).all()
-        whole = engine.wanted(q, np.ones_like(mask))
+        whole = engine.distances(q, np.ones_like(mask))
         np.testing.assert_allclose(found[mask], whole[mask], atol=1e-9)
 
 

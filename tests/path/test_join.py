@@ -8,7 +8,7 @@ import pytest
 
 from planner.cell.workspace import Workspace
 from planner.common.units import Array
-from planner.motion.collision.engines import FclPairs, FclWorld
+from planner.motion.collision.engines import FclWorld
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.proof import Prover
@@ -189,19 +189,19 @@ def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
 class Strict:
     """Fcl's distances, but none left within ``reach`` [rad] of a state: a judge that sees more than coal does."""
 
-    def __init__(self, judge: FclPairs, state: Array, reach: float) -> None:
+    def __init__(self, judge: FclWorld, state: Array, reach: float) -> None:
         self.judge, self.state, self.reach = judge, state, reach
 
-    def wanted(self, q: Array, mask: np.ndarray) -> Array:
+    def distances(self, q: Array, mask: np.ndarray) -> Array:
         """Distances as fcl gives them, shortened near the state."""
-        out = self.judge.wanted(q, mask)
+        out = self.judge.distances(q, mask)
         out[np.abs(q - self.state).max(axis=1) <= self.reach] -= 1.0
         return out
 
 
 def judged_strictly(state: Array, reach: float, monkeypatch: pytest.MonkeyPatch) -> Constraints:
     free = constraints()
-    strict = Prover(free.bounds, free.pairs, Strict(FclPairs(free.scene), state, reach), free.clearance)
+    strict = Prover(free.bounds, free.pairs, Strict(FclWorld(free.scene), state, reach), free.clearance)
     monkeypatch.setitem(free.__dict__, "_judge", strict)
     return free
 

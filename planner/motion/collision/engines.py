@@ -18,6 +18,9 @@ from planner.motion.collision.scene import Scene, build_scene
 
 OVERLAP_SAMPLES = 256  # states that decide which pairs of links always overlap
 BATCH = 20_000
+UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
+SLACK = 1e-5  # [m] that fcl's collision test is given
+BISECTIONS = 14  # of a distance that was too large
 
 
 def available_threads() -> int:
@@ -69,13 +72,26 @@ class CollisionWorld:
             out[start : start + BATCH] = pin.computeCollisionsInParallel(available_threads(), self._pool, columns, True)
         return out
 
-    def distances(self, q: Array) -> Array:
-        """Distance of every pair, (n, pairs) [m], negative where bodies overlap."""
-        out = np.empty((len(q), len(self.scene.pairs)))
-        for row, state in zip(out, self.configuration(q), strict=True):
-            pin.computeDistances(self.model, self._data, self._geometry, self._geometry_data, state)
-            row[:] = [r.min_distance for r in self._geometry_data.distanceResults]
+    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
+        """Distance of every pair, or of those in ``mask`` (n, pairs), (n, pairs) [m]: negative where bodies overlap.
+
+        Pairs that are not asked for are ``UNKNOWN``.
+        """
+        mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
+        out = np.full(mask.shape, UNKNOWN)
+        columns = [np.flatnonzero(row).tolist() for row in mask]
+        for i, state in enumerate(self.configuration(q)):
+            pin.updateGeometryPlacements(self.model, self._data, self._geometry, self._geometry_data, state)
+            found = [pin.computeDistance(self._geometry, self._geometry_data, k).min_distance for k in columns[i]]
+            out[i, columns[i]] = found
         return out
+
+    def near(self, q: Array, margin: float) -> np.ndarray:
+        """Tell which states (n, N) [rad] bring any pair closer than ``margin`` [m], (n,) bool; cheap for few states."""
+        for request in self._geometry_data.collisionRequests:
+            request.security_margin = margin
+        arguments = self.model, self._data, self._geometry, self._geometry_data
+        return np.array([pin.computeCollisions(*arguments, s, True) for s in self.configuration(q)], dtype=bool)
 
     @cached_property
     def _pool(self) -> pin.GeometryPool:
@@ -115,87 +131,24 @@ def _build_pin_models(scene: Scene) -> tuple[pin.Model, pin.GeometryModel]:
 
 
 class FclWorld:
-    """Distances of all checked pairs of a scene by fcl."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._objects = [fcl.CollisionObject(fcl_shape(p.body), fcl.Transform()) for p in scene.pieces]
-        self._request = fcl.DistanceRequest(enable_nearest_points=False)
-
-    def distances(self, q: Array) -> Array:
-        """Distance of every pair at controller angles q (n, N) [rad], (n, pairs) [m]; ≤ 0 where they overlap."""
-        poses = [self._poses(piece, q) for piece in self.scene.pieces]
-        out = np.empty((len(q), len(self.scene.pairs)))
-        for i in range(len(q)):
-            for obj, T in zip(self._objects, poses, strict=True):
-                obj.setTransform(fcl.Transform(T[i, :3, :3], T[i, :3, 3]))
-            for k, (a, b) in enumerate(self.scene.pairs):
-                out[i, k] = fcl.distance(self._objects[a], self._objects[b], self._request, fcl.DistanceResult())
-        return out
-
-    def _poses(self, piece: SceneBody, q: Array) -> Array:
-        """Pose of one piece in the base frame, (n, 4, 4)."""
-        T = np.tile(np.eye(4), (len(q), 1, 1))
-        robot = self.scene.cell.robot
-        if piece.carrier == "link":
-            motion = Chain(robot.transforms[: robot.link_end[piece.link]]).forward(robot.theta(q))
-            T[:, :3, :3], T[:, :3, 3] = np.moveaxis(motion.R, 2, 0), motion.x.T
-        elif piece.of_bar:
-            x = self.scene.cell.map_position(q)
-            bar = bar_state(x, self.scene.p_BX)
-            T[:, :3, :3] = _frames_along(bar.direction)
-            T[:, :3, 3] = self.scene.p_BX if piece.carrier == "housing" else x
-        return T @ piece.body.T
-
-
-def _frames_along(direction: Array) -> Array:
-    """Any rotations (n, 3, 3) whose z points along the unit vectors (n, 3): the bar's bodies are round."""
-    helper = np.where(np.abs(direction[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    x = np.cross(helper, direction)
-    x /= np.linalg.norm(x, axis=1)[:, None]
-    return np.stack([x, np.cross(direction, x), direction], axis=2)
-
-
-UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
-SLACK = 1e-5  # [m] that fcl's collision test is given
-BISECTIONS = 14  # of a distance that was too large
-
-
-class CoalPairs(CollisionWorld):
-    """Pinocchio and coal, asked for some pairs only, one state at a time."""
-
-    def wanted(self, q: Array, mask: np.ndarray) -> Array:
-        """Distance of the pairs in ``mask`` (n, pairs) at angles q (n, N) [rad], (n, pairs) [m]; others ``UNKNOWN``."""
-        out = np.full(mask.shape, UNKNOWN)
-        columns = [np.flatnonzero(row).tolist() for row in mask]
-        for i, state in enumerate(self.configuration(q)):
-            pin.updateGeometryPlacements(self.model, self._data, self._geometry, self._geometry_data, state)
-            found = [pin.computeDistance(self._geometry, self._geometry_data, k).min_distance for k in columns[i]]
-            out[i, columns[i]] = found
-        return out
-
-    def near(self, q: Array, margin: float) -> np.ndarray:
-        """Tell which states (n, N) [rad] bring any pair closer than ``margin`` [m], (n,) bool; cheap for few states."""
-        if margin != self._margin:
-            for request in self._geometry_data.collisionRequests:
-                request.security_margin = margin
-            self._margin = margin
-        arguments = self.model, self._data, self._geometry, self._geometry_data
-        return np.array([pin.computeCollisions(*arguments, s, True) for s in self.configuration(q)], dtype=bool)
-
-    _margin: float | None = None
-
-
-class FclPairs(FclWorld):
-    """Python-fcl, asked for some pairs only, its distances made safe.
+    """The second judge: python-fcl with our own forward pass, its distances made safe.
 
     For boxes fcl's distance was seen to be far too large now and then (by 0.2 m at worst), while its collision test
     never erred. So a distance d in which a box or mesh has a part counts only if one of the two bodies, grown by d,
     does not collide with the other; else the largest that holds is searched.
     """
 
-    def wanted(self, q: Array, mask: np.ndarray) -> Array:
-        """Distance of the pairs in ``mask`` (n, pairs) at angles q (n, N) [rad], (n, pairs) [m]; others ``UNKNOWN``."""
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._objects = [fcl.CollisionObject(fcl_shape(p.body), fcl.Transform()) for p in scene.pieces]
+        self._request = fcl.DistanceRequest(enable_nearest_points=False)
+
+    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
+        """Distance of every pair, or of those in ``mask`` (n, pairs), at q (n, N) [rad]; others are ``UNKNOWN``.
+
+        (n, pairs) [m]; ≤ 0 where they overlap.
+        """
+        mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
         out = np.full(mask.shape, UNKNOWN)
         poses = [self._poses(piece, q) for piece in self.scene.pieces] if len(q) else []
         for i, row in enumerate(mask):
@@ -231,6 +184,28 @@ class FclPairs(FclWorld):
     @cached_property
     def _round(self) -> list[bool]:
         return [p.body.kind in ("capsule", "sphere") for p in self.scene.pieces]
+
+    def _poses(self, piece: SceneBody, q: Array) -> Array:
+        """Pose of one piece in the base frame, (n, 4, 4)."""
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        robot = self.scene.cell.robot
+        if piece.carrier == "link":
+            motion = Chain(robot.transforms[: robot.link_end[piece.link]]).forward(robot.theta(q))
+            T[:, :3, :3], T[:, :3, 3] = np.moveaxis(motion.R, 2, 0), motion.x.T
+        elif piece.of_bar:
+            x = self.scene.cell.map_position(q)
+            bar = bar_state(x, self.scene.p_BX)
+            T[:, :3, :3] = _frames_along(bar.direction)
+            T[:, :3, 3] = self.scene.p_BX if piece.carrier == "housing" else x
+        return T @ piece.body.T
+
+
+def _frames_along(direction: Array) -> Array:
+    """Any rotations (n, 3, 3) whose z points along the unit vectors (n, 3): the bar's bodies are round."""
+    helper = np.where(np.abs(direction[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    return np.stack([x, np.cross(direction, x), direction], axis=2)
 
 
 def inflated_shape(body: Body, by: float) -> fcl.CollisionGeometry:

@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import MM, Array, to_deg, to_mm
-from planner.motion.collision.engines import CoalPairs, FclPairs
+from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.motion.collision.scene import Scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
@@ -28,12 +28,12 @@ class Constraints:
         self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
     ) -> None:
         cell = cell.at(fixture)
-        scene = CoalPairs.from_cell(cell, fixture).scene if scene is None else scene
+        scene = CollisionWorld.from_cell(cell, fixture).scene if scene is None else scene
         bar = bar and cell.gauge.is_attached
         self.cell, self.bar, self.room = cell, bar, room
         self.workspace = Workspace(cell, fixture, bar)
         self.scene = scene if bar else scene.without_bar()
-        self.world = CoalPairs(self.scene)
+        self.world = CollisionWorld(self.scene)
         self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
         self._at_balls: dict[int, Constraints] = {}
 
@@ -109,7 +109,7 @@ class Constraints:
 
     @cached_property
     def _judge(self) -> Prover:
-        return Prover(self.bounds, self.pairs, FclPairs(self.scene), self.clearance)
+        return Prover(self.bounds, self.pairs, FclWorld(self.scene), self.clearance)
 
     def _overrun(self, column: int, margin: float) -> str:
         stage, name = self.workspace.columns[column]

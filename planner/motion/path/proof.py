@@ -71,7 +71,7 @@ CROWD = 4096  # open cells of one motion: it runs along the edge of a constraint
 class Distances(Protocol):
     """What either collision engine answers."""
 
-    def wanted(self, q: Array, mask: np.ndarray) -> Array:
+    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
         """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
 
 
@@ -133,7 +133,7 @@ class Prover:
         room = margins - self.workspace.changes(spokes, far)
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
-        found = self.distances.wanted(q[alive], asked[alive])
+        found = self.distances.distances(q[alive], asked[alive])
         record.evaluations += len(alive)
         record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
@@ -208,7 +208,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
             break
         q, spokes = cells.q, cells.spokes
         pose, far = prover.workspace.travel(q, spokes)
-        found = prover.distances.wanted(q, asked)
+        found = prover.distances.distances(q, asked)
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
         asked &= found - prover.pairs.changes(far) < nearest - tolerance

@@ -47,8 +47,8 @@ class ToolKinematics:
     def at(self, q: Array) -> ToolState:
         """Return tool and bar at controller angles q (n, N) [rad]."""
         motion = self._chain.forward(self.cell.robot.theta(q))
-        J = np.moveaxis(motion.point_screws()[self._moving], (0, 1, 2), (2, 1, 0))
-        W = np.moveaxis(motion.u[self._moving], (0, 1, 2), (2, 1, 0))
+        J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
+        W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
         bar = bar_state(motion.x.T, self.cell.fixtures[self.fixture].p_BX)
         axis = np.einsum("ijn,j->ni", motion.R, self.cell.tool.axis_F)
         mark = np.einsum("ijn,j->ni", motion.R, _across(self.cell.tool.axis_F))
@@ -63,11 +63,6 @@ class ToolKinematics:
     @cached_property
     def _chain(self) -> Chain:
         return self.cell.chain
-
-    @cached_property
-    def _moving(self) -> list[int]:
-        joints = {t.joint: k for k, t in enumerate(self._chain.transforms) if t.joint is not None}
-        return [joints[j] for j in range(self.cell.robot.n_joints)]
 
     @cached_property
     def _zero(self) -> float:
