@@ -14,7 +14,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect, NonlinearParameter, Place
 from planner.effects.excitation import CONTINUOUS_RUN, Excitation
 from planner.effects.parameters import Parameter, ParameterMove, reading_move
-from planner.effects.thermal import temperature_variable
+from planner.effects.thermal import against_temperature
 
 KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
 TAPE = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying, ch. 6); size estimated"
@@ -26,7 +26,8 @@ USUAL_PERIODS = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] usual ones below
 SCAN_STEP = 0.25  # of a wave over the range of lengths between neighbours of the scan
 
 
-def _length_variable(c: Context) -> EffectVariable:
+def against_length(phi: BasisFunction, c: Context) -> EffectVariable:
+    """Draw an effect against the length."""
     return EffectVariable("length (mm)", to_mm(c.length))
 
 
@@ -34,13 +35,11 @@ def _length_variable(c: Context) -> EffectVariable:
 class BarLength(BasisFunction, key="length", static=False, gauge=True):
     """φ = L [m]: a scale error."""
 
+    plot_variable = against_length
+
     def __call__(self, c: Context) -> Array:
         """Return the length."""
         return c.length
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the length."""
-        return _length_variable(c)
 
 
 @dataclass(frozen=True)
@@ -50,14 +49,11 @@ class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=
     about: float
     span: float
     power: int
+    plot_variable = against_length
 
     def __call__(self, c: Context) -> Array:
         """Return the power."""
         return np.asarray(((c.length - self.about) / self.span) ** self.power)
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the length."""
-        return _length_variable(c)
 
 
 @dataclass(frozen=True)
@@ -65,15 +61,12 @@ class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True)
     """φ = (T − about)·L [K m]: thermal growth of the bar or of its scale."""
 
     about: float
+    plot_variable = against_temperature
 
     def __call__(self, c: Context) -> Array:
         """Return the product."""
         assert c.samples.temperature is not None
         return (c.samples.temperature - self.about) * c.length
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the temperature."""
-        return temperature_variable(c)
 
 
 @dataclass(frozen=True)
@@ -111,15 +104,12 @@ class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
     """
 
     span: float
+    plot_variable = against_length
 
     def __call__(self, c: Context) -> Array:
         """Return the shape of the correction."""
         down = c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
         return np.asarray((c.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the length."""
-        return _length_variable(c)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,20 +18,23 @@ STEP, LARGEST_STEP = 5e-5, 5e-3  # [m]
 TURN, LARGEST_TURN = 1e-4, 1e-2  # [rad]
 
 
+def against_session(phi: BasisFunction, c: Context) -> EffectVariable:
+    """Draw an effect against the session."""
+    assert c.samples.session is not None
+    return EffectVariable("session", c.samples.session.astype(float))
+
+
 @dataclass(frozen=True)
 class InSession(BasisFunction, key="session:INDEX", static=False, run=True):
     """φ = 1 in one session, else 0."""
 
     session: int
     uncorrected = "steps between sessions"
+    plot_variable = against_session
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""
         return np.asarray(c.samples.session == self.session, dtype=float)
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the session."""
-        return _session_variable(c)
 
 
 @dataclass(frozen=True)
@@ -39,19 +43,11 @@ class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, g
 
     place: int
     session: int
+    plot_variable = against_session
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""
         return np.asarray((c.samples.session == self.session) & (c.samples.place == self.place), dtype=float)
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the session."""
-        return _session_variable(c)
-
-
-def _session_variable(c: Context) -> EffectVariable:
-    assert c.samples.session is not None
-    return EffectVariable("session", c.samples.session.astype(float))
 
 
 @register("session step", needs="poses measured in several sessions, the bar taken off in between")
@@ -66,9 +62,9 @@ def session_step(run: Excitation) -> Iterator[Effect]:
         )
         sentence = "the gauge's zero steps from session to session, {size}"
         yield _step("session step", "gauge", zeros, sentence)
-    shifts = _frame_steps(run.sessions, "base_{}_session{}", "base along {}, session {}", InSession)
+    shifts = _frame_steps(run.sessions, "base", "base", InSession, "m")
     yield _step("session step", "base", shifts, "the base shifts against the gauge from session to session, {size}")
-    tilts = _frame_steps(run.sessions, "base_r{}_session{}", "base tilt along {}, session {}", InSession, turn=True)
+    tilts = _frame_steps(run.sessions, "base_r", "base tilt", InSession, "rad")
     yield _step("session step", "base tilt", tilts, "the base tilts against the gauge from session to session, {size}")
 
 
@@ -83,24 +79,21 @@ def remounting(run: Excitation) -> Iterator[Effect]:
         later = tuple(int(s) for s in np.unique(mine)[1:])
         name = run.setup.place_names[place]
 
-        def phi(session: int, place: int = place) -> BasisFunction:
-            return PlaceInSession(place, session)
-
-        steps = _frame_steps(later, f"fixture_{name}_{{}}_session{{}}", f"{name} along {{}}, session {{}}", phi)
+        steps = _frame_steps(later, f"fixture_{name}", name, partial(PlaceInSession, place), "m")
         if steps:
             yield _step("remounting", name, steps, f"{name}: stands otherwise after it was mounted anew, {{size}}")
 
 
 def _frame_steps(
-    sessions: tuple[int, ...], name: str, what: str, phi: Callable[[int], BasisFunction], turn: bool = False
+    sessions: tuple[int, ...], label: str, what: str, phi: Callable[[int], BasisFunction], unit: str
 ) -> tuple[Parameter, ...]:
-    """Steps of the base along, or about, each axis in each session; ``name`` and ``what`` take axis and session."""
-    unit, prior, first = ("rad", TURN, 3) if turn else ("m", STEP, 0)
+    """Steps of the base along [m], or about [rad], each axis in each session."""
+    prior, first, joint = (TURN, 3, "") if unit == "rad" else (STEP, 0, "_")
     return tuple(
-        Parameter(name.format(a, s), unit, prior, what.format(a, s), transform_move(first + k, phi(s)))
-        for s in sessions
-        for k, a in enumerate("xyz")
-    )
+        Parameter(f"{label}{joint}{a}_session{s}", unit, prior, f"{what} along {a}, session {s}",
+                  transform_move(first + k, phi(s)))
+        for s in sessions for k, a in enumerate("xyz")
+    )  # fmt: skip
 
 
 def _step(kind: str, part: str, parameters: tuple[Parameter, ...], sentence: str) -> Effect:

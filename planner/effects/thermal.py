@@ -24,21 +24,30 @@ HEISEL = "Heisel, Richter & Wurst 1997, CIRP Annals 46(1): thermal behaviour of 
 EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
 
 
+def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
+    """Draw an effect against the temperature."""
+    assert c.samples.temperature is not None
+    return EffectVariable("temperature (°C)", c.samples.temperature)
+
+
+def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
+    """Draw an effect against the time."""
+    assert c.samples.t is not None
+    return EffectVariable("time (min)", (c.samples.t - c.samples.t.min()) / 60)
+
+
 @dataclass(frozen=True)
 class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False):
     """φ = temperature − about [K]."""
 
     about: float
     uncorrected = "growth with temperature"
+    plot_variable = against_temperature
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
         assert c.samples.temperature is not None
         return c.samples.temperature - self.about
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the temperature."""
-        return temperature_variable(c)
 
 
 @dataclass(frozen=True)
@@ -47,15 +56,12 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True):
 
     start: float
     uncorrected = "drift with time"
+    plot_variable = against_time
 
     def __call__(self, c: Context) -> Array:
         """Return the time."""
         assert c.samples.t is not None
         return c.samples.t - self.start
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the time."""
-        return _time_variable(c)
 
 
 @dataclass(frozen=True)
@@ -65,26 +71,12 @@ class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True)
     start: float
     constant: float
     uncorrected = "warming up"
+    plot_variable = against_time
 
     def __call__(self, c: Context) -> Array:
         """Return the part of the way that is done."""
         assert c.samples.t is not None
         return np.asarray(-np.expm1(-(c.samples.t - self.start) / self.constant))
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the time."""
-        return _time_variable(c)
-
-
-def temperature_variable(c: Context) -> EffectVariable:
-    """Return the temperature to draw an effect against."""
-    assert c.samples.temperature is not None
-    return EffectVariable("temperature (°C)", c.samples.temperature)
-
-
-def _time_variable(c: Context) -> EffectVariable:
-    assert c.samples.t is not None
-    return EffectVariable("time (min)", (c.samples.t - c.samples.t.min()) / 60)
 
 
 @dataclass(frozen=True)

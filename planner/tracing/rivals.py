@@ -13,7 +13,7 @@ from planner.model.identification_document import DetectionLimit
 from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import scores_beside, with_link_masses
-from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, linearised, posterior_basis
+from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, linearise, posterior_basis
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 
@@ -35,7 +35,7 @@ def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> 
             kept.append(replace(p, moves=moves))
             errors.append(float(value))
     problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
-    rows, residual = linearised(problem, np.array(errors))
+    rows, residual = linearise(problem, np.array(errors))
     Q = posterior_basis(rows, len(problem) / len(state.fit.problem))
     return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual))
 

@@ -71,7 +71,7 @@ class ScoreTest:
         n = len(problem)
         if n > subset_size(fit.model, SCREENED_SAMPLES):
             problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
-        rows, residual = linearised(problem, fit.errors)
+        rows, residual = linearise(problem, fit.errors)
         Q = posterior_basis(rows, len(rows) / (n * fit.model.width))
         spacing = n / len(problem)
         dof = max(1.0, len(rows) / max(1.0, correlation_time / spacing) - fit.effective)
@@ -144,7 +144,7 @@ class ScoreTest:
         return min(0.0, float(f_distribution.logsf(ratio, size, dof)) + float(np.log(tried)))
 
 
-def linearised(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
+def linearise(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
     """Return the whitened rows (m, P), per prior size, and residual (m,) of a problem about its errors."""
     piece = problem.piece(slice(None), errors)
     return piece.rows.reshape(-1, piece.rows.shape[2]), piece.residual.reshape(-1)
