@@ -1,3 +1,70 @@
-"""Plan, certify and write measurement programs that calibrate robots with simple length gauges."""
+"""Plan, certify and write measurement programs that calibrate robots with simple gauges, and identify the robot.
+
+Ten lines from a cell to a corrected program::
+
+    from planner import compensate, identify, plan, simulate
+
+    session = plan("comau-nj130/edbb", poses=60)
+    session.write("session")
+    run = simulate(session)
+    robot = identify(run.run, cell=session.plan.cell, plan=session)
+    print(robot.summary())
+    robot.write("calibrated")
+    compensate("program.src", model=robot).write("corrected.src")
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from planner.cell.cell import Cell as Cell
+    from planner.cell.reading import load_cell as load_cell
+    from planner.common.result import Plot as Plot
+    from planner.common.result import Result as Result
+    from planner.kinematics.robot import Robot as Robot
+    from planner.kinematics.robot_reader import load_robot as load_robot
+    from planner.runs.loader import load_run as load_run
+    from planner.runs.run import Run as Run
+    from planner.studies.cell_study import StudyResult as StudyResult
+    from planner.studies.cell_study import study as study
+    from planner.workflow.compensation import CompensationResult as CompensationResult
+    from planner.workflow.compensation import compensate as compensate
+    from planner.workflow.identification import CalibrationResult as CalibrationResult
+    from planner.workflow.identification import identify as identify
+    from planner.workflow.plan_reading import export as export
+    from planner.workflow.plan_reading import simulate as simulate
+    from planner.workflow.plan_results import CircularPlanResult as CircularPlanResult
+    from planner.workflow.plan_results import ExportResult as ExportResult
+    from planner.workflow.plan_results import PlanResult as PlanResult
+    from planner.workflow.plan_results import SimulationResult as SimulationResult
+    from planner.workflow.planning import plan as plan
+
+_MODULES = {
+    "cell.cell": ("Cell",),
+    "cell.reading": ("load_cell",),
+    "common.result": ("Plot", "Result"),
+    "kinematics.robot": ("Robot",),
+    "kinematics.robot_reader": ("load_robot",),
+    "runs.loader": ("load_run",),
+    "runs.run": ("Run",),
+    "studies.cell_study": ("StudyResult", "study"),
+    "workflow.compensation": ("CompensationResult", "compensate"),
+    "workflow.identification": ("CalibrationResult", "identify"),
+    "workflow.plan_reading": ("export", "simulate"),
+    "workflow.plan_results": ("CircularPlanResult", "ExportResult", "PlanResult", "SimulationResult"),
+    "workflow.planning": ("plan",),
+}
+_HOME = {name: module for module, names in _MODULES.items() for name in names}  # imported when it is first used
+__all__ = ["__version__", *sorted(_HOME)]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'planner' has no attribute '{name}' (there: {', '.join(__all__)})")
+    return getattr(import_module(f"planner.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -11,19 +11,24 @@ from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import PlannerError
 
+PLANNING, CALIBRATION = "plan_commands", "calibration_commands"
 VERBS = {  # name: (module, function, line in the list of commands)
-    "plan": ("plan_commands", "plan_command", "Plan a measuring session: poses, path, robot program, report."),
-    "study": ("plan_commands", "study_command", "Observability offline: what can be seen, and from where."),
-    "export": ("plan_commands", "export_command", "Write the robot program of a plan in any dialect."),
-    "simulate": ("calibration_commands", "simulate_command", "Simulate the measured run of a plan."),
-    "identify": ("calibration_commands", "identify_command", "Identify the robot from measured runs."),
-    "import": ("calibration_commands", "import_command", "Bring controller and gauge traces into the run format."),
-    "compensate": ("calibration_commands", "compensate_command", "Correct a program for the calibrated robot."),
-    "accuracy": ("instrument_commands", "accuracy_command", "Judge a robot by a tracker's run, or repeated centrings."),
-    "circular": ("plan_commands", "circular_command", "Evaluate a circular test in the manner of ISO 230-4."),
-    "loaded": ("instrument_commands", "loaded_command", "Evaluate circles driven under load: joint compliances."),
-    "loaded-places": ("instrument_commands", "places_command", "Find where loaded circles tell the compliances apart."),
-    "plan-both": ("both_commands", "both_command", "Plan a session with an unloaded and a loaded bar."),
+    "plan": (PLANNING, "plan_command", "Plan a measuring session: poses, path, robot program, report."),
+    "study": (PLANNING, "study_command", "Observability offline: what can be seen, and from where."),
+    "export": (PLANNING, "export_command", "Write the robot program of a plan in any dialect."),
+    "simulate": (CALIBRATION, "simulate_command", "Simulate the measured run of a plan."),
+    "identify": (CALIBRATION, "identify_command", "Identify the robot from measured runs."),
+    "import": (CALIBRATION, "import_command", "Bring controller and gauge traces into the run format."),
+    "compensate": (CALIBRATION, "compensate_command", "Correct a program for the calibrated robot."),
+    "accuracy": (
+        CALIBRATION,
+        "accuracy_command",
+        "Judge a robot by a tracker's run, or repeated centrings.",
+    ),
+    "circular": (CALIBRATION, "circular_command", "Evaluate a circular test in the manner of ISO 230-4."),
+    "loaded": (CALIBRATION, "loaded_command", "Evaluate circles driven under load: joint compliances."),
+    "loaded-places": (PLANNING, "places_command", "Find where loaded circles tell the compliances apart."),
+    "plan-both": (PLANNING, "both_command", "Plan a session with an unloaded and a loaded bar."),
     "centre": ("centring_commands", "centre_command", "Centre a head of indicators on the balls of a plan."),
     "robots": ("list_commands", "robots_command", "List the robots and cells that come with the planner."),
     "dialects": ("list_commands", "dialects_command", "List the robot languages that programs can be written in."),

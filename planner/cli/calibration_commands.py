@@ -1,107 +1,46 @@
-"""The commands of calibration: simulate, identify, import, compensate."""
+"""The commands of calibration: simulate, identify, import, compensate, and the evaluations of instruments."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from planner.cli.terminal import Json, Output, Screen, Seed, check_folder, errors, print_json
-from planner.common.errors import NoSolutionError
-from planner.common.files import write_text
-from planner.common.units import MM
-from planner.identification.calibration import Calibration
-from planner.identification.pipeline import FitSettings
-from planner.model.identification_document import Metrics
-from planner.runs.traces import import_run
-from planner.runs.writer import run_text, save_run
-from planner.workflow.compensation import CompensationOptions, compensate
-from planner.workflow.identification import identify_runs, write_identification
-from planner.workflow.plan_reading import simulate_plan
-
-NAMED = 3  # rivals that are listed by name
-
-
-def identification_summary(found: Calibration, folder: Path) -> None:
-    """Say in a few lines how far off the robot is before and after, and why."""
-    wide = 2 + max(26, *(len(s.name) for s in found.stages))
-    fitted = sum(e.identifiable for e in found.estimates)
-    lines = [
-        f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split.by)}, "
-        f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
-        f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
-        + (f"{'validation: mean':>20}" if _has_validation(found) else ""),
-    ]
-    for stage in found.stages:
-        lines.append(f"  {stage.name:<{wide}}{_metrics_row(stage.held_out)} mm" + _mean_text(stage.validation))
-    if found.tried is not None:
-        lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
-        lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
-    lines.append(f"  left        {found.diagnosis.sentence}")
-    lines += [f"  note        {w}" for w in found.warnings]
-    lines.append(
-        f"  written to  {folder}: identification.json, residuals.csv, report.html" + _robot_files(found, folder)
-    )
-    errors.print("\n".join(lines), markup=False)
-
-
-def _plural(group: str) -> str:
-    return f"{group}es" if group.endswith("ch") else f"{group}s"
-
-
-def _has_validation(found: Calibration) -> bool:
-    return found.stages[-1].validation is not None
-
-
-def _metrics_row(m: Metrics) -> str:
-    return f"{m.rms / MM:14.4f}{m.mean / MM:10.4f}{m.largest / MM:10.4f}"
-
-
-def _mean_text(m: Metrics | None) -> str:
-    return "" if m is None else f"{m.mean / MM:13.4f} mm"
-
-
-def _rival_text(names: tuple[str, ...]) -> str:
-    if not names:
-        return ""
-    more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"; or {', or '.join(names[:NAMED])}{more}: the run cannot tell them apart"
-
-
-def _robot_files(found: Calibration, folder: Path) -> str:
-    if found.problems:
-        return ""
-    return ", robot.toml" + (", robot.urdf" if (folder / "robot.urdf").exists() else "")
-
-
-OutputFile = Annotated[
-    str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
-]
+from planner.cli.terminal import (
+    CellOption,
+    Json,
+    MeasuredPlan,
+    Output,
+    OutputFile,
+    PlanFile,
+    Runs,
+    Seed,
+    errors,
+    give,
+    give_file,
+    print_notes,
+)
+from planner.common.units import DEG
 
 
 def simulate_command(
-    plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan with its cell.toml beside it")],
+    plan_file: PlanFile,
     output: OutputFile,
     truth: Annotated[Path | None, typer.Option(metavar="TRUTH.toml", help="errors of the simulated robot")] = None,
     seed: Seed = 0,
 ) -> None:
     """Simulate the measured run of a plan, on a robot with known or drawn errors."""
-    run = simulate_plan(plan_file, truth, seed)
-    for warning in run.warnings:
-        errors.print(f"note: {warning}", markup=False)
-    if output == "-":
-        sys.stdout.write(run.comments() + run_text(run))
-    elif output.lower().endswith(".csv"):
-        write_text(Path(output), run.comments() + run_text(run))
-    else:
-        save_run(run, Path(output))
+    from planner.workflow.plan_reading import simulate
+
+    made = simulate(plan_file, truth=truth, seed=seed)
+    print_notes(made.run.warnings)
+    give_file(made.text(), made.write, output)
 
 
 def identify_command(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="measured runs, .csv or .parquet")],
-    cell: Annotated[str, typer.Option(metavar="CELL", help="a cell file, or robot/cell for a shipped one")],
+    runs: Runs,
+    cell: CellOption,
     output: Output,
-    plan: Annotated[Path | None, typer.Option(metavar="PLAN.json", help="the plan that was measured")] = None,
+    plan: MeasuredPlan = None,
     validate: Annotated[Path | None, typer.Option(metavar="RUN", help="a run kept out of the fit, to judge it")] = None,
     no_trace: Annotated[bool, typer.Option("--no-trace", help="geometry and joint compliance only")] = False,
     hold_out: Annotated[float, typer.Option(min=0.02, max=0.5, help="share of the groups held out at a time")] = 0.2,
@@ -110,18 +49,23 @@ def identify_command(
     as_json: Json = False,
 ) -> None:
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
-    check_folder(output)
-    with Screen() as stages:
-        done = identify_runs(
-            runs, cell, stages, plan, validate, FitSettings(hold_out, robust, seed), tracing=not no_trace
-        )
-        write_identification(done, output, stages)
-    if as_json:
-        print_json(done.content())
-    else:
-        identification_summary(done, output)
-    if done.problems:
-        raise NoSolutionError("the fit failed its own checks, no robot was written: " + "; ".join(done.problems))
+    from planner.workflow.identification import identify
+
+    give(
+        lambda stages: identify(
+            runs,
+            cell=cell,
+            plan=plan,
+            validate=validate,
+            no_trace=no_trace,
+            hold_out=hold_out,
+            robust=robust,
+            seed=seed,
+            progress=stages.say,
+        ),
+        output,
+        as_json,
+    )
 
 
 def import_command(
@@ -130,13 +74,12 @@ def import_command(
     output: OutputFile,
 ) -> None:
     """Bring controller and gauge traces into the run format."""
+    from planner.runs.traces import import_run
+    from planner.runs.writer import run_text, save_run
+
     run = import_run(traces, map_file)
-    for warning in run.warnings:
-        errors.print(f"note: {warning}", markup=False)
-    if output == "-":
-        sys.stdout.write(run_text(run))
-    else:
-        save_run(run, Path(output))
+    print_notes(run.warnings)
+    give_file(run_text(run), lambda path: save_run(run, path), output)
 
 
 def compensate_command(
@@ -155,9 +98,69 @@ def compensate_command(
     ] = None,
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
-    done = compensate(targets, model, CompensationOptions(dialect, tool, base, frames, keep_unsolved, cell))
-    errors.print(done.summary, markup=False)
-    if output == "-":
-        sys.stdout.write(done.text)
-    else:
-        write_text(Path(output), done.text, done.encoding)
+    from planner.workflow.compensation import compensate
+
+    done = compensate(
+        targets,
+        model=model,
+        dialect=dialect,
+        tool=tool,
+        base=base,
+        frames=frames,
+        keep_unsolved=keep_unsolved,
+        cell=cell,
+    )
+    errors.print(done.summary(), markup=False)
+    give_file(done.file.text, done.write, output)
+
+
+def accuracy_command(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="a tracker's run, or one of repeated centrings")],
+    cell: CellOption,
+    plan: MeasuredPlan = None,
+    model: Annotated[Path | None, typer.Option(metavar="DIR/robot.toml", help="the calibrated robot")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="folder to write figures and report to")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
+    from planner.workflow.accuracy import check_accuracy
+
+    give(lambda stages: check_accuracy(run, cell, stages, plan, model), output, as_json)
+
+
+def circular_command(
+    runs: Runs,
+    plan: Annotated[
+        Path, typer.Option(metavar="PLAN.json", help="the circular test that was measured, its cell.toml beside it")
+    ],
+    output: Output,
+    as_json: Json = False,
+) -> None:
+    """Evaluate a circular test in the manner of ISO 230-4: deviations, reversals, the polar plot."""
+    from planner.workflow.circle_evaluation import evaluate_circular_runs
+
+    give(lambda stages: evaluate_circular_runs(runs, plan, stages), output, as_json)
+
+
+def loaded_command(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="runs with force_N, .csv or .parquet")],
+    cell: CellOption,
+    output: Output,
+    plan: MeasuredPlan = None,
+    tracker: Annotated[Path | None, typer.Option(metavar="RUN", help="a tracker's run of the unloaded circle")] = None,
+    unloaded: Annotated[
+        list[Path] | None, typer.Option("--with", metavar="RUN", help="a bar's run without load, for one fit of both")
+    ] = None,
+    overshoot: Annotated[
+        float | None, typer.Option(min=0.0, max=720.0, help="degrees dropped at either end (else as the cell says)")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Evaluate circles driven under load: joint compliances, and the circle as it would be without load."""
+    from planner.instruments.loaded.evaluation import LoadedOptions
+    from planner.workflow.circle_evaluation import evaluate_loaded
+
+    options = LoadedOptions(None if overshoot is None else overshoot * DEG)
+    give(lambda stages: evaluate_loaded(runs, cell, stages, plan, tracker, options, unloaded or ()), output, as_json)

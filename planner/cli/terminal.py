@@ -1,28 +1,36 @@
-"""What the commands share: options, progress on standard error, and how results are printed."""
+"""What the commands share: options, progress on standard error, and the one way in which a result is given."""
 
 import json
-import re
 import sys
 import tempfile
-from collections.abc import Sequence
-from itertools import groupby
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
 
-from planner.common.errors import InputError
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Progress, Stages
+from planner.common.result import Result
 
-if TYPE_CHECKING:
-    from planner.common.progress import Stages
-
+errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
 Index = Literal["O1", "O2", "O3", "O4", "O5"]
-CellArgument = Annotated[str, typer.Argument(metavar="CELL", help="a cell file, or robot/cell for a shipped one")]
+CELL = "a cell file, or robot/cell for a shipped one"
+CellArgument = Annotated[str, typer.Argument(metavar="CELL", help=CELL)]
+CellOption = Annotated[str, typer.Option(metavar="CELL", help=CELL)]
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="measured runs, .csv or .parquet")]
+PlanFile = Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan with its cell.toml beside it")]
+MeasuredPlan = Annotated[Path | None, typer.Option(metavar="PLAN.json", help="the plan that was measured")]
+Dialects = Annotated[list[str] | None, typer.Option(help="robot language; may be repeated")]
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same bytes")]
+OutputFile = Annotated[
+    str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
+]
 
 
 def parse_folder(text: str) -> Path:
@@ -33,6 +41,36 @@ def parse_folder(text: str) -> Path:
 
 
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=parse_folder, help="folder to write to")]
+
+
+def give(work: Callable[[Stages], Result], output: Path | None, as_json: bool) -> None:
+    """Do the work of a command, write its result into a folder, and say what was found.
+
+    Raises:
+        NoSolutionError: the result must not be used.
+    """
+    if output is not None:
+        check_folder(output)
+    with Screen() as progress:
+        result = work(Stages(progress))
+        if output is not None:
+            result.write(output)
+    if as_json:
+        sys.stdout.write(result.to_json())
+    else:
+        files = "" if output is None else result.files(output)
+        written = f"\n  written to  {output}: {files}" if files else ""
+        errors.print(result.summary() + written, markup=False)
+    if result.problems:
+        raise NoSolutionError("; ".join(result.problems))
+
+
+def give_file(text: str, write: Callable[[Path], object], output: str) -> None:
+    """Print the text of a file on standard output, or write it."""
+    if output == "-":
+        sys.stdout.write(text)
+    else:
+        write(Path(output))
 
 
 def check_folder(output: Path) -> None:
@@ -53,43 +91,28 @@ def print_json(content: object) -> None:
     sys.stdout.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
+def print_notes(notes: tuple[str, ...]) -> None:
+    """Print what a person must know of a file."""
+    for note in notes:
+        errors.print(f"note: {note}", markup=False)
 
 
 class Screen:
-    """Shows the stages of a long task."""
+    """Shows the stages of a long task in one line, which vanishes; nothing where standard error is no terminal."""
 
     def __init__(self) -> None:
         columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
-        self._progress = Progress(*columns, console=errors, transient=True, disable=not sys.stderr.isatty())
-        self._task = self._progress.add_task("starting", total=None)
+        self._bar = Bar(*columns, console=errors, transient=True, disable=not sys.stderr.isatty())
+        self._task = self._bar.add_task("starting", total=None)
 
-    def __enter__(self) -> "Stages":
-        """Start showing; returns the stages to hand to the workflow."""
-        # with all its libraries: a command without stages starts quicker
-        from planner.common.progress import Stages
-
-        self._progress.start()
-        return Stages(self._say)
+    def __enter__(self) -> Progress:
+        """Start showing; returns what is to be told the progress."""
+        self._bar.start()
+        return self._say
 
     def __exit__(self, *_: object) -> None:
-        """Stop showing; the line vanishes."""
-        self._progress.stop()
+        """Stop showing."""
+        self._bar.stop()
 
     def _say(self, stage: str, done: int, of: int) -> None:
-        self._progress.update(self._task, description=stage, completed=done, total=of or None)
-
-
-def written_line(folder: Path, programs: Sequence[str]) -> str:
-    """Say what of a plan is in a folder: first the programs, then what every plan has."""
-    shown: list[str] = []
-    for (stem, suffix), group in groupby(programs, key=_numbered_stem):
-        names = list(group)
-        shown += [f"{names[0]} … {names[-1][len(stem) :]}"] if suffix and len(names) > 2 else names
-    return f"  written to  {folder}: {', '.join(shown)}, plan.json, cell.toml, trajectory.csv, report.html"
-
-
-def _numbered_stem(name: str) -> tuple[str, str]:
-    """What the parts of a split program have in common, stem and suffix; of another file its name."""
-    found = re.fullmatch(r"(.*_)\d{3}(\.\w+)", name)
-    return (found[1], found[2]) if found else (name, "")
+        self._bar.update(self._task, description=stage, completed=done, total=of or None)

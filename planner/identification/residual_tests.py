@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
@@ -208,6 +206,8 @@ def _f_test(
     rest: ProjectedResidual, tests: ResidualBattery, name: str, U: Array, many: int, rms: float
 ) -> ResidualTest:
     """F test of what one basis explains, more samples than one being worth one."""
+    from scipy.stats import f as fisher  # costs most of a second
+
     rank, worth = U.shape[1], tests.memory.time
     inner = float(((U.T @ rest.white) ** 2).sum())
     dof = min(rest.dof / worth - rank, tests.memory.dof)
@@ -232,6 +232,8 @@ def _order_test(rest: ProjectedResidual, many: int, rms: float) -> ResidualTest:
     lags = range(1, min(LAGS, n - 1) + 1)
     rho = np.array([float((x[k:] * x[:-k]).sum()) / power for k in lags])
     Q = n * (n + 2) * rest.width * float((rho**2 / (n - np.array(lags))).sum())
+    from scipy.stats import chi2  # costs most of a second
+
     p = min(1.0, float(chi2.sf(Q, len(rho))) * many)
     return ResidualTest(MEASURING_ORDER, p, float(rms * np.sqrt(max(0.0, rho.max(initial=0.0)))))
 

@@ -21,7 +21,7 @@ UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joine
 T = TypeVar("T", Samples, Readings)
 
 
-def load_run(path: Path, n_joints: int) -> Run:
+def load_run(path: Path | str, n_joints: int = 6) -> Run:
     """Load one run of an arm with ``n_joints`` joints from ``.csv`` or ``.parquet``.
 
     Raises:

@@ -11,7 +11,6 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, read_only, to_mm
-from planner.runs.text import read_lines, split_head
 
 NEST, MASTER = "nest_mm", "master_mm"
 DIGITS = 6  # of a millimetre, as lines are written
@@ -42,6 +41,8 @@ def read_reference_readings(path: Path) -> ReferenceReadings:
     if path.suffix.lower() == ".parquet":
         return NO_REFERENCE_READINGS
     nests, masters = list[tuple[str, Array]](), list[Array]()
+    from planner.runs.text import read_lines, split_head  # with polars, which costs most of a second
+
     for k, line in enumerate(split_head(read_lines(path))[0], start=1):
         key, _, text = line.lstrip("# \t").partition(":")
         words = [w.strip() for w in text.split(",")]

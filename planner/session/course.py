@@ -4,6 +4,7 @@ A course is made from waypoints and blend radii alone, so a program exported lat
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from planner.common.units import Array, read_only
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
 
+Role = Literal["calibrate", "repeat", "validate", "mount"]
+"""What a pose is for."""
 DIGITS = 9  # of degrees and millimetres in plan.json
 
 

@@ -10,8 +10,7 @@ from pydantic import Field, field_validator
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, read_json, validate
 from planner.runs.run import Run
-from planner.session.course import Waypoints, round_angles
-from planner.session.plan_types import Role
+from planner.session.course import Role, Waypoints, round_angles
 
 SCHEMA = "edbb-plan/1"
 

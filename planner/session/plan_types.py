@@ -1,7 +1,6 @@
 """What a plan is made of, stage by stage: the values that flow from the candidates to the program."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -16,9 +15,8 @@ from planner.motion.path.verdict import ProvenPath, Verdict
 from planner.motion.timing.trajectory import LimitReport, Trajectory
 from planner.motion.tour.solve import Tour
 from planner.programs.rendering import ProgramFile
-from planner.session.course import Course
+from planner.session.course import Course, Role
 
-Role = Literal["calibrate", "repeat", "validate", "mount"]
 Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
 """Files of the program in each dialect."""
 

@@ -14,9 +14,10 @@ from planner.design.pose_selection import PoseChoice, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.session.approaches import TourStop
+from planner.session.course import Role
 from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
-from planner.session.plan_types import Drive, Role
+from planner.session.plan_types import Drive
 from planner.session.planning import Selection
 from planner.session.replacement import replace_all, replace_pose
 from planner.session.tour_drive import FixtureSession

@@ -21,8 +21,8 @@ from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.instance import slowest_axis_cost
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
-from planner.session.course import Course, axis_limits, rests_at_poses, round_angles, time_measuring
-from planner.session.plan_types import Drive, Role, Visit, motion_signs
+from planner.session.course import Course, Role, axis_limits, rests_at_poses, round_angles, time_measuring
+from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import add_blends, blend_way, release_path
 
 TRIES = 12  # tours re-solved with a leg forbidden

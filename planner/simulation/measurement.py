@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from planner.cell.cell import Cell
 from planner.cell.setup import setup_of
@@ -139,6 +138,8 @@ def _repeatability_noise(rng: np.random.Generator, samples: Samples, moving: boo
     fresh = rng.standard_normal(samples.q.shape)
     if not moving or samples.session is None:
         return fresh
+    from scipy.signal import lfilter  # costs most of a second
+
     stay = np.exp(-1.0 / (SAMPLE_RATE * CORRELATION_TIME))
     follows = np.diff(samples.session, prepend=-1) == 0
     fresh[follows] *= np.sqrt(1.0 - stay**2)

@@ -1,6 +1,6 @@
 """``check_accuracy()``: from a tracker's or a head's run to figures of accuracy or precision, and their folder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.progress import Stages
+from planner.common.result import Result
+from planner.common.units import UM
 from planner.instruments.accuracy.precision import (
     Mastering,
     RepeatedCentrings,
@@ -40,19 +42,34 @@ class Centrings:
 
 
 @dataclass(frozen=True)
-class AccuracyCheck:
+class AccuracyCheck(Result):
     """What was judged, and the cell that it stands in."""
 
     cell: Cell
     found: Validation | Centrings
+    stages: Stages = field(default_factory=Stages)
 
-    @property
+    def summary(self) -> str:
+        """Return the errors before and after, or how closely centrings agree."""
+        lines = _validation(self.found) if isinstance(self.found, Validation) else _precision(self.found)
+        return "\n".join([*lines, *(f"  note        {note}" for note in self.found.notes)])
+
     def content(self) -> dict[str, object]:
-        """What ``accuracy.json`` says."""
+        """Return what ``accuracy.json`` says."""
         robot, found = self.cell.robot.name, self.found
         if isinstance(found, Validation):
             return validation_content(robot, found)
         return precision_content(robot, found.run.name, found.repeats, found.master, found.notes)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
+        return write_accuracy(self, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "accuracy.json, accuracy.png, report.html" + (
+            ", errors.csv" if isinstance(self.found, Validation) else ""
+        )
 
 
 def check_accuracy(
@@ -76,7 +93,7 @@ def check_accuracy(
         if where.gauge.kind == "tracker":
             check_unit(run, where)
             part, others = (run, None) if known is None else _split_by_role(run, known)
-            return AccuracyCheck(where, validate_robot(where, part, said, model, others))
+            return AccuracyCheck(where, validate_robot(where, part, said, model, others), stages)
         if plan is None:
             raise InputError(f"{run.name}: which centrings belong together stands in the plan: give it with --plan")
         notes = ("a calibrated model changes nothing of repeated centrings: it was not used",) if model else ()
@@ -92,7 +109,7 @@ def write_accuracy(done: AccuracyCheck, folder: Path, stages: Stages) -> list[Pa
 
     title = done.cell.robot.title
     with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "accuracy.json", document_text(done.content))
+        write_text(draft / "accuracy.json", done.to_json())
         if isinstance(done.found, Validation):
             write_text(draft / "errors.csv", errors_csv(done.found))
             report = report_validation(title, done.found)
@@ -130,3 +147,23 @@ def _split_by_role(run: Run, plan: PlanDocument) -> tuple[Run, Run | None]:
         return run, None
     mine, others = (np.isin(run.samples.pose, plan.ids(role)) for role in ("validate", "calibrate"))
     return run.take(mine) if mine.any() else run, run.take(others) if mine.any() and others.any() else None
+
+
+def _validation(found: Validation) -> list[str]:
+    misses = ", ".join(f"{n} {m / UM:.0f} µm" for n, m in zip(found.nests, found.frame.misses, strict=True))
+    lines = [f"{found.run.name}: {len(found.run)} poses", f"  frame       from the nests, which miss by {misses}"]
+    for name, judged in (("before", found.before), ("after", found.after)):
+        lines += [] if judged is None else [f"  {name:<12}{judged.figures.text()}"]
+    return [*lines, f"  floor       {found.floor.text()}"]
+
+
+def _precision(found: Centrings) -> list[str]:
+    s = found.repeats.summary
+    std = ", ".join(f"{v / UM:.1f}" for v in s.axis_std)
+    lines = [
+        f"{found.run.name}: {s.centrings} centrings of {s.poses} poses",
+        f"  precision   at most {s.largest / UM:.1f} µm from the mean of a pose, rms {s.rms / UM:.1f} µm, "
+        f"two of a pose at most {s.apart / UM:.1f} µm apart; std {std} µm along x, y, z",
+        f"  expected    rms {found.repeats.expected / UM:.1f} µm of the robot's repeatability and the gauge's noise",
+    ]
+    return lines if found.master is None else [*lines, f"  mastering   {found.master.text()}"]

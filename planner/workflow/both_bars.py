@@ -1,9 +1,10 @@
 """``plan_both()``: poses without load and circles under load that know geometry and compliances best in one fit."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,32 +15,34 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
+from planner.common.result import Result
 from planner.common.schema import validate
-from planner.common.units import Array, read_only
+from planner.common.units import Array, read_only, to_mm
 from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.plan import Arc, CircularPlan
 from planner.instruments.circular.planning import plan_circles
+from planner.instruments.loaded.results import share_text
 from planner.motion.path.constraints import Constraints
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
-from planner.study.compliance_design.circle_candidates import ANGLES, CirclePlace, find_circle_places
-from planner.study.compliance_design.common_fit import (
+from planner.studies.compliance_design.circle_candidates import ANGLES, CirclePlace, find_circle_places
+from planner.studies.compliance_design.common_fit import (
     CommonFit,
     check_robots,
     has_same_tool,
     predict_common_fit,
     select_circles_beside,
 )
-from planner.study.compliance_design.results import common_fit_content
+from planner.studies.compliance_design.results import common_fit_content, describe_common_fit
 from planner.workflow.loaded_places import FITTED, UnloadedPoses, load_unloaded_poses, with_circles
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 from planner.workflow.writing import cell_text, draft_folder, move_all, write_circular_plan, write_plan
 
 ROUNDS = 6  # choices of places, each without those that the one before could not drive
 
 
 @dataclass(frozen=True)
-class BothPlan:
+class BothPlan(Result):
     """A session with both bars.
 
     Attributes:
@@ -54,6 +57,42 @@ class BothPlan:
     free: UnloadedPoses
     loaded: CircularPlan
     known: CommonFit
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return what is measured, and what each bar alone and one fit of both would know."""
+        known = self.known
+        minutes = sum(d.duration for d in self.loaded.drives) / 60
+        lines = [
+            f"{self.loaded.cell.robot.name}: {len(self.free.q)} poses without load, {len(self.arcs)} loaded circles"
+        ]
+        for arc in self.arcs:
+            circle = arc.circle
+            centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
+            lines.append(f"  {circle.name:<12}{circle.plane} about [{centre}] mm; {arc.told}")
+        lines.append(f"  {'path':<12}{minutes:.1f} min with the loaded bar on, proven as every plan is")
+        lines.append(
+            f"  {'predicted':<12}{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
+        )
+        for name, *parts in known.of("compliance"):
+            first, second, both = (share_text(float(v)) for v in parts)
+            lines.append(f"  {'':<12}{name:<14}{first:>14}{second:>12}{both:>12}")
+        lines += [f"  found       {s}" for s in describe_common_fit(known)]
+        lines += [f"  {k + 1}.{'':<10}{text}" for k, text in enumerate(both_session_steps(self))]
+        return "\n".join([*lines, *(f"  note        {note}" for note in self.loaded.notes)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``both.json`` says."""
+        return both_record(self)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``unloaded/`` and ``loaded/``, each a whole plan, ``cell.toml`` of the fit and ``both.json``."""
+        return write_both(self, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        new = f"{UNLOADED}/, " if self.unloaded is not None else ""
+        return f"{new}{LOADED}/, cell.toml, both.json, pictures"
 
     @property
     def arcs(self) -> tuple[Arc, ...]:
@@ -85,11 +124,11 @@ def plan_both(unloaded: str, loaded: str, places: int, options: PlanOptions, sta
         raise NoSolutionError(
             f"{cell.path}: {places} places were asked for, but only {len(pool)} circles can be driven without collision"
         )
-    made = None if there else plan(free_cell, options, stages)
+    made = None if there else plan_cell(free_cell, options, stages)
     free = there or _unloaded_poses(made)
     driven = _choose_drivable(cell, free, pool, places, options, stages)
     known = predict_common_fit(free.cell, free.q, free.fixture, cell, _driven_candidates(driven))
-    return BothPlan(source, made, free, driven, known)
+    return BothPlan(source, made, free, driven, known, stages)
 
 
 def collision_free_places(cell: Cell, pool: Sequence[CirclePlace]) -> tuple[CirclePlace, ...]:
@@ -188,7 +227,7 @@ def write_both(done: BothPlan, folder: Path, stages: Stages) -> list[Path]:
     from planner.report.matplotlib_backend import chart_png as picture_png
 
     # plotting: other commands start quicker without
-    from planner.study.compliance_design.pictures import draw_common_fit as known_by_both
+    from planner.studies.compliance_design.pictures import draw_common_fit as known_by_both
 
     with draft_folder(folder) as draft:
         if done.unloaded is not None:

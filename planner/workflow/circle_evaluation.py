@@ -1,20 +1,23 @@
 """Runs of circles, with and without load: from their logs to figures, and their folders."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.files import document_text, write_text
 from planner.common.progress import Stages
+from planner.common.result import Result
+from planner.common.units import UM
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import read_circular_plan
 from planner.instruments.circular.planned_test import load_circular_cell
 from planner.instruments.loaded.evaluation import LoadedOptions
 from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
-from planner.instruments.loaded.results import curves_csv, loaded_content
+from planner.instruments.loaded.results import compliance_text, curves_csv, loaded_content
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
@@ -22,8 +25,41 @@ from planner.session.document import check_run_of_plan, read_plan_header
 from planner.workflow.writing import draft_folder, move_all
 
 
+@dataclass(frozen=True)
+class CircularTestResult(Result):
+    """The figures of a circular test."""
+
+    test: CircularTest
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return the circular deviations, reversals and centres."""
+        test = self.test
+        lines = [f"{test.run}: circular test of {test.robot}, plan {test.plan_id}"]
+        for c in test.circles:
+            name = c.ring.name if c.load is None else f"{c.ring.name} {c.load:g} N"
+            each = "  ".join(f"G({p.direction}) {p.G / UM:.1f}" for p in c.paths)
+            both = "" if c.G_b is None or c.H is None else f"  G(b) {c.G_b / UM:.1f}  H {c.H / UM:.1f}"
+            centre = ", ".join(f"{v / UM:.1f}" for v in c.centre.centre)
+            extremes = f"F {min(p.F_min for p in c.paths) / UM:.1f} to {max(p.F_max for p in c.paths) / UM:.1f}"
+            lines.append(f"  {name:<10}  {each}{both}  {extremes}  D {c.D / UM:.1f} µm, centre [{centre}] µm taken off")
+        return "\n".join([*lines, *(f"  note        {warning}" for warning in test.warnings)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``circular.json`` says."""
+        return circular_test_content(self.test)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``circular.json``, ``report.html`` and its pictures."""
+        return write_circular_test(self.test, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "circular.json, report.html"
+
+
 @on_one_thread
-def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> CircularTest:
+def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> CircularTestResult:
     """Evaluate one or more runs of the circular test at ``plan``; the cell beside it says where the bar stood.
 
     Raises:
@@ -34,7 +70,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
     with stages.stage("reading"):
         run = load_runs(runs, cell.robot.n_joints)
     with stages.stage("evaluation"):
-        return evaluate_circles(cell, file, run)
+        return CircularTestResult(evaluate_circles(cell, file, run), stages)
 
 
 def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> list[Path]:
@@ -48,11 +84,50 @@ def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> lis
 
 
 @dataclass(frozen=True)
-class LoadedTestEvaluation:
+class LoadedTestEvaluation(Result):
     """What the loaded circles say, and with unloaded runs in one fit."""
 
     found: LoadedEvaluation
     joint: JointFit | None = None
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return the compliances, by the circles and by one fit with runs without load."""
+        found, joint = self.found, self.joint
+        c = found.compliances
+        lines = [f"{found.name}: {len(found.circles)} circle{'s' * (len(found.circles) > 1)} of {found.robot}"]
+        lines += [f"  {name:<12}{compliance_text(c, k)}" for k, name in enumerate(c.names)]
+        if joint is not None:
+            lines.append(
+                f"  in one fit with runs without load: {len(joint.names)} parameters, {joint.rms[0] / UM:.1f} µm left "
+                f"without load, {joint.rms[1] / UM:.1f} µm under load"
+            )
+            lines += [
+                f"  {e.name:<12}{e.value * 1e6:.3f} ± {e.std * 1e6:.3f} µrad/Nm"
+                for e in joint.estimates
+                if e.name in c.names and e.std is not None
+            ]
+        lines += [f"  found       {s}" for s in found.sentences]
+        return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``loaded.json`` says."""
+        return loaded_content(self.found, self.joint)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return why the compliances must not be used."""
+        why = (*self.found.problems, *(self.joint.problems if self.joint else ()))
+        return ("the compliances failed their own check: " + "; ".join(why),) if why else ()
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``loaded.json``, the curves, the averaged run, the report and its pictures."""
+        return write_loaded(self, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        joint = "" if self.joint is None else "joint.csv, "
+        return f"loaded.json, curves.csv, averaged.csv, {joint}report.html, pictures"
 
 
 def evaluate_loaded(
@@ -83,8 +158,8 @@ def evaluate_loaded(
     with stages.stage("evaluation"):
         found = evaluate(run, where, other, options)
         if free is None:
-            return LoadedTestEvaluation(found)
-        return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)))
+            return LoadedTestEvaluation(found, stages=stages)
+        return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)), stages)
 
 
 def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> list[Path]:

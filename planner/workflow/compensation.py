@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
+from planner.common.files import write_text
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
 from planner.compensation.rotations import frame, from_abc
@@ -15,71 +18,82 @@ from planner.compensation.targets import ToolAndBase
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot_reader import load_robot
 
+if TYPE_CHECKING:
+    from planner.workflow.identification import CalibrationResult
+
 
 @dataclass(frozen=True)
-class CompensationOptions:
-    """What the person may say of a file.
+class CompensationResult:
+    """A corrected file; ``left_out`` says which effects of the robot targets cannot be corrected for."""
 
-    Attributes:
-        dialect: its language, where suffix and content do not tell.
+    file: CompensatedFile
+    left_out: str | None = None
+
+    def summary(self) -> str:
+        """Return what was done."""
+        done = self.file.summary
+        return done if self.left_out is None else f"{done}\n{self.left_out}"
+
+    def write(self, path: Path | str) -> Path:
+        """Write the corrected file, in the encoding in which it was read."""
+        write_text(Path(path), self.file.text, self.file.encoding)
+        return Path(path)
+
+
+@on_one_thread
+def compensate(
+    targets: Path | str,
+    *,
+    model: "CalibrationResult | Path | str",
+    dialect: str | None = None,
+    tool: str | None = None,
+    base: str | None = None,
+    frames: Path | str | None = None,
+    keep_unsolved: bool = False,
+    cell: str | None = None,
+) -> CompensationResult:
+    """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
+
+    Args:
+        targets: a robot program, or targets as CSV.
+        model: the calibrated robot: ``robot.toml``, or the identification itself.
+        dialect: the file's language, where suffix and content do not tell.
         tool, base: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
         frames: the controller's own table of frames (``$config.dat``, a RAPID module).
         keep_unsolved: leave targets without a correction as they are.
         cell: the cell, whose controller must not correct the robot itself.
-    """
-
-    dialect: str | None = None
-    tool: str | None = None
-    base: str | None = None
-    frames: Path | None = None
-    keep_unsolved: bool = False
-    cell: str | None = None
-
-
-@dataclass(frozen=True)
-class Compensated(CompensatedFile):
-    """A corrected file; ``left_out`` says which effects of the robot targets cannot be corrected for."""
-
-    left_out: str | None = None
-
-    @property
-    def summary(self) -> str:
-        """What was done, for the person at the screen."""
-        done = super().summary
-        return done if self.left_out is None else f"{done}\n{self.left_out}"
-
-
-@on_one_thread
-def compensate(targets: Path, model: Path, choices: CompensationOptions | None = None) -> Compensated:
-    """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood.
         NoSolutionError: targets have no fake target near the nominal one.
     """
-    choices = choices or CompensationOptions()
-    robot = load_robot(str(model.absolute()))
+    if not isinstance(model, Path | str):
+        with TemporaryDirectory() as folder:
+            model.write_robot(Path(folder))
+            robot = load_robot(str(Path(folder) / "robot.toml"))
+    else:
+        robot = load_robot(str(Path(model).absolute()))
     if robot.nominal is robot:
         raise InputError(
             f"{model}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
             "give the robot.toml that 'edbb identify' wrote"
         )
-    if choices.cell is not None:
-        _check_controller(choices.cell, robot.name)
+    if cell is not None:
+        _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
     done = compensate_file(
-        targets,
+        Path(targets),
         robot.nominal,
         calibrated,
-        dialect=choices.dialect,
+        dialect=dialect,
         frames=ToolAndBase(
-            _frame("--tool", choices.tool),
-            _frame("--base", choices.base),
-            "" if choices.frames is None else _text(choices.frames),
+            _frame("--tool", tool),
+            _frame("--base", base),
+            "" if frames is None else _text(Path(frames)),
         ),
-        keep_unsolved=choices.keep_unsolved,
+        keep_unsolved=keep_unsolved,
     )
-    return Compensated(done.name, done.text, done.encoding, done.report, calibrated.sentence)
+    return CompensationResult(done, calibrated.sentence)
 
 
 def _check_controller(reference: str, robot: str) -> None:

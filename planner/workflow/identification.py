@@ -1,8 +1,9 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,27 +11,153 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
-from planner.common.progress import Stages
+from planner.common.progress import Progress, Stages, no_progress
+from planner.common.result import Plot, Result
+from planner.common.units import MM
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
-from planner.identification.pipeline import FitSettings, identify
+from planner.identification.pipeline import FitSettings
+from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.instruments.accuracy.precision import check_mastering
+from planner.model.identification_document import Metrics
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
+from planner.simulation.measurement import SimulatedRun
 from planner.tracing.trace import trace
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import draft_folder, move_all
 
+if TYPE_CHECKING:
+    from planner.workflow.plan_results import PlanResult
+
+Runs = Run | Path | str | Sequence[Path | str]
+"""One run or several, loaded or by path."""
+
+NAMED = 3  # rivals that are listed by name
+
+
+@dataclass(frozen=True)
+class CalibrationResult(Result):
+    """An identified robot; ``stages`` holds the seconds of each stage."""
+
+    calibration: Calibration
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return how far off the robot is before and after, and why."""
+        found = self.calibration
+        wide = 2 + max(26, *(len(s.name) for s in found.stages))
+        fitted = sum(e.identifiable for e in found.estimates)
+        lines = [
+            f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split.by)}, "
+            f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
+            f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
+            + (f"{'validation: mean':>20}" if _has_validation(found) else ""),
+        ]
+        for stage in found.stages:
+            lines.append(f"  {stage.name:<{wide}}{_metrics_row(stage.held_out)} mm" + _mean_text(stage.validation))
+        if found.tried is not None:
+            lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
+            lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
+        lines.append(f"  left        {found.diagnosis.sentence}")
+        return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``identification.json`` says."""
+        return self.calibration.content()
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return why the robot must not be used."""
+        why = self.calibration.problems
+        return ("the fit failed its own checks, no robot was written: " + "; ".join(why),) if why else ()
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``identification.json``, ``residuals.csv``, the report and, where the fit may be used, the robot."""
+        return write_identification(self.calibration, Path(folder), self.stages)
+
+    def write_robot(self, folder: Path) -> None:
+        """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""
+        _write_robot(self.calibration, folder)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        robot = "" if self.calibration.problems else ", robot.toml"
+        urdf = ", robot.urdf" if robot and (folder / "robot.urdf").exists() else ""
+        return f"identification.json, residuals.csv, report.html{robot}{urdf}"
+
+    def preview(self) -> Plot:
+        """Return the residuals stage by stage."""
+        return self.plot_residuals()
+
+    def plot_residuals(self) -> Plot:
+        """Return the errors of the poses, before and after."""
+        return self.plot("histogram")
+
+    def plot(self, name: str) -> Plot:
+        """Return one of the report's charts by its name.
+
+        Raises:
+            InputError: no such chart.
+        """
+        from planner.report.calibration_report import calibration_pngs
+
+        drawn = calibration_pngs(self.calibration)
+        if name not in drawn:
+            raise InputError(f"no chart '{name}' (there: {', '.join(drawn)})")
+        return Plot(name, drawn[name])
+
+
+def identify(
+    runs: Runs,
+    *,
+    cell: Cell | Path | str,
+    plan: "PlanResult | Path | str | None" = None,
+    validate: Run | Path | str | None = None,
+    no_trace: bool = False,
+    hold_out: float = 0.2,
+    robust: bool = False,
+    seed: int = 0,
+    progress: Progress = no_progress,
+) -> CalibrationResult:
+    """Identify a robot from measured runs: parameters with uncertainties, and the causes of what they leave.
+
+    Args:
+        runs: one run or several, loaded or by path.
+        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one.
+        plan: what was measured: its validation poses are kept out of the fit and judged.
+        validate: a run kept out of the fit, to judge it.
+        no_trace: geometry and joint compliance only.
+        hold_out: share of the groups held out at a time.
+        robust: turn down outliers (Huber).
+        seed: of the folds.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: a file is wrong, or run, cell and plan do not belong together.
+        NoSolutionError: the fit does not come to rest.
+    """
+    stages, settings = Stages(progress), FitSettings(hold_out, robust, seed)
+    found = identify_runs(runs, cell, stages, plan, validate, settings, tracing=not no_trace)
+    return CalibrationResult(found, stages)
+
+
+def load_any(runs: Runs, n_joints: int) -> Run:
+    """Return one run from what was measured, loaded already or not."""
+    if isinstance(runs, Run):
+        return runs
+    return load_runs([Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs], n_joints)
+
 
 def identify_runs(
-    runs: Sequence[Path],
-    cell: str,
+    runs: Runs,
+    cell: Cell | Path | str,
     stages: Stages,
-    plan: Path | None = None,
-    validate: Path | None = None,
+    plan: "PlanResult | Path | str | None" = None,
+    validate: Run | Path | str | None = None,
     settings: FitSettings | None = None,
     tracing: bool = True,
 ) -> Calibration:
@@ -43,29 +170,32 @@ def identify_runs(
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
-    where = load_cell(cell, planning=False)
+    where = cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
     with stages.stage("reading"):
-        run = _with_mastering_warnings(where, load_runs(runs, where.robot.n_joints), runs)
-        other = None if validate is None else load_runs([validate], where.robot.n_joints)
+        run = _with_mastering_warnings(where, load_any(runs, where.robot.n_joints), runs)
+        other = None if validate is None else load_any(validate, where.robot.n_joints)
         if plan is not None:
-            run, kept_out = _split_by_plan(run, plan, read_plan(plan, "drives"), where.robot.name)
+            path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
+            document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
+            run, kept_out = _split_by_plan(run, path, document, where.robot.name)
             other = other or kept_out
         for each in (run, other):
             if each is not None:
                 check_unit(each, where)
     with stages.stage("identification") as progress:
-        return identify(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
+        return fit_and_trace(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
 
 
-def _with_mastering_warnings(cell: Cell, run: Run, paths: Sequence[Path]) -> Run:
+def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
     """Return the run, warned where the indicators did not show at the master ball what they should."""
     if cell.gauge.head is None:
         return run
-    checks = [
-        m
-        for m in (check_mastering(cell, read_reference_readings(path)) for path in paths)
-        if m is not None and not m.good
-    ]
+    if isinstance(source, Run):
+        readings = [source.beside] if isinstance(source, SimulatedRun) else []
+    else:
+        paths = [source] if isinstance(source, Path | str) else source
+        readings = [read_reference_readings(Path(path)) for path in paths]
+    checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
 
 
@@ -129,3 +259,26 @@ def _write_robot(found: Calibration, draft: Path) -> None:
     for file, data in calibrated_meshes(found):
         (draft / file).parent.mkdir(parents=True, exist_ok=True)
         write_bytes(draft / file, data)
+
+
+def _plural(group: str) -> str:
+    return f"{group}es" if group.endswith("ch") else f"{group}s"
+
+
+def _has_validation(found: Calibration) -> bool:
+    return found.stages[-1].validation is not None
+
+
+def _metrics_row(m: Metrics) -> str:
+    return f"{m.rms / MM:14.4f}{m.mean / MM:10.4f}{m.largest / MM:10.4f}"
+
+
+def _mean_text(m: Metrics | None) -> str:
+    return "" if m is None else f"{m.mean / MM:13.4f} mm"
+
+
+def _rival_text(names: tuple[str, ...]) -> str:
+    if not names:
+        return ""
+    more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"; or {', or '.join(names[:NAMED])}{more}: the run cannot tell them apart"

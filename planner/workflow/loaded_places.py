@@ -1,8 +1,9 @@
 """``study_places()``: where loaded circles tell the compliances apart, and a cell that drives them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,21 +13,64 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
+from planner.common.result import Result
 from planner.common.schema import validate
 from planner.common.units import Array, from_deg, from_mm, to_mm
+from planner.instruments.loaded.results import share_text
 from planner.session.document import read_plan
-from planner.study.compliance_design.circle_candidates import CirclePlace, own_circle
-from planner.study.compliance_design.common_fit import CommonFit, predict_common_fit
-from planner.study.compliance_design.place_selection import CirclePlaceChoice, study_circle_places
-from planner.study.compliance_design.results import places_csv, places_text
+from planner.studies.compliance_design.circle_candidates import CirclePlace, own_circle
+from planner.studies.compliance_design.common_fit import CommonFit, predict_common_fit
+from planner.studies.compliance_design.place_selection import CirclePlaceChoice, study_circle_places
+from planner.studies.compliance_design.results import describe_places, places_content, places_csv, places_text
 from planner.workflow.writing import cell_text, draft_folder, move_all
 
 MOST = 6
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 
-def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell, CirclePlaceChoice]:
-    """Study the places of a cell's loaded circle.
+@dataclass(frozen=True)
+class CirclePlacesResult(Result):
+    """Where loaded circles tell the compliances apart.
+
+    Attributes:
+        cell: with the circle as it was given.
+        found: the places.
+        count: how many of them the written cell has.
+        both: what the best of them and poses without load would know in one fit, where that was asked.
+    """
+
+    cell: Cell
+    found: CirclePlaceChoice
+    count: int
+    both: CommonFit | None = None
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return which places there are and what they tell."""
+        lines = [f"{self.cell.name}: {len(self.found.pool)} places can be driven"]
+        lines += [f"  {s}" for s in describe_places(self.found)]
+        for name, unloaded, loaded, together in () if self.both is None else self.both.of("compliance"):
+            lines.append(
+                f"  {name}: without load {share_text(unloaded)}, the {self.count} circles {share_text(loaded)}, in one "
+                f"fit {share_text(together)} of its prior size"
+            )
+        return "\n".join(lines)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``places.json`` says."""
+        return places_content(self.found, self.cell.robot.name, self.both)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
+        return write_places(self.cell, self.found, self.count, Path(folder), self.stages, self.both)
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "places.json, places.csv, cell.toml, pictures"
+
+
+def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | None = None) -> CirclePlacesResult:
+    """Study the places of a cell's loaded circle; with a ``plan`` without load also what one fit of both would know.
 
     Raises:
         InputError: the cell has no circle under load, or so many places make no sense.
@@ -37,7 +81,8 @@ def study_places(cell: str, count: int, seed: int, stages: Stages) -> tuple[Cell
         found = study_circle_places(where, max(count, MOST), seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
-    return where, found
+    both = None if plan is None else predict_beside_plan(where, found, count, plan)
+    return CirclePlacesResult(where, found, count, both, stages)
 
 
 @dataclass(frozen=True)
@@ -88,7 +133,7 @@ def write_places(
     from planner.report.matplotlib_backend import chart_png as picture_png
 
     # plotting: other commands start quicker without
-    from planner.study.compliance_design.pictures import draw_places as place_pictures
+    from planner.studies.compliance_design.pictures import draw_places as place_pictures
 
     with draft_folder(folder) as draft, stages.stage("report"):
         write_text(draft / "places.json", places_text(found, cell.robot.name, both))

@@ -13,8 +13,31 @@ from planner.programs.rendering import ProgramFile
 from planner.session.neutral_program import session_program
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples, simulate
+from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
+from planner.simulation.measurement import simulate as simulate_readings
 from planner.simulation.truth import draw_truth, read_truth
+from planner.workflow.plan_results import CircularPlanResult, ExportResult, PlanResult, SimulationResult
+
+
+def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
+    """Return the program of the plan at a path in any dialect; ``name`` of the file, ``-`` for one of the plan's own.
+
+    Raises:
+        InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
+    """
+    return ExportResult(export_plan(Path(plan), dialect, name))
+
+
+def simulate(
+    plan: PlanResult | CircularPlanResult | Path | str, *, truth: Path | str | None = None, seed: int = 0
+) -> SimulationResult:
+    """Simulate the measured run of a plan, on a robot with the errors of a file ``truth``, or with drawn ones.
+
+    Raises:
+        InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
+    """
+    source = Path(plan) if isinstance(plan, Path | str) else plan.plan
+    return SimulationResult(simulate_plan(source, None if truth is None else Path(truth), seed))
 
 
 @on_one_thread
@@ -58,5 +81,5 @@ def simulate_plan(
     else:
         plan_id, samples = session.document.plan_id, planned_samples(cell, session.document, session.courses)
     known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples)
-    run = simulate(cell, plan_id, samples, known, seed)
+    run = simulate_readings(cell, plan_id, samples, known, seed)
     return replace(run, warnings=(*run.warnings, *cell.gauge.centring_warnings(cell, samples, run)))

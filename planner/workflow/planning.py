@@ -1,18 +1,65 @@
 """``plan()``: the plan of a cell, whatever its gauge."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from planner.cell.cell import Cell
-from planner.common.progress import Stages
+from planner.cell.file import Aim
+from planner.cell.reading import load_cell
+from planner.common.progress import Progress, Stages, no_progress
 from planner.design.free_parameters import check_effects
+from planner.instruments.circular.planning import plan_circles
+from planner.motion.tour.solve import Method
 from planner.session.bar_poses import BarPoses
-from planner.session.options import PlanOptions, check_point_options
+from planner.session.options import PlanOptions, check_circle_options, check_point_options
 from planner.session.plan_types import Plan
 from planner.session.planning import plan_session
 from planner.session.point_poses import PointPoses
+from planner.workflow.plan_results import CircularPlanResult, PlanResult
 
 
-def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
+def plan(
+    cell: Cell | Path | str,
+    *,
+    poses: int | None = None,
+    index: str | None = None,
+    seed: int = 0,
+    dialect: Sequence[str] = (),
+    tsp: Method = "auto",
+    separate: Path | str | None = None,
+    fixtures: int | None = None,
+    aim: Aim | None = None,
+    progress: Progress = no_progress,
+) -> PlanResult | CircularPlanResult:
+    """Plan a measuring session: poses, certificate, collision-free path, robot programs.
+
+    Args:
+        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one; with circles it is a circular test.
+        poses: how many; by default where the index curve bends.
+        index: observability index to select by, O1 to O5.
+        seed: the same seed gives the same bytes.
+        dialect: robot languages; by default those that the cell names.
+        tsp: solver of the tour.
+        separate: an ``identification.json``: choose poses that tell its findings from their rivals.
+        fixtures: how many in all: good places are found for those beside the first.
+        aim: poses by the index, or by the error that is left once hidden effects are traced.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: the cell or an argument is wrong.
+        NoSolutionError: a stage has no solution; the message says which.
+    """
+    file = None if separate is None else Path(separate)
+    options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim)
+    stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))
+    if not chosen.circles:
+        return PlanResult(plan_cell(chosen, options, stages), stages)
+    check_circle_options(chosen, options)
+    return CircularPlanResult(plan_circles(chosen, options, stages), stages)
+
+
+def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
     """Plan a measuring session with a bar, at the balls of an artifact, or for a tracker.
 
     Raises:
@@ -25,7 +72,7 @@ def plan(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         return plan_session(PointPoses(cell, options), options, stages)
     if options.fixtures is None:
         return plan_session(BarPoses(cell, options), options, stages)
-    from planner.study.fixture_addition import add_fixtures, describe_added_fixtures
+    from planner.studies.fixture_addition import add_fixtures, describe_added_fixtures
 
     with stages.stage("fixtures"):
         cell = add_fixtures(cell, options.fixtures, options.seed, stages.say)

@@ -15,13 +15,13 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.design.selection.d_optimal import augment_design
 from planner.session.options import PlanOptions
-from planner.study.compliance_design.circle_candidates import find_circle_places
-from planner.study.compliance_design.common_fit import (
+from planner.studies.compliance_design.circle_candidates import find_circle_places
+from planner.studies.compliance_design.common_fit import (
     has_same_tool,
     predict_common_fit,
     select_circles_beside,
 )
-from planner.study.compliance_design.results import common_fit_content, describe_common_fit
+from planner.studies.compliance_design.results import common_fit_content, describe_common_fit
 from planner.workflow.both_bars import collision_free_places, fit_cell, plan_both, write_both
 from planner.workflow.loaded_places import load_unloaded_poses
 

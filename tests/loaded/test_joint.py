@@ -16,9 +16,9 @@ from planner.instruments.loaded.joint_fit import SAMPLE_SPACING, at_rest, fit_jo
 from planner.model.model import Model
 from planner.runs.loader import join_runs
 from planner.runs.run import Readings, Run, Samples
-from planner.study.compliance_design.circle_candidates import find_own_place
-from planner.study.compliance_design.common_fit import predict_common_fit
-from planner.study.compliance_design.place_selection import planned_curves
+from planner.studies.compliance_design.circle_candidates import find_own_place
+from planner.studies.compliance_design.common_fit import predict_common_fit
+from planner.studies.compliance_design.place_selection import planned_curves
 
 SEEDS, ANGLES, REPEATS = 20, 24, 5
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.3010, 0.8995, 0.9007])

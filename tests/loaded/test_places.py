@@ -15,15 +15,15 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.instruments.loaded.compliance import fit_compliances
 from planner.instruments.loaded.curves import average_curves
-from planner.study.compliance_design.circle_candidates import find_circle_places, find_own_place
-from planner.study.compliance_design.common_fit import predict_common_fit
-from planner.study.compliance_design.place_selection import (
+from planner.studies.compliance_design.circle_candidates import find_circle_places, find_own_place
+from planner.studies.compliance_design.common_fit import predict_common_fit
+from planner.studies.compliance_design.place_selection import (
     predict_compliance,
     predict_information,
     promised_turn_noise,
     select_circle_places,
 )
-from planner.study.compliance_design.results import places_content, places_csv
+from planner.studies.compliance_design.results import places_content, places_csv
 from planner.workflow.loaded_places import study_places, with_places, write_places
 
 BINS = 36

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from planner.cli.terminal import written_line
 from planner.instruments.loaded.compliance import compliance_posterior
 from planner.instruments.loaded.results import compliance_sentences, compliance_text, share_text
 from planner.instruments.loaded.types import HARDLY_KNOWN, KNOWN, NOT_LEARNT
+from planner.programs.rendering import ProgramFile
+from planner.workflow.plan_results import plan_files
 
 NAMES = tuple(f"compliance{i + 1}" for i in range(4))
+
+
+def files_of(names):
+    return plan_files((("krl", tuple(ProgramFile(name, "") for name in names)),))
 
 
 @pytest.fixture
@@ -45,8 +50,8 @@ def test_parts_are_written_without_exponents(part, text):
     assert share_text(part) == text
 
 
-def test_parts_of_a_program_are_listed_in_one_go(tmp_path):
+def test_parts_of_a_program_are_listed_in_one_go():
     names = ["a.mod", "X.src", *(f"X_{k:03d}.src" for k in range(1, 30)), "X.dat"]
-    line = written_line(tmp_path, names)
-    assert ": a.mod, X.src, X_001.src … 029.src, X.dat, plan.json, cell.toml, trajectory.csv, report.html" in line
-    assert "X_001.src, X_002.src, X.dat" in written_line(tmp_path, ["X_001.src", "X_002.src", "X.dat"])
+    line = files_of(names)
+    assert line == "a.mod, X.src, X_001.src … 029.src, X.dat, plan.json, cell.toml, trajectory.csv, report.html"
+    assert "X_001.src, X_002.src, X.dat" in files_of(["X_001.src", "X_002.src", "X.dat"])

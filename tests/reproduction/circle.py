@@ -7,7 +7,7 @@ from planner.common.progress import Stages
 from planner.instruments.circular.planning import plan_circles
 from planner.session.options import PlanOptions
 from planner.workflow.circle_comparison import PAPER, compare_circle_and_path
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 
 ROBOTS = 20
 
@@ -16,7 +16,7 @@ def compared():
     """Rows (what, published, median, range) [mm] over drawn robots."""
     stages, options = Stages(lambda *_: None), PlanOptions(dialects=("bnr",))
     circles = plan_circles(load_cell("comau-nj130/circular"), options, stages)
-    path = plan(load_cell("comau-nj130/paper"), options, stages)
+    path = plan_cell(load_cell("comau-nj130/paper"), options, stages)
     each = compare_circle_and_path(circles, path, range(ROBOTS))
     rows = []
     for which, name in (("circle", "circle"), ("path", "error-sensitive path")):

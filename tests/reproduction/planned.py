@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.progress import Stages
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 from tests.reproduction.truth import TOOL_COM_MM, TOOL_KG
 
 ATTACH_MIN = 2.0  # to set the bar down, zero it and attach it at the next place
@@ -86,4 +86,4 @@ def _planned(text, options) -> Plan:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cell.toml"
         path.write_text(text)
-        return plan(load_cell(str(path)), options, QUIET)
+        return plan_cell(load_cell(str(path)), options, QUIET)

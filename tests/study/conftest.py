@@ -4,11 +4,11 @@ import json
 
 import pytest
 
-import planner.study.basis as basis
-import planner.study.basis as curves
-import planner.study.fixture_places as fixture_map
+import planner.studies.basis as basis
+import planner.studies.basis as curves
+import planner.studies.fixture_places as fixture_map
 from planner.cell.reading import load_cell
-from planner.study.cell_study import study_cell
+from planner.studies.cell_study import study
 
 
 def quiet(stage, done, of):
@@ -22,8 +22,9 @@ def small_study(folder, patch):
     patch.setattr(fixture_map, "CANDIDATES", 300)
     patch.setattr(fixture_map.map_fixture_places, "__defaults__", (4, 3))
     said = []
-    summary = study_cell(load_cell("comau-nj130/edbb"), folder, "O1", 3, lambda *step: said.append(step))
-    return summary, said
+    result = study(load_cell("comau-nj130/edbb"), index="O1", seed=3, progress=lambda *step: said.append(step))
+    result.write(folder)
+    return result.findings, said
 
 
 @pytest.fixture(scope="session")

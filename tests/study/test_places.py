@@ -12,9 +12,9 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.selection.pruning import prune_poses
 from planner.kinematics.bodies import capsule_between
 from planner.model.model import Model
-from planner.study.fixture_count import combine_places, count_fixtures
-from planner.study.fixture_places import map_fixture_places
-from planner.study.fixture_reach import find_stands, is_blocked, move_fixture, reach_poses
+from planner.studies.fixture_count import combine_places, count_fixtures
+from planner.studies.fixture_places import map_fixture_places
+from planner.studies.fixture_reach import find_stands, is_blocked, move_fixture, reach_poses
 
 
 @pytest.fixture(scope="module")

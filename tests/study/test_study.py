@@ -8,8 +8,8 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.study.cell_study import NAMES, study_cell
-from tests.study.conftest import quiet, small_study
+from planner.studies.cell_study import NAMES, StudyResult, study
+from tests.study.conftest import small_study
 
 
 def test_every_file_is_there_and_nothing_else(done):
@@ -103,13 +103,12 @@ def test_progress_is_told(done):
     assert all(0 <= d <= max(of, d) for _, d, of in done[2])
 
 
-def test_a_file_in_the_way_is_told_and_an_unknown_index_too(tmp_path):
+def test_a_file_in_the_way_is_told_and_an_unknown_index_too(done, tmp_path):
     with pytest.raises(InputError, match="O9"):
-        study_cell(load_cell("comau-nj130/edbb"), tmp_path / "new", "O9", 0, quiet)
-    assert not (tmp_path / "new").exists()
+        study(load_cell("comau-nj130/edbb"), index="O9")
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file"):
-        study_cell(load_cell("comau-nj130/edbb"), tmp_path / "file", "O2", 0, quiet)
+        StudyResult(done[1]).write(tmp_path / "file")
     assert (tmp_path / "file").read_text() == "mine"
 
 

@@ -7,7 +7,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.session.options import PlanOptions
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 
 
 def changed(tmp_path, name, *changes):
@@ -94,4 +94,4 @@ def test_an_effect_without_a_name_is_told_before_candidates_are_drawn(tmp_path, 
     monkeypatch.setattr("planner.session.point_poses.draw_ball_candidates", lambda *_: pytest.fail("drawn"))
     path = changed(tmp_path, "trical", ('effects = ["joint compliance"]', 'effects = ["joint complience"]'))
     with pytest.raises(InputError, match=r"did you mean .joint compliance"):
-        plan(load_cell(path), PlanOptions(), Stages(lambda *_: None))
+        plan_cell(load_cell(path), PlanOptions(), Stages(lambda *_: None))

@@ -17,7 +17,7 @@ from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
 from planner.session.planning import with_programs
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 from planner.workflow.writing import write_plan
 
 SWEEP = 25  # states on each motion
@@ -26,7 +26,7 @@ SWEEP = 25  # states on each motion
 @pytest.fixture(scope="module")
 def planned(cell):
     quick = replace(cell, plan=replace(cell.plan, candidates=400, poses=12, repeat=1, validate=4))
-    return plan(quick, PlanOptions(), Stages(lambda *_: None))
+    return plan_cell(quick, PlanOptions(), Stages(lambda *_: None))
 
 
 def test_every_ball_is_approached_centred_and_left_the_same_way(planned):

@@ -13,7 +13,7 @@ from planner.design.pose_selection import identify_candidates, select_poses
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.index_bound import certify_bound
 from planner.session.options import PlanOptions
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -58,8 +58,8 @@ def test_uneven_counts_and_other_indices_are_refused(cell, pool):
         (PlanOptions(index="O2"), "DETMAX on O1"),
     ):
         with pytest.raises(InputError, match=told):
-            plan(cell, options, Stages(lambda *_: None))
+            plan_cell(cell, options, Stages(lambda *_: None))
     with pytest.raises(InputError, match=r"'plan.poses' is missing"):
-        plan(replace(cell, plan=replace(cell.plan, poses=None)), PlanOptions(), Stages(lambda *_: None))
+        plan_cell(replace(cell, plan=replace(cell.plan, poses=None)), PlanOptions(), Stages(lambda *_: None))
     with pytest.raises(InputError, match="8 poses cannot identify 31 parameters: ask for at least 11"):
         select_poses(cell, pool, 8, "O1", 0)

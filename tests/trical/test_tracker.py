@@ -11,7 +11,7 @@ from planner.common.progress import Stages
 from planner.kinematics.chain import Chain
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
-from planner.workflow.planning import plan
+from planner.workflow.planning import plan_cell
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def cell():
 
 @pytest.fixture(scope="module")
 def planned(cell):
-    return plan(cell, PlanOptions(), Stages(lambda *_: None))
+    return plan_cell(cell, PlanOptions(), Stages(lambda *_: None))
 
 
 def test_five_hundred_is_the_default(tmp_path):
@@ -68,7 +68,7 @@ def test_the_reflector_faces_the_tracker_and_nothing_stands_between(planned):
 
 
 def test_poses_asked_for_are_chosen_and_calibrate(cell):
-    one = plan(cell, PlanOptions(poses=20), Stages(lambda *_: None))
+    one = plan_cell(cell, PlanOptions(poses=20), Stages(lambda *_: None))
     roles = [v.role for v in one.drives[0].visits]
     assert (roles.count("calibrate"), roles.count("validate")) == (20, 25)
     assert one.choice.value > 0.94 * one.choice.certificate.value
@@ -77,4 +77,4 @@ def test_poses_asked_for_are_chosen_and_calibrate(cell):
 
 def test_more_than_there_are_is_refused(cell):
     with pytest.raises(NoSolutionError, match=r"candidate poses are left for 5000 to validate with"):
-        plan(replace(cell, plan=replace(cell.plan, validate=5000)), PlanOptions(), Stages(lambda *_: None))
+        plan_cell(replace(cell, plan=replace(cell.plan, validate=5000)), PlanOptions(), Stages(lambda *_: None))

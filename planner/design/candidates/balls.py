@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import chi2, qmc
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
@@ -53,6 +52,8 @@ def length_quantile(covariance: Array) -> Array:
     trace = np.trace(covariance, axis1=1, axis2=2)
     square = np.einsum("nij,nji->n", covariance, covariance)
     degrees = trace**2 / square
+    from scipy.stats import chi2  # costs most of a second
+
     return np.asarray(np.sqrt(square / trace * chi2.ppf(LEVEL, degrees)))
 
 
@@ -143,6 +144,8 @@ class _BallFilter:
     def draw(self, count: int, seed: int) -> tuple[Array, Array, BallFunnel]:
         """Draw until there are ``count``: poses at the ball, their approach poses (n, N) [rad], and what was left."""
         lower, upper = self.cell.sampling_range
+        from scipy.stats import qmc  # costs most of a second
+
         sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng([seed, self.ball]))
         found: list[tuple[Array, Array]] = []
         funnel = BallFunnel()

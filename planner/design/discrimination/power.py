@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from planner.common.units import Array
 from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
@@ -108,6 +107,8 @@ def discrimination_power(size: float, whole: float) -> float:
     that the truth explains.
     """
     needed = max(EVIDENCE, ALIKE * whole)
+    from scipy.stats import norm  # costs most of a second
+
     return float(norm.sf((needed - size) / (2 * np.sqrt(max(size, 1e-300)))))
 
 

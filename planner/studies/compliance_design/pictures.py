@@ -5,8 +5,8 @@ import numpy as np
 from planner.common.units import Array, to_mm
 from planner.report.chart import GREY, JOINTS, RED, SKY, Chart, Panel, ReferenceLine, Series
 from planner.report.formatting import significant_text
-from planner.study.compliance_design.common_fit import CommonFit
-from planner.study.compliance_design.place_selection import CirclePlaceChoice
+from planner.studies.compliance_design.common_fit import CommonFit
+from planner.studies.compliance_design.place_selection import CirclePlaceChoice
 
 SHARE = "standard deviation / prior size"
 

@@ -17,8 +17,8 @@ from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_t
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
 from planner.model.model import Model
 from planner.runs.run import Samples
-from planner.study.compliance_design.circle_candidates import CirclePlace
-from planner.study.compliance_design.place_selection import TYPICAL_SHARE, planned_curves
+from planner.studies.compliance_design.circle_candidates import CirclePlace
+from planner.studies.compliance_design.place_selection import TYPICAL_SHARE, planned_curves
 
 
 @dataclass(frozen=True)

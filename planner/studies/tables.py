@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import DEG, MM, UM
-from planner.study.summary import StudySummary
+from planner.studies.summary import StudySummary
 
 MDEG = DEG * 1e-3  # [rad]
 DIGITS = 6

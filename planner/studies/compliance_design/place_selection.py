@@ -14,7 +14,7 @@ from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.model.model import Model
-from planner.study.compliance_design.circle_candidates import (
+from planner.studies.compliance_design.circle_candidates import (
     CirclePlace,
     find_circle_places,
     find_own_place,

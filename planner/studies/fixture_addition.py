@@ -15,8 +15,8 @@ from planner.design.undeclared_errors import undeclared_errors
 from planner.kinematics.bodies import BodyFile, Vector
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
-from planner.study.fixture_places import ReportProgress, place_grid
-from planner.study.fixture_reach import find_stands, move_fixture, reach_poses
+from planner.studies.fixture_places import ReportProgress, place_grid
+from planner.studies.fixture_reach import find_stands, move_fixture, reach_poses
 
 ACROSS, UP = 7, 4  # places across the robot's reach, and from the floor up
 POSES = 200  # readings by which places are compared

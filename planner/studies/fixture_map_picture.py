@@ -14,9 +14,9 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from planner.common.units import MM
 from planner.design.observability.information import INDEX_RULES
 from planner.report.matplotlib_backend import figure_png, print_style
-from planner.study.fixture_places import FixtureMap, FixturePlace
-from planner.study.fixture_reach import Status
-from planner.study.summary import describe_best_place, format_number
+from planner.studies.fixture_places import FixtureMap, FixturePlace
+from planner.studies.fixture_reach import Status
+from planner.studies.summary import describe_best_place, format_number
 
 STATUS_LOOKS: dict[Status, tuple[str, str, str]] = {
     "blocked": ("no room for fixture or stand", "#9A9A9A", ""),

@@ -14,7 +14,7 @@ from planner.design.observability.identifiability import STRUCTURAL, find_identi
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
-from planner.study.fixture_reach import FixtureReach, Status, move_fixture, reach_poses
+from planner.studies.fixture_reach import FixtureReach, Status, move_fixture, reach_poses
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
 ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up

@@ -7,9 +7,9 @@ import numpy as np
 from planner.common.units import MM, UM
 from planner.design.observability.information import INDEX_RULES
 from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, Panel, ReferenceLine, Series
-from planner.study.basis import BoundedCurve, StudyBasis
-from planner.study.summary import StudySummary, describe_fixtures, format_number
-from planner.study.tables import MDEG
+from planner.studies.basis import BoundedCurve, StudyBasis
+from planner.studies.summary import StudySummary, describe_fixtures, format_number
+from planner.studies.tables import MDEG
 
 LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
 ROW = 16  # [px] a parameter's line

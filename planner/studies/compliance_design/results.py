@@ -8,9 +8,9 @@ import polars as pl
 
 from planner.common.units import to_deg, to_mm
 from planner.instruments.loaded.results import share_text
-from planner.study.compliance_design.circle_candidates import CirclePlace
-from planner.study.compliance_design.common_fit import CommonFit
-from planner.study.compliance_design.place_selection import (
+from planner.studies.compliance_design.circle_candidates import CirclePlace
+from planner.studies.compliance_design.common_fit import CommonFit
+from planner.studies.compliance_design.place_selection import (
     CirclePlaceChoice,
     PredictedCompliance,
     predict_compliance,

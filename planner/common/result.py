@@ -1,0 +1,66 @@
+"""What every command gives: a summary, the same as JSON, charts, and a folder with all of it."""
+
+import json
+from abc import ABC, abstractmethod
+from base64 import b64encode
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A chart as a picture; a notebook shows it."""
+
+    name: str
+    png: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def save(self, path: Path | str) -> Path:
+        """Write the picture to ``path``."""
+        from planner.common.files import write_bytes
+
+        write_bytes(Path(path), self.png)
+        return Path(path)
+
+
+class Result(ABC):
+    """What a command found; nothing is written before :meth:`write` is called."""
+
+    @abstractmethod
+    def summary(self) -> str:
+        """Return what was found, in a few lines."""
+
+    @abstractmethod
+    def content(self) -> Mapping[str, Any]:
+        """Return the machine-readable form of what was found."""
+
+    @abstractmethod
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write everything into a folder, all of it or nothing; returned are the files."""
+
+    @abstractmethod
+    def files(self, folder: Path) -> str:
+        """Name the files that a person looks for in the folder once it is written."""
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return why the result must not be used; empty where it may."""
+        return ()
+
+    def to_json(self) -> str:
+        """Return the machine-readable form as text."""
+        return json.dumps(self.content(), indent=1, ensure_ascii=False) + "\n"
+
+    def preview(self) -> Plot | None:
+        """Return the chart that a notebook shows below the summary, if there is one."""
+        return None
+
+    def _repr_html_(self) -> str:
+        plot = self.preview()
+        picture = f'<img src="data:image/png;base64,{b64encode(plot.png).decode()}">' if plot else ""
+        return f"<pre>{escape(self.summary())}</pre>{picture}"

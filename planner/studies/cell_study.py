@@ -1,0 +1,113 @@
+"""Every finding of the study, then its tables and pictures, written together."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import write_bytes
+from planner.common.progress import Progress, no_progress
+from planner.common.result import Plot, Result
+from planner.design.observability.information import find_rule
+from planner.report.matplotlib_backend import chart_png
+from planner.studies.basis import compute_basis
+from planner.studies.fixture_count import count_fixtures
+from planner.studies.fixture_map_picture import draw_map
+from planner.studies.fixture_places import map_fixture_places
+from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_sensitivity
+from planner.studies.summary import StudySummary
+from planner.studies.tables import TABLES
+
+PICTURES: dict[str, Callable[[StudySummary], bytes]] = {
+    "fixture_map.png": lambda study: draw_map(study.places),
+    "fixtures_needed.png": lambda study: chart_png(draw_fixtures(study)),
+    "identifiability.png": lambda study: chart_png(draw_identifiability(study)),
+    "index_curve.png": lambda study: chart_png(draw_curves(study)),
+    "sensitivity.png": lambda study: chart_png(draw_sensitivity(study)),
+}
+NAMES = tuple(sorted((*TABLES, *PICTURES, "study.json")))
+
+
+@dataclass(frozen=True)
+class StudyResult(Result):
+    """What can be seen in a cell."""
+
+    findings: StudySummary
+    progress: Progress = no_progress
+
+    def summary(self) -> str:
+        """Return what is seen, with how many poses, and from where."""
+        return self.findings.text()
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``study.json`` says."""
+        return self.findings.content()
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write tables, pictures and ``study.json``; nothing is written before all of it is there."""
+        folder = Path(folder)
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; a study needs a folder")
+        self.progress("pictures", 0, 0)
+        with threadpool_limits(1, user_api="blas"):
+            files = {name: table(self.findings).encode() for name, table in TABLES.items()}
+            files |= {name: picture(self.findings) for name, picture in PICTURES.items()}
+        files["study.json"] = self.to_json().encode()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            raise InputError(f"{folder}: cannot be made ({err.strerror or err})") from err
+        for name in NAMES:
+            write_bytes(folder / name, files[name])
+        return [folder / name for name in NAMES]
+
+    def files(self, folder: Path) -> str:
+        """Name nothing: the summary is long enough."""
+        return ""
+
+    def preview(self) -> Plot:
+        """Return the map of places for the fixture."""
+        return self.plot("fixture_map.png")
+
+    def plot(self, name: str) -> Plot:
+        """Return one of the study's pictures by its name."""
+        return Plot(name.removesuffix(".png"), PICTURES[name](self.findings))
+
+    def plot_fixture_map(self) -> Plot:
+        """Return where a fixture shows how much."""
+        return self.plot("fixture_map.png")
+
+
+def study(
+    cell: Cell | Path | str, *, index: str | None = None, seed: int = 0, progress: Progress = no_progress
+) -> StudyResult:
+    """Study what can be seen in a cell, with how many poses, and from which place of its fixture.
+
+    Args:
+        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one.
+        index: O1 … O5, or ``None`` for the cell's own.
+        seed: the same seed gives the same bytes.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: unknown index.
+        NoSolutionError: no candidate pose passes the filters, or too few do.
+    """
+    cell = cell if isinstance(cell, Cell) else load_cell(str(cell))
+    index = find_rule(index or cell.plan.index).name
+    if not cell.gauge.is_attached:
+        raise InputError(
+            f"{cell.path}: a study is of a bar and its fixtures, and gauge.kind is '{cell.gauge.kind}': "
+            "edbb plan says what can be seen"
+        )
+    with threadpool_limits(1, user_api="blas"):  # the same bytes whatever number of threads there are
+        start = compute_basis(cell, index, seed, progress)
+        places = map_fixture_places(cell, start.pool, index, start.poses, seed, progress)
+        progress("fixtures", 0, 0)
+        fixtures = count_fixtures(cell, places, start.noise, seed)
+        return StudyResult(StudySummary(start, places, fixtures, NAMES), progress)

@@ -1,0 +1,200 @@
+"""The results of planning: a session of poses, a circular test, and the runs and programs that are made of them."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from planner.common.files import write_text
+from planner.common.progress import Stages
+from planner.common.result import Plot, Result
+from planner.common.units import to_deg, to_mm
+from planner.design.bayesian_design import describe_bayesian_design
+from planner.design.observability.information import INDEX_RULES
+from planner.instruments.circular.plan import CircularPlan, circular_content
+from planner.programs.rendering import ProgramFile
+from planner.runs.writer import run_text, save_run
+from planner.session.document import PlanDocument
+from planner.session.plan_record import plan_document
+from planner.session.plan_types import Plan, Programs
+from planner.simulation.measurement import SimulatedRun
+from planner.workflow.writing import write_circular_plan, write_plan, write_program_as
+
+
+@dataclass(frozen=True)
+class PlanResult(Result):
+    """A planned session of poses."""
+
+    plan: Plan
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return what was planned and how good it provably is."""
+        plan = self.plan
+        choice, drives = plan.choice, plan.drives
+        gap = INDEX_RULES[choice.index].gap
+        bound = choice.certificate.value
+        tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
+        clearance = min(d.path.clearance for d in drives) * 1e3
+        proof = (
+            f"of the candidates no such set is better than {bound:#.4g} (theirs {choice.on_grid_value:#.4g}, gap "
+            f"{100 * gap(choice.on_grid_value, bound):.1f} %)"
+            if plan.by_index
+            else f"it did not choose the poses (of the candidates no such set is better than {bound:#.4g})"
+        )
+        lines = [
+            f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",
+            f"  candidates  {plan.pool.funnel.text()}",
+            f"  {choice.index:<10}  {choice.value:#.4g}; {proof}",
+            f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
+            f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}),"
+            f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
+            f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
+        ]
+        lines += [f"  foresees    {describe_bayesian_design(plan.foresight)}"] if plan.foresight else []
+        lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
+        lines += [f"  left out    {d.name}: {d.because}" for d in choice.seen.dropped]
+        lines += [f"  note        {note}" for note in plan.notes]
+        return "\n".join(lines)
+
+    def document(self) -> PlanDocument:
+        """Return what ``plan.json`` holds."""
+        return plan_document(self.plan)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``plan.json`` says."""
+        return self.document().content()
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
+        return write_plan(self.plan, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name the programs and what every plan has."""
+        return plan_files(self.plan.programs)
+
+    def preview(self) -> Plot:
+        """Return the index against the number of poses."""
+        return self.plot_index()
+
+    def plot_index(self) -> Plot:
+        """Return the observability index and its bound against the number of poses."""
+        from planner.report.plan_charts import index_chart
+
+        return _plot(index_chart(self.plan))
+
+    def plot_parameters(self) -> Plot:
+        """Return how surely each parameter will be known."""
+        from planner.report.plan_charts import parameter_chart
+        from planner.report.plan_data import forecast_parameters
+
+        return _plot(parameter_chart(forecast_parameters(self.plan)))
+
+    def plot_tour(self, fixture: int = 0) -> Plot:
+        """Return the order of the poses at one fixture, and the time that it saves."""
+        from planner.report.plan_charts import tour_chart
+        from planner.report.plan_data import tour_orders
+
+        drive = self.plan.drives[fixture]
+        return _plot(tour_chart(drive, tour_orders(self.plan.cell, drive), ""))
+
+
+@dataclass(frozen=True)
+class CircularPlanResult(Result):
+    """A planned circular test."""
+
+    plan: CircularPlan
+    stages: Stages = field(default_factory=Stages)
+
+    def summary(self) -> str:
+        """Return what is driven."""
+        plan = self.plan
+        arcs = [a for d in plan.drives for a in d.arcs]
+        verdicts = [v for d in plan.drives for part in (*(a.verdicts for a in d.arcs), d.verdicts) for v in part]
+        lines = [
+            f"{plan.cell.name}: circular test on {len(arcs)} circle{'s' if len(arcs) > 1 else ''}, plan {plan.plan_id}"
+        ]
+        for a in arcs:
+            c = a.circle
+            loads = f", {len(c.loads)} loads" if c.loads else ""
+            bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
+            sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
+            lines.append(
+                f"  {c.name:<10}  {c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"
+            )
+            lines.append(f"  {'':<10}  {a.told}")
+        lines.append(
+            f"  path        {to_mm(min(v.clearance for v in verdicts)):.1f} mm clearance, proven continuously by coal "
+            f"and judged again by fcl; {sum(d.duration for d in plan.drives) / 60:.1f} min with the bar on"
+        )
+        return "\n".join([*lines, *(f"  note        {note}" for note in plan.notes)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``plan.json`` says."""
+        return circular_content(self.plan)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
+        return write_circular_plan(self.plan, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name the programs and what every plan has."""
+        return plan_files(self.plan.programs)
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """A run that nobody measured; the errors behind it stand in its comments."""
+
+    run: SimulatedRun
+
+    def summary(self) -> str:
+        """Return how many samples there are, and what to know."""
+        return "\n".join([f"{self.run.name}: {len(self.run)} samples", *(f"note: {w}" for w in self.run.warnings)])
+
+    def text(self) -> str:
+        """Return the run as CSV, with what is true of it in comments."""
+        return self.run.comments() + run_text(self.run)
+
+    def write(self, path: Path | str) -> Path:
+        """Write the run, as CSV or Parquet by the name's ending."""
+        path = Path(path)
+        if path.suffix.lower() == ".csv":
+            write_text(path, self.text())
+        else:
+            save_run(self.run, path)
+        return path
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """A robot program: the file that starts it, and those that it needs beside it."""
+
+    programs: tuple[ProgramFile, ...]
+
+    def write(self, path: Path | str) -> list[str]:
+        """Write the program to ``path`` and the others beside it; returned is what a person must know of that."""
+        return write_program_as(self.programs, Path(path))
+
+
+def plan_files(programs: Programs) -> str:
+    """Name the files of a plan: first the programs, one of many parts in one go, then what every plan has."""
+    shown: list[str] = []
+    for (stem, suffix), group in groupby((f.name for _, files in programs for f in files), key=_numbered_stem):
+        names: Sequence[str] = list(group)
+        shown += [f"{names[0]} … {names[-1][len(stem) :]}"] if suffix and len(names) > 2 else names
+    return f"{', '.join([*shown, 'plan.json'])}, cell.toml, trajectory.csv, report.html"
+
+
+def _numbered_stem(name: str) -> tuple[str, str]:
+    """What the parts of a split program have in common, stem and suffix; of another file its name."""
+    found = re.fullmatch(r"(.*_)\d{3}(\.\w+)", name)
+    return (found[1], found[2]) if found else (name, "")
+
+
+def _plot(chart: Any) -> Plot:
+    from planner.report.matplotlib_backend import chart_png
+
+    return Plot(chart.name, chart_png(chart))
