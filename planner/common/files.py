@@ -3,6 +3,8 @@
 import json
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
@@ -71,3 +73,23 @@ def data_folder(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise FileNotFoundError(f"the data folder '{name}' is missing from this installation")
+
+
+@contextmanager
+def draft_folder(folder: Path) -> Iterator[Path]:
+    """A folder beside ``folder`` in which to write what is moved there once all of it is right."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
+        yield Path(name)
+
+
+def move_all(draft: Path, folder: Path) -> list[Path]:
+    """Move every file of ``draft`` into ``folder``, which is made where it is not there."""
+    folder.mkdir(exist_ok=True)
+    moved = []
+    for path in sorted(p for p in draft.rglob("*") if p.is_file()):
+        target = folder / path.relative_to(draft)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(target)
+        moved.append(target)
+    return moved

@@ -1,6 +1,5 @@
 """What every command gives: a summary, the same as JSON, charts, and a folder with all of it."""
 
-import json
 from abc import ABC, abstractmethod
 from base64 import b64encode
 from collections.abc import Mapping
@@ -8,6 +7,8 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
+
+from planner.common.files import document_text, write_bytes
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,6 @@ class Plot:
 
     def save(self, path: Path | str) -> Path:
         """Write the picture to ``path``."""
-        from planner.common.files import write_bytes
-
         write_bytes(Path(path), self.png)
         return Path(path)
 
@@ -54,7 +53,7 @@ class Result(ABC):
 
     def to_json(self) -> str:
         """Return the machine-readable form as text."""
-        return json.dumps(self.content(), indent=1, ensure_ascii=False) + "\n"
+        return document_text(self.content())
 
     def preview(self) -> Plot | None:
         """Return the chart that a notebook shows below the summary, if there is one."""

@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import document_text, write_bytes, write_text
+from planner.common.files import draft_folder, move_all, write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import UM
@@ -26,7 +26,6 @@ from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.workflow.unit_checks import check_unit
-from planner.workflow.writing import draft_folder, move_all
 
 USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
 

@@ -13,7 +13,7 @@ from planner.cell.circles import Circle
 from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import draft_folder, move_all, write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.schema import validate
@@ -36,7 +36,7 @@ from planner.studies.compliance_design.common_fit import (
 from planner.studies.compliance_design.results import common_fit_content, describe_common_fit
 from planner.workflow.loaded_places import FITTED, UnloadedPoses, load_unloaded_poses, with_circles
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import cell_text, draft_folder, move_all, write_circular_plan, write_plan
+from planner.workflow.writing import cell_text, write_circular_plan, write_plan
 
 ROUNDS = 6  # choices of places, each without those that the one before could not drive
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
-from planner.common.files import document_text, write_text
+from planner.common.files import document_text, draft_folder, move_all, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import UM
@@ -22,7 +22,6 @@ from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
 from planner.session.document import check_run_of_plan, read_plan_header
-from planner.workflow.writing import draft_folder, move_all
 
 
 @dataclass(frozen=True)

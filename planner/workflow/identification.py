@@ -10,7 +10,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import draft_folder, move_all, write_bytes, write_text
 from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import Plot, Result
 from planner.common.units import MM
@@ -28,7 +28,6 @@ from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.simulation.measurement import SimulatedRun
 from planner.tracing.trace import trace
 from planner.workflow.unit_checks import check_unit
-from planner.workflow.writing import draft_folder, move_all
 
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult

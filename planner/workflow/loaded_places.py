@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import draft_folder, move_all, write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.schema import validate
@@ -22,7 +22,7 @@ from planner.studies.compliance_design.circle_candidates import CirclePlace, own
 from planner.studies.compliance_design.common_fit import CommonFit, predict_common_fit
 from planner.studies.compliance_design.place_selection import CirclePlaceChoice, study_circle_places
 from planner.studies.compliance_design.results import describe_places, places_content, places_csv, places_text
-from planner.workflow.writing import cell_text, draft_folder, move_all
+from planner.workflow.writing import cell_text
 
 MOST = 6
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees

@@ -2,9 +2,6 @@
 
 import json
 import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import tomli_w
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import data_folder, document_text, write_text
+from planner.common.files import data_folder, document_text, draft_folder, move_all, write_text
 from planner.common.progress import Stages
 from planner.instruments.circular.plan import CircularPlan, circular_content
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
@@ -39,14 +36,6 @@ def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
             report_plan(plan).write(draft)
             write_text(draft / "plan.json", document_text(plan_document(plan).content()))
         return write_timings(stages, draft, folder)
-
-
-@contextmanager
-def draft_folder(folder: Path) -> Iterator[Path]:
-    """A folder beside ``folder`` in which to write what is moved there once all of it is right."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
-        yield Path(name)
 
 
 def write_driven(cell: Cell, programs: Programs, trajectory: str, draft: Path) -> None:
@@ -87,18 +76,6 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
         [f"{path} is written; the controller takes it under the name {first.name}"] if path.name != first.name else []
     )
     return said + [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
-
-
-def move_all(draft: Path, folder: Path) -> list[Path]:
-    """Move every file of ``draft`` into ``folder``, which is made where it is not there."""
-    folder.mkdir(exist_ok=True)
-    moved = []
-    for path in sorted(p for p in draft.rglob("*") if p.is_file()):
-        target = folder / path.relative_to(draft)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(target)
-        moved.append(target)
-    return moved
 
 
 def trajectory_csv(plan: Plan) -> str:
