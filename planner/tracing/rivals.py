@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2
 
 from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
@@ -85,5 +84,7 @@ def _sample_values(effect: Effect) -> list[float | None]:
 
 def _noncentrality(size: int, tried: int) -> float:
     """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
+    from scipy.stats import chi2, ncx2  # costs most of a second
+
     needed = float(chi2.isf(np.exp(LOG_SIGNIFICANCE) / tried, size))
     return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - POWER, 1e-3, 10 * needed + 100))

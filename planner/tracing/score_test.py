@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
@@ -141,6 +140,8 @@ class ScoreTest:
         rest = max(self.scatter - gain, 1e-300)
         each = self.effective_samples
         ratio = each * gain / size / (each * rest / dof)
+        from scipy.stats import f as f_distribution  # costs most of a second
+
         return min(0.0, float(f_distribution.logsf(ratio, size, dof)) + float(np.log(tried)))
 
 

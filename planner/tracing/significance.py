@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from planner.common.units import Array
 from planner.effects.effect import Role
@@ -161,5 +160,7 @@ def wald_log_p(state: SearchState, found: FittedEffect, tried: int, inflation: f
         tried = min(tried, state.base.setup.robot.n_joints)
     dof = max(1.0, len(state.fit.problem) * state.fit.model.width / inflation - state.fit.effective)
     size, directions = wald_statistic(state, found)
+    from scipy.stats import f as f_distribution  # costs most of a second
+
     one = f_distribution.logsf(size / inflation, directions, dof)
     return min(0.0, float(one) + float(np.log(tried)))

@@ -102,12 +102,14 @@ class CalibrationResult(Result):
         Raises:
             InputError: no such chart.
         """
-        from planner.report.calibration_report import calibration_pngs
+        from planner.report.calibration_charts import draw_calibration_charts
+        from planner.report.calibration_data import CalibrationFacts
+        from planner.report.matplotlib_backend import chart_png
 
-        drawn = calibration_pngs(self.calibration)
-        if name not in drawn:
-            raise InputError(f"no chart '{name}' (there: {', '.join(drawn)})")
-        return Plot(name, drawn[name])
+        charts = {chart.name: chart for chart in draw_calibration_charts(CalibrationFacts(self.calibration))}
+        if name not in charts:
+            raise InputError(f"no chart '{name}' (there: {', '.join(charts)})")
+        return Plot(name, chart_png(charts[name], small=True))
 
 
 def identify(
