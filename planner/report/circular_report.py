@@ -25,7 +25,7 @@ def report_circular_test(test: CircularTest) -> Report:
         "circles": [
             {
                 "name": _name(c),
-                "plane": c.ring.plane,
+                "plane": c.ring.circle.plane,
                 "polar": polar[k],
                 "chart": radial[k],
                 "figures": [_figures(p) for p in c.paths],
@@ -63,7 +63,7 @@ def polar_chart(c: CircleFigures, number: int) -> Chart:
     """The plot that ball-bar users know: the path about its circle, with the deviations magnified."""
     ring, around = division(c), np.linspace(0.0, 360.0, 361)
     circle = Series("least-squares circle", around, 0 * around, GREY, dashed=True, width=1.0)
-    times = c.ring.radius / (BASE * ring * UM)
+    times = c.ring.circle.radius / (BASE * ring * UM)
     return Chart(
         f"polar_{number + 1}",
         f"Circle {_name(c)}",
@@ -86,7 +86,7 @@ def radial_chart(c: CircleFigures, number: int) -> Chart:
     """Radial deviation over the angle, with the reversals of the axes."""
     reversals = {round(float(to_deg(r.angle)), 1): r.joints for p in c.paths[:1] for r in p.reversals}
     lines = [ReferenceLine(a, f"axis {', '.join(str(j + 1) for j in js)}", upright=True) for a, js in reversals.items()]
-    span = (float(to_deg(c.ring.start)), float(to_deg(c.ring.start + c.ring.sweep)))
+    span = (float(to_deg(c.ring.circle.start)), float(to_deg(c.ring.circle.start + c.ring.circle.sweep)))
     labels = ("", "angle on the circle (deg)", "radial deviation (µm)")
     return Chart(
         f"radial_{number + 1}",
@@ -110,7 +110,7 @@ def _figures(p: PathFigures) -> Row:
 
 
 def _together(c: CircleFigures) -> tuple[Row, ...]:
-    first, second = c.ring.plane[0], c.ring.plane[1]
+    first, second = c.ring.circle.plane[0], c.ring.circle.plane[1]
     rows = [
         (
             "centre, by least squares, taken off",
@@ -149,7 +149,7 @@ def _reversals(p: PathFigures) -> list[Row]:
 
 
 def _name(c: CircleFigures) -> str:
-    return c.ring.name if c.load is None else f"{c.ring.name}, {c.load:g} N"
+    return c.ring.circle.name if c.load is None else f"{c.ring.circle.name}, {c.load:g} N"
 
 
 def micrometres(value: float | None) -> str:

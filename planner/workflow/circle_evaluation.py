@@ -36,7 +36,7 @@ class CircularTestResult(Result):
         test = self.test
         lines = [f"{test.run}: circular test of {test.robot}, plan {test.plan_id}"]
         for c in test.circles:
-            name = c.ring.name if c.load is None else f"{c.ring.name} {c.load:g} N"
+            name = c.ring.circle.name if c.load is None else f"{c.ring.circle.name} {c.load:g} N"
             each = "  ".join(f"G({p.direction}) {p.G / UM:.1f}" for p in c.paths)
             both = "" if c.G_b is None or c.H is None else f"  G(b) {c.G_b / UM:.1f}  H {c.H / UM:.1f}"
             centre = ", ".join(f"{v / UM:.1f}" for v in c.centre.centre)

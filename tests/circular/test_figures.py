@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from planner.cell.circles import Circle
 from planner.instruments.circular.figures import circle_figures, fit_circle, minimum_zone
 from planner.instruments.circular.reversal import find_reversals
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
@@ -13,8 +14,8 @@ UM = 1e-6
 
 
 def ring(sweep=2 * np.pi, start=0.0, fixture=(0.0, 0.0, 0.0)):
-    axes = np.eye(3)[:2]
-    return MeasuredCircle("XY", "XY", 0, np.zeros(3), np.array(fixture), axes, R, start, sweep, ())
+    circle = Circle("XY", "XY", 0, np.zeros(3), R, start, sweep, 0.0, ("ccw",), 0.01, False, None, (), 1)
+    return MeasuredCircle(circle, np.array(fixture))
 
 
 def joints(angle):

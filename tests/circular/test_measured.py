@@ -56,7 +56,7 @@ def found(planned, plan_file, made):
 
 
 def test_every_sweep_is_found_once(found):
-    assert [(c.ring.name, [p.direction for p in c.paths]) for c in found.circles] == [
+    assert [(c.ring.circle.name, [p.direction for p in c.paths]) for c in found.circles] == [
         ("round", ["ccw", "cw"]),
         ("arc", ["ccw", "cw"]),
     ]
@@ -138,8 +138,8 @@ def test_runs_that_do_not_belong(planned, plan_file, made):
 
 def test_loads_are_told_apart_by_their_force(planned, plan_file, made):
     run = made[0]
-    arcs = tuple(c.model_copy(update={"loads_N": (125.0, 250.0)}) for c in plan_file.circles)
+    cell = replace(planned.cell, circles=tuple(replace(c, loads=(125.0, 250.0)) for c in planned.cell.circles))
     force = np.where(run.samples.t < run.samples.t[len(run) // 4], 128.0, 246.0)
     loaded = replace(run, samples=replace(run.samples, force=force))
-    test = evaluate_circles(planned.cell, plan_file.model_copy(update={"circles": arcs}), loaded)
+    test = evaluate_circles(cell, plan_file, loaded)
     assert {c.load for c in test.circles} == {125.0, 250.0}

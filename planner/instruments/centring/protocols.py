@@ -1,8 +1,8 @@
-"""Serial protocols of indicators; another one is a class here and its line in ``PROTOCOLS``."""
+"""Serial protocols of indicators; another one is a function here and its line in ``PROTOCOLS``."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM
@@ -12,115 +12,66 @@ class RefusedReadingError(Exception):
     """The indicator answered that it cannot measure; the message says why."""
 
 
-class IndicatorProtocol(Protocol):
-    """One indicator's language.
+@dataclass(frozen=True)
+class IndicatorProtocol:
+    """How indicators are asked and how they answer.
 
     Attributes:
         baudrate, bytesize, parity, stopbits: of the line, in pyserial's words.
+        request: channel (from 1) → the bytes that ask for its reading.
+        value: an answer without its end, and the channel → the reading [m]; ``None`` where it is not a whole one.
         end: last byte of an answer.
         channels: whether several indicators may share one port.
     """
 
-    @property
-    def baudrate(self) -> int:
-        """Baud rate of the line."""
-
-    @property
-    def bytesize(self) -> int:
-        """Data bits."""
-
-    @property
-    def parity(self) -> str:
-        """``N``, ``E`` or ``O``."""
-
-    @property
-    def stopbits(self) -> int:
-        """Stop bits."""
-
-    @property
-    def end(self) -> bytes:
-        """Last byte of an answer."""
-
-    @property
-    def channels(self) -> bool:
-        """Whether several indicators may share one port."""
-
-    def request(self, channel: int) -> bytes:
-        """Return the bytes that ask ``channel`` (from 1) for its reading."""
-
-    def value(self, answer: bytes, channel: int) -> float | None:
-        """Return the reading [m] in an answer without its end; ``None`` where it is not a whole one.
-
-        Raises:
-            Refused: the indicator says that it cannot measure.
-        """
-
-
-_MITUTOYO_VALUE = re.compile(rb"0(\d)A([+-][\d.]{8})")
-_MITUTOYO_REFUSED = re.compile(rb"91[0-9]\d?")
-
-
-@dataclass(frozen=True)
-class Mitutoyo:
-    """One indicator a port, or three on channels 1 to 3 of one multiplexer; in millimetres."""
-
-    baudrate: int = 9600
-    bytesize: int = 8
-    parity: str = "N"
-    stopbits: int = 1
+    baudrate: int
+    bytesize: int
+    parity: str
+    stopbits: int
+    request: Callable[[int], bytes]
+    value: Callable[[bytes, int], float | None]
     end: bytes = b"\r"
-    channels: bool = True
-
-    def request(self, channel: int) -> bytes:
-        """Return the bytes that ask ``channel`` for a reading."""
-        return b"%d\r" % channel
-
-    def value(self, answer: bytes, channel: int) -> float | None:
-        """Return the reading [m], ``None`` where the answer is not a whole one or another channel's."""
-        text = answer.strip(b"\n")
-        if _MITUTOYO_REFUSED.fullmatch(text):
-            raise RefusedReadingError(f"no data from the indicator (error {text.decode()})")
-        found = _MITUTOYO_VALUE.fullmatch(text)
-        if found is None or int(found[1]) != channel or found[2].count(b".") != 1:
-            return None
-        return float(found[2]) * MM
+    channels: bool = False
 
 
-_SYLVAC_VALUE = re.compile(rb"[+\- ]?(\d+\.\d{2,5})")
-_SYLVAC_ERRORS = {
+SYLVAC_VALUE = re.compile(rb"[+\- ]?(\d+\.\d{2,5})")
+SYLVAC_ERRORS = {
     b"ERR0": "sensor error (too fast, or the scale)",
     b"ERR1": "it does not know the request",
     b"ERR2": "parity error on its line",
     b"ERR3": "out of its measuring range",
 }
+MITUTOYO_VALUE = re.compile(rb"0(\d)A([+-][\d.]{8})")
+MITUTOYO_ERROR = re.compile(rb"91[0-9]\d?")
 
 
-@dataclass(frozen=True)
-class Sylvac:
-    """One indicator a port, in millimetres (as set on the instrument: the answer names no unit)."""
-
-    baudrate: int = 4800
-    bytesize: int = 7
-    parity: str = "E"
-    stopbits: int = 2
-    end: bytes = b"\r"
-    channels: bool = False
-
-    def request(self, channel: int) -> bytes:
-        """Return the bytes that ask for a reading."""
-        return b"?\r"
-
-    def value(self, answer: bytes, channel: int) -> float | None:
-        """Return the reading [m], ``None`` where the answer is not a whole one."""
-        text = answer.strip(b"\n")
-        if text in _SYLVAC_ERRORS:
-            raise RefusedReadingError(_SYLVAC_ERRORS[text])
-        if not _SYLVAC_VALUE.fullmatch(text):
-            return None
-        return float(text.replace(b" ", b"")) * MM
+def _sylvac_value(answer: bytes, channel: int) -> float | None:
+    text = answer.strip(b"\n")
+    if text in SYLVAC_ERRORS:
+        raise RefusedReadingError(SYLVAC_ERRORS[text])
+    return float(text.replace(b" ", b"")) * MM if SYLVAC_VALUE.fullmatch(text) else None
 
 
-PROTOCOLS: dict[str, IndicatorProtocol] = {"sylvac": Sylvac(), "mitutoyo": Mitutoyo()}
+def _mitutoyo_value(answer: bytes, channel: int) -> float | None:
+    """Another channel's answer is no reading either."""
+    text = answer.strip(b"\n")
+    if MITUTOYO_ERROR.fullmatch(text):
+        raise RefusedReadingError(f"no data from the indicator (error {text.decode()})")
+    found = MITUTOYO_VALUE.fullmatch(text)
+    if found is None or int(found[1]) != channel or found[2].count(b".") != 1:
+        return None
+    return float(found[2]) * MM
+
+
+PROTOCOLS = {
+    # one indicator a port, in millimetres as set on the instrument: the answer names no unit; ``?`` CR asks; over
+    # cable, Bluetooth or V-MUX (Sylvac, manuals of the Opto-RS and Power instruments, "Data format", "Remote commands")
+    "sylvac": IndicatorProtocol(4800, 7, "E", 2, lambda channel: b"?\r", _sylvac_value),
+    # one a port, or three on channels 1 to 3 of a multiplexer; a channel's number and CR ask, 01A+0000.123 CR answers
+    # (Mitutoyo manual 99MAF600B, QM-Height, "USB data output specification"); the request, and 91x of a unit that has
+    # no data, are those usual for its multiplexers
+    "mitutoyo": IndicatorProtocol(9600, 8, "N", 1, lambda channel: b"%d\r" % channel, _mitutoyo_value, channels=True),
+}
 
 
 def find_protocol(name: str) -> IndicatorProtocol:

@@ -37,7 +37,7 @@ def evaluate_circles(cell: Cell, plan: CircularPlanFile, run: Run) -> CircularTe
         raise InputError(f"the plan is one for {plan.robot}, but {cell.path} is a cell of {cell.robot.name}")
     if run.plan_id not in (None, plan.plan_id):
         raise InputError(f"{run.name} belongs to plan {run.plan_id}, but the plan given is {plan.plan_id}")
-    rings = measured_circles(cell, plan.circles)
+    rings = measured_circles(cell, [c.name for c in plan.circles])
     traces = find_sweeps(cell, rings, run)
     keys = sorted({(t.ring, t.load or 0.0) for t in traces})
     circles = []
@@ -52,7 +52,7 @@ def evaluate_circles(cell: Cell, plan: CircularPlanFile, run: Run) -> CircularTe
 def _test_warnings(cell: Cell, plan: CircularPlanFile, run: Run, circles: list[CircleFigures]) -> tuple[str, ...]:
     out = list(run.warnings)
     for c in plan.circles:
-        mine = [f for f in circles if f.ring.name == c.name]
+        mine = [f for f in circles if f.ring.circle.name == c.name]
         driven = {p.direction for f in mine for p in f.paths}
         missing = [d for d in c.directions if d not in driven]
         if not mine:
@@ -89,10 +89,10 @@ def circular_test_content(test: CircularTest) -> dict[str, object]:
 
 def _circle(c: CircleFigures) -> dict[str, object]:
     return {
-        "name": c.ring.name,
-        "plane": c.ring.plane,
+        "name": c.ring.circle.name,
+        "plane": c.ring.circle.plane,
         **({} if c.load is None else {"load_N": c.load}),
-        **in_units(9, radius_mm=c.ring.radius),
+        **in_units(9, radius_mm=c.ring.circle.radius),
         **in_units(DIGITS, centre_um=c.centre.centre, centre_std_um=c.centre.std),
         "paths": [_path(p) for p in c.paths],
         **in_units(DIGITS, G_b_um=c.G_b, G_b_least_squares_um=c.G_b_ls, D_um=c.D, H_um=c.H, H_mean_um=c.H_mean),

@@ -135,7 +135,7 @@ class CircleFigures:
     @property
     def D(self) -> float:
         """Mean (bidirectional) radial deviation [m]."""
-        return self.centre.radius - self.ring.radius
+        return self.centre.radius - self.ring.circle.radius
 
 
 def circle_figures(ring: MeasuredCircle, load: float | None, traces: Sequence[Sweep]) -> CircleFigures:
@@ -168,16 +168,16 @@ def _path(
     mine = [k for k, t in enumerate(traces) if t.direction == direction]
     own = np.concatenate([points[k] for k in mine])
     angle, q = np.concatenate([traces[k].angle for k in mine]), np.concatenate([traces[k].q for k in mine])
-    alone, radial = fit_circle(own), common.deviation(own, ring.radius)
+    alone, radial = fit_circle(own), common.deviation(own, ring.circle.radius)
     return PathFigures(
         direction=NAMES[direction],
         sweeps=len(mine),
         samples=len(own),
         G=minimum_zone(own, alone),
-        G_ls=float(np.ptp(alone.deviation(own, ring.radius))),
+        G_ls=float(np.ptp(alone.deviation(own, ring.circle.radius))),
         F_max=float(radial.max()),
         F_min=float(radial.min()),
-        mean=alone.radius - ring.radius,
+        mean=alone.radius - ring.circle.radius,
         offset=alone.centre,
         reversals=find_reversals(angle, q, radial, direction),
         angle=read_only(angle),
@@ -187,12 +187,12 @@ def _path(
 
 def _direction_difference(ring: MeasuredCircle, ccw: PathFigures, cw: PathFigures) -> Array:
     """Radial deviation ccw less cw at even angles of the sweep, (k,) [m]."""
-    grid = np.linspace(ring.start, ring.start + ring.sweep, 1 + int(np.ceil(ring.sweep / GRID)))
+    start, sweep = ring.circle.start, ring.circle.sweep
+    grid = np.linspace(start, start + sweep, 1 + int(np.ceil(sweep / GRID)))
     values = []
     for path in (ccw, cw):
-        which = np.clip(
-            np.round((path.angle - ring.start) / ring.sweep * (len(grid) - 1)).astype(int), 0, len(grid) - 1
-        )
+        place = np.round((path.angle - start) / sweep * (len(grid) - 1)).astype(int)
+        which = np.clip(place, 0, len(grid) - 1)
         count = np.bincount(which, minlength=len(grid))
         full = np.flatnonzero(count)
         mean = np.bincount(which, path.radial, len(grid))[full] / count[full]

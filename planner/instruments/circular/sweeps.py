@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.circles import Circle
 from planner.common.errors import InputError
-from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
-from planner.instruments.circular.plan import ArcFile
+from planner.common.units import DEG, Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
@@ -21,43 +21,28 @@ FEWEST = 100  # samples of a sweep
 
 @dataclass(frozen=True)
 class MeasuredCircle:
-    """A planned circle, and how the bar sees it.
+    """A circle of the cell, and the fixture's ball p_BX (3,) [m] from which the bar measures it."""
 
-    Attributes:
-        name, plane: of the circle; fixture: which holds the bar.
-        p_BC, p_BX: centre and fixture in the base frame, (3,) [m].
-        axes: the plane's axes in the base frame, (2, 3).
-        radius [m]; start, sweep [rad]; loads [N].
-    """
-
-    name: str
-    plane: str
-    fixture: int
-    p_BC: Array
+    circle: Circle
     p_BX: Array
-    axes: Array
-    radius: float
-    start: float
-    sweep: float
-    loads: tuple[float, ...]
 
     @property
     def height(self) -> float:
         """Of the circle above the fixture, along its normal [m]."""
-        return float((self.p_BC - self.p_BX) @ np.cross(*self.axes))
+        return float((self.circle.p_BC - self.p_BX) @ self.circle.normal)
 
     def polar(self, x: Array) -> tuple[Array, np.ndarray]:
         """Angle (n,) [rad] of points (n, 3) [m], and which of them lie near the circle."""
-        out = x - self.p_BC
-        u, v = self.axes @ out.T
-        off = np.hypot(np.hypot(u, v) - self.radius, out @ np.cross(*self.axes))
-        return np.arctan2(v, u), off < NEAR * self.radius
+        circle, out = self.circle, x - self.circle.p_BC
+        u, v = np.stack(circle.axes) @ out.T
+        off = np.hypot(np.hypot(u, v) - circle.radius, out @ circle.normal)
+        return np.arctan2(v, u), off < NEAR * circle.radius
 
     def in_plane(self, angle: Array, length: Array) -> Array:
         """Points (n, 2) [m] from the planned centre, where a bar of this length (n,) [m] ends at angles (n,) [rad]."""
         unit = np.column_stack([np.cos(angle), np.sin(angle)])
-        foot = self.axes @ (self.p_BX - self.p_BC)
-        away = self.radius * unit - foot
+        foot = np.stack(self.circle.axes) @ (self.p_BX - self.circle.p_BC)
+        away = self.circle.radius * unit - foot
         reach = np.sqrt(np.maximum(length**2 - self.height**2, 0.0))
         return np.asarray(foot + away * (reach / np.linalg.norm(away, axis=1))[:, None])
 
@@ -86,31 +71,16 @@ class Sweep:
     load: float | None
 
 
-def measured_circles(cell: Cell, circles: Sequence[ArcFile]) -> tuple[MeasuredCircle, ...]:
-    """Return the circles of a plan.
+def measured_circles(cell: Cell, names: Sequence[str]) -> tuple[MeasuredCircle, ...]:
+    """Return the circles of a cell that a plan names.
 
     Raises:
-        InputError: a circle about a fixture that the cell does not have.
+        InputError: a circle that the cell does not have.
     """
-    names = [f.name for f in cell.fixtures]
-    for c in circles:
-        if c.fixture not in names:
-            raise InputError(f"circle {c.name} of the plan is about fixture {c.fixture}; {cell.path} has {names}")
-    return tuple(
-        MeasuredCircle(
-            c.name,
-            c.plane,
-            names.index(c.fixture),
-            read_only(from_mm(c.centre_mm)),
-            cell.fixtures[names.index(c.fixture)].p_BX,
-            read_only(np.eye(3)[["XYZ".index(a) for a in c.plane]]),
-            c.radius_mm * MM,
-            float(from_deg(c.start_deg)),
-            float(from_deg(c.sweep_deg)),
-            c.loads_N,
-        )
-        for c in circles
-    )
+    there = {c.name: c for c in cell.circles}
+    if missing := [n for n in names if n not in there]:
+        raise InputError(f"{cell.path} has no circle {', '.join(missing)}; it has {', '.join(there) or 'none'}")
+    return tuple(MeasuredCircle(there[n], cell.fixtures[there[n].fixture].p_BX) for n in names)
 
 
 def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[Sweep, ...]:
@@ -126,7 +96,7 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
     for k, ring in enumerate(rings):
         angle, near = ring.polar(x)
         if run.places != ("",):
-            near &= np.array([n == cell.fixtures[ring.fixture].name for n in run.places])[run.samples.place]
+            near &= np.array([n == cell.fixtures[ring.circle.fixture].name for n in run.places])[run.samples.place]
         for rows, unwound in _sweeps_of_circle(run, angle, near, ring):
             calculated = bar_state(x[rows], ring.p_BX).length
             direction = 1 if unwound[-1] > unwound[0] else -1
@@ -134,9 +104,10 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
             reading = run.readings.length[rows]
             found.append(Sweep(k, direction, len(found), unwound, reading, calculated, run.samples.q[rows], load))
     if not found:
+        names = ", ".join(r.circle.name for r in rings)
         raise InputError(
             f"{run.name}: no whole sweep of any circle of the plan in its {len(run)} samples "
-            f"({', '.join(r.name for r in rings)}): is it the run of this plan, with the angles of its cell's robot?"
+            f"({names}): is it the run of this plan, with the angles of its cell's robot?"
         )
     return tuple(found)
 
@@ -149,13 +120,13 @@ def _sweeps_of_circle(
         unwound = np.unwrap(angle[rows])
         for part in _monotonic_parts(unwound):
             low, high = unwound[part].min(), unwound[part].max()
-            first = int(np.ceil((low - SLACK - ring.start) / (2 * np.pi)))
-            last = int(np.floor((high + SLACK - ring.start - ring.sweep) / (2 * np.pi)))
+            first = int(np.ceil((low - SLACK - ring.circle.start) / (2 * np.pi)))
+            last = int(np.floor((high + SLACK - ring.circle.start - ring.circle.sweep) / (2 * np.pi)))
             for turn in range(first, last + 1):
-                past = unwound[part] - ring.start - 2 * np.pi * turn
-                inside = np.flatnonzero((past >= 0.0) & (past <= ring.sweep))
+                past = unwound[part] - ring.circle.start - 2 * np.pi * turn
+                inside = np.flatnonzero((past >= 0.0) & (past <= ring.circle.sweep))
                 if len(inside) >= FEWEST:
-                    yield rows[part][inside], past[inside] + ring.start
+                    yield rows[part][inside], past[inside] + ring.circle.start
 
 
 def _moving_stretches(run: Run, near: np.ndarray) -> Iterator[np.ndarray]:
@@ -190,7 +161,7 @@ def _monotonic_parts(angle: Array) -> Iterator[slice]:
 
 
 def _load(run: Run, rows: np.ndarray, ring: MeasuredCircle) -> float | None:
-    if run.samples.force is None or not ring.loads:
+    if run.samples.force is None or not ring.circle.loads:
         return None
     force = float(np.median(np.abs(run.samples.force[rows])))
-    return min(ring.loads, key=lambda load: abs(load - force))
+    return min(ring.circle.loads, key=lambda load: abs(load - force))
