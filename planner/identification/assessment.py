@@ -132,7 +132,7 @@ def assess_fit(
     run, parts = bench.run, bench.split
     if len(run) > len(stages[-1].fit.problem):
         last = stages[-1]
-        stages = [*stages[:-1], bench.fitted(last.stage.name, last.fit.model, last.fit, whole=True)]
+        stages = [*stages[:-1], bench.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
     found, last_stage = stages[-1].fit, stages[-1].stage
     known = set(free.whole.names)
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])

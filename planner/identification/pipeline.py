@@ -10,7 +10,7 @@ from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import TRACEABLE_READINGS, assess_fit, too_few_text
 from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run
-from planner.identification.identifiable_parameters import choose_parameters
+from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, setup_for_run
 from planner.identification.stages import (
@@ -20,8 +20,6 @@ from planner.identification.stages import (
     Tracer,
     add_declared_stages,
     add_stage_if_gain,
-    frames_only,
-    nominal_stage,
 )
 from planner.identification.validation import validate_fit
 from planner.model.identification_document import Metrics
@@ -70,11 +68,11 @@ def identify(
     _check_size(bench, free.model)
     model = free.upto(())
     say("nominal robot")
-    stages = [nominal_stage(model, run, parts, judge)]
+    stages = [bench.fit_stage("nominal", model.subset([]), robust=False)]
     say("frames")
-    stages.append(bench.fitted("frames", frames_only(model)))
+    stages.append(bench.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
     say("geometry")
-    stages.append(bench.fitted("geometry", model, stages[-1].fit))
+    stages.append(bench.fit_stage("geometry", model, stages[-1].fit))
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, bench, say)
     if tracer is not None and bench.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], bench, say)

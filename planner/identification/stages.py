@@ -9,7 +9,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
 from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
-from planner.identification.identifiable_parameters import FittedParameters, parameters_of_groups
+from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
 from planner.model.identification_document import Metrics, Stage
@@ -17,8 +17,9 @@ from planner.model.model import Model
 from planner.runs.run import Run
 
 STAGE_READINGS = 24_000  # readings of a long run that are fitted before the last stage
+SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
 GAIN_ERRORS = 2.0  # standard errors that the held-out error must fall by before an effect is kept
-Judge = Callable[[Fit], Metrics | None]
+PLAIN_GROUPS = ("gauge", "geometry")  # of parameters that are no effects
 
 
 @dataclass(frozen=True)
@@ -30,52 +31,64 @@ class FittedStage:
     refitted: tuple[str, ...]
 
 
-def fit_stage(
-    name: str,
-    model: Model,
-    run: Run,
-    split: Split,
-    judge: Judge,
-    robust: bool = False,
-    before: Fit | None = None,
-    whole: bool = False,
-) -> FittedStage:
-    """Fit a model to a run and judge it on held-out poses and on the validation run.
+@dataclass(frozen=True)
+class FitContext:
+    """What every fit of a run needs: run, split, judge of the validation run, and whether outliers count less."""
 
-    Of a long run only a spread part is fitted unless ``whole``; all of it is judged.
-    """
-    start = None if before is None else _start(model, before)
-    factors = None if before is None else _known_factors(model, before)
-    noise = None if before is None else before.problem.whitener.noise
-    rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
-    few = None if whole else fitted_samples(run, model)
-    part = run if few is None else run.take(few)
-    found = fit(FitProblem.of(model, part, noise, even=rough), robust, start, factors=factors)
-    held = predict_held_out(found, split if few is None else split.take(few))
-    residual, held_residual = found.problem.residual(found.errors), held.residual
-    if few is not None:
-        residual, held_residual = _over_all(found, run, held.shift, split)
-    effects = tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in ("gauge", "geometry"))
-    stage = Stage(
-        name=name,
-        effects=effects,
-        parameters=len(model.parameters),
-        train=Metrics.of(residual),
-        held_out=Metrics.of(held_residual, split.fold),
-        validation=judge(found),
-        residual=residual,
-        held_residual=held_residual,
-    )
-    return FittedStage(stage, found, held.refitted)
+    run: Run
+    split: Split
+    judge: Callable[[Fit], Metrics | None]
+    robust: bool
+
+    def spare(self, model: Model) -> int:
+        """Number of readings beyond the parameters of a model."""
+        return len(self.run) * model.width - len(model.parameters)
+
+    def part(self, model: Model) -> np.ndarray | None:
+        """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
+        long = len(self.run) * model.width > 2 * STAGE_READINGS
+        return even_positions(len(self.run), STAGE_READINGS // model.width) if long else None
+
+    def fit_stage(
+        self, name: str, model: Model, before: Fit | None = None, whole: bool = False, robust: bool | None = None
+    ) -> FittedStage:
+        """Fit a model to the run and judge it on held-out poses and on the validation run.
+
+        Of a long run only a spread part is fitted unless ``whole``; all of it is judged. The fit starts where
+        ``before`` ended, with its noise and prior sizes.
+        """
+        run, split = self.run, self.split
+        start = factors = noise = None
+        if before is not None:
+            known = dict(zip(before.model.names, zip(before.errors, before.problem.prior, strict=True), strict=True))
+            sizes = [known.get(p.name, (0.0, p.prior)) for p in model.parameters]
+            start = np.array([error for error, _ in sizes])
+            factors = np.array([prior / p.prior for (_, prior), p in zip(sizes, model.parameters, strict=True)])
+            noise = before.problem.whitener.noise
+        rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
+        few = None if whole else self.part(model)
+        problem = FitProblem.of(model, run if few is None else run.take(few), noise, even=rough)
+        found = fit(problem, self.robust if robust is None else robust, start, factors=factors)
+        held = predict_held_out(found, split if few is None else split.take(few))
+        residual, held_residual = found.problem.residual(found.errors), held.residual
+        if few is not None:
+            residual, held_residual = _over_all(found, run, held.shift, split)
+        stage = Stage(
+            name=name,
+            effects=tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in PLAIN_GROUPS),
+            parameters=len(model.parameters),
+            train=Metrics.of(residual),
+            held_out=Metrics.of(held_residual, split.fold),
+            validation=self.judge(found),
+            residual=residual,
+            held_residual=held_residual,
+        )
+        return FittedStage(stage, found, held.refitted)
 
 
-def fitted_samples(run: Run, model: Model) -> np.ndarray | None:
-    """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
-    return (
-        None
-        if len(run) * model.width <= 2 * STAGE_READINGS
-        else even_positions(len(run), STAGE_READINGS // model.width)
-    )
+Progress = Callable[[str], None]
+Tracer = Callable[[FittedStage, FitContext, Progress], tuple[list[FittedStage], TracingResult]]
+"""From the fitted geometry, with what the cell declares beside it, to one stage for each effect, and what was found."""
 
 
 def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
@@ -88,22 +101,6 @@ def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, 
         mine = np.flatnonzero(split.fold == fold)
         held[mine] = model.residual(samples.take(mine), targets.take(mine), found.errors + shift[fold])
     return residual, held
-
-
-def nominal_stage(model: Model, run: Run, split: Split, judge: Judge) -> FittedStage:
-    """Judge the robot as its data sheet has it, the gauge standing where the cell says or where it was placed."""
-    return fit_stage("nominal", model.subset([]), run, split, judge)
-
-
-def _start(model: Model, before: Fit) -> Array:
-    known = dict(zip(before.model.names, before.errors, strict=True))
-    return np.array([known.get(name, 0.0) for name in model.names])
-
-
-def _known_factors(model: Model, before: Fit) -> Array:
-    """Factors on the prior sizes as the fit before found them, 1 for what is new."""
-    known = dict(zip(before.model.names, before.problem.prior, strict=True))
-    return np.array([known.get(p.name, p.prior) / p.prior for p in model.parameters])
 
 
 def is_gain(before: Stage, after: Stage, split: Split) -> bool:
@@ -134,39 +131,6 @@ def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, f
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
 
 
-def frames_only(model: Model) -> Model:
-    """Return the model with only what places the gauge."""
-    return parameters_of_groups(model, ("gauge",))
-
-
-Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class FitContext:
-    """What every fit of a run needs: run, split, judge of the validation run, and whether outliers are turned down."""
-
-    run: Run
-    split: Split
-    judge: Callable[[Fit], Metrics | None]
-    robust: bool
-
-    def spare(self, model: Model) -> int:
-        """Number of readings beyond the parameters of a model."""
-        return len(self.run) * model.width - len(model.parameters)
-
-    def fitted(self, name: str, model: Model, before: Fit | None = None, whole: bool = False) -> FittedStage:
-        """Fit a model to the run, from where the fit ``before`` came to rest."""
-        return fit_stage(name, model, self.run, self.split, self.judge, self.robust, before, whole)
-
-
-Tracer = Callable[[FittedStage, FitContext, Progress], tuple[list[FittedStage], TracingResult]]
-"""From the fitted geometry, with what the cell declares beside it, to one stage for each effect, and what was found."""
-
-
-SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
-
-
 def add_declared_stages(
     stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], bench: FitContext, say: Progress
 ) -> tuple[list[FittedStage], list[str]]:
@@ -182,7 +146,7 @@ def add_declared_stages(
             notes.append(f"{kind} is declared in plan.effects, but this run shows nothing of it: it was left out")
             continue
         say(kind)
-        stages.append(bench.fitted(kind, model, stages[-1].fit))
+        stages.append(bench.fit_stage(kind, model, stages[-1].fit))
         before, after = (s.stage.held_out.rms for s in stages[-2:])
         if after > before:
             notes.append(
@@ -198,5 +162,5 @@ def add_stage_if_gain(
     """Add an effect that nobody declared and keep it only if held-out samples gain."""
     if len(wider.model.parameters) == len(stages[-1].fit.errors) or bench.spare(wider.model) < SPARE_READINGS:
         return stages, free
-    trial = bench.fitted(kind, wider.model, stages[-1].fit)
+    trial = bench.fit_stage(kind, wider.model, stages[-1].fit)
     return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, bench.split) else (stages, free)

@@ -8,7 +8,7 @@ from planner.common.units import Array
 from planner.effects.effect import Role
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
-from planner.identification.stages import FitContext, error_reduction, fitted_samples, held_out_improvement
+from planner.identification.stages import FitContext, error_reduction, held_out_improvement
 from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.state import FittedEffect, SearchState
@@ -117,7 +117,7 @@ class OwnGain:
 def own_gains(state: SearchState, bench: FitContext) -> list[OwnGain]:
     """What each effect of a state gains; noise, prior sizes and masses stay as they are."""
     fit = state.fit
-    few = fitted_samples(bench.run, fit.model) if len(fit.problem) < len(bench.run) else None
+    few = bench.part(fit.model) if len(fit.problem) < len(bench.run) else None
     split = bench.split if few is None else bench.split.take(few)
     parameters = fit.model.parameters
     parts = [

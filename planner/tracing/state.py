@@ -10,7 +10,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
 from planner.identification.least_squares import ROUGHLY_CONVERGED, Fit, solve, subset_size
 from planner.identification.problem import FitProblem
-from planner.identification.stages import FitContext, FittedStage, fit_stage
+from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.auxiliary_parameters import (
@@ -140,8 +140,7 @@ class SearchState:
         masses = _link_masses(self.base, effects, errors)
 
         def fit(model: Model) -> FittedStage:
-            name = effects[-1].name
-            return fit_stage(name, model, bench.run, bench.split, bench.judge, bench.robust, self.fit)
+            return bench.fit_stage(effects[-1].name, model, self.fit)
 
         fitted = fit(model.plus(masses))
         if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:

@@ -6,7 +6,7 @@ import planner.tracing.state as states
 from planner.effects.catalogue import catalogue
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
-from planner.identification.stages import FitContext, fit_stage
+from planner.identification.stages import FitContext
 from planner.tracing.auxiliary_parameters import LARGEST_MASS_PRIOR, LINK_MASSES, link_mass_uncertainty
 from planner.tracing.state import FittedEffect, SearchState
 from tests.tracing.worlds import arm, calibrated, effect
@@ -16,7 +16,7 @@ def begun(found):
     """The state without effects, the bench and the catalogue, from a calibration that traced nothing."""
     bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
     model = parameters_of_groups(found.fit.model, ("gauge", "geometry"))
-    start = fit_stage("geometry", model, bench.run, bench.split, bench.judge)
+    start = bench.fit_stage("geometry", model)
     entries = {e.name: e for e in catalogue(model.setup, found.run.samples)}
     return SearchState(model, (), start), bench, entries
 
