@@ -23,7 +23,7 @@ from planner.report.chart import (
     zero_line,
 )
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
-from planner.report.formatting import significant_text
+from planner.report.formatting import digits
 
 LINE_POINTS = 16  # points of the line through the residuals
 KINDS = {
@@ -38,30 +38,30 @@ SCATTER = (
 )
 
 
-def residual_chart(told: CalibrationFacts, kind: str) -> Chart:
+def residual_chart(facts: CalibrationFacts, kind: str) -> Chart:
     """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
-    error = to_mm(told.after.held_residual[told.looked_samples][:, :3])
-    panels = tuple(_scatter(a, error) for a in told.against if a.kind == kind)
+    error = to_mm(facts.after.held_residual[facts.looked_samples][:, :3])
+    panels = tuple(_scatter(a, error) for a in facts.against if a.kind == kind)
     return Chart(name, title, SCATTER, panels, columns=2)
 
 
-def approach_chart(told: CalibrationFacts) -> Chart:
+def approach_chart(facts: CalibrationFacts) -> Chart:
     """Residuals of every joint's two senses of approach, side by side."""
-    direction = told.calibration.run.samples.direction
+    direction = facts.calibration.run.samples.direction
     assert direction is not None
-    which = told.looked_samples[even_positions(len(told.looked_samples), PANEL_POINTS // 3)]
-    sense = direction[told.looked_samples]
+    which = facts.looked_samples[even_positions(len(facts.looked_samples), PANEL_POINTS // 3)]
+    sense = direction[facts.looked_samples]
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
-    for stage, side in ((told.before, "gauge placed"), (told.after, "calibrated")):
+    for stage, side in ((facts.before, "gauge placed"), (facts.after, "calibrated")):
         error = to_mm(error_along(stage.held_residual))
         few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
         seen = [(j, s, sense[:, j - 1] == s) for j in joints for s in (-1.0, 1.0) if (sense[:, j - 1] == s).any()]
         at = np.array([j + 0.2 * s for j, s, _ in seen])
-        mean = np.array([error[told.looked_samples][here].mean() for _, _, here in seen])
+        mean = np.array([error[facts.looked_samples][here].mean() for _, _, here in seen])
         means = Series("mean", at, mean, BLACK, "points", size=8.0)
         span = 1.08 * float(np.abs(few).max()) or 1.0
         label = "joint: left came from above, right from below"
@@ -96,26 +96,26 @@ MOST_CORRELATED = 60  # parameters in the correlation matrix
 ROW = 20  # [px] of one name in the correlation matrix
 
 
-def draw_calibration_charts(told: CalibrationFacts) -> tuple[Chart, ...]:
+def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     """Return every picture of the report."""
-    drawn = [residual_chart(told, kind) for kind in KINDS if any(a.kind == kind for a in told.against)]
-    if told.calibration.run.samples.direction is not None:
-        drawn.append(approach_chart(told))
-    matrix = (correlation_chart(told),) if len(told.calibration.fit.errors) > 1 else ()
-    loop = (stage_chart(told), *(finding_chart(told, step) for step in finding_steps(told)))
-    return (histogram_chart(told), pose_chart(told), *loop, *drawn, *matrix)
+    drawn = [residual_chart(facts, kind) for kind in KINDS if any(a.kind == kind for a in facts.against)]
+    if facts.calibration.run.samples.direction is not None:
+        drawn.append(approach_chart(facts))
+    matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
+    loop = (stage_chart(facts), *(finding_chart(facts, step) for step in finding_steps(facts)))
+    return (histogram_chart(facts), pose_chart(facts), *loop, *drawn, *matrix)
 
 
-def histogram_chart(told: CalibrationFacts) -> Chart:
+def histogram_chart(facts: CalibrationFacts) -> Chart:
     """How many samples have which error, before and after."""
-    before, after = (to_mm(error_size(s.held_residual)) for s in (told.before, told.after))
+    before, after = (to_mm(error_size(s.held_residual)) for s in (facts.before, facts.after))
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
     edges = np.geomspace(min(low, high / 10), high, BINS + 1)
     series = []
     for name, error, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
         share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
-        label = f"{name}, mean {significant_text(float(error.mean()))} mm"
+        label = f"{name}, mean {digits(float(error.mean()))} mm"
         series.append(Series(label, *histogram_outline(edges, share), colour, filled=True))
     labels = ("", "error of a reading that the fit had not seen (mm, logarithmic)", "part of the readings (%)")
     span, top = (float(edges[0]), float(edges[-1])), 1.1 * max(float(s.y.max()) for s in series)
@@ -124,17 +124,17 @@ def histogram_chart(told: CalibrationFacts) -> Chart:
     return Chart("histogram", "Error before and after", caption, (panel,))
 
 
-def pose_chart(told: CalibrationFacts) -> Chart:
+def pose_chart(facts: CalibrationFacts) -> Chart:
     """Error of every pose, before and after, in the order in which they were measured."""
-    names, before, after = error_by_pose(told)
+    names, before, after = error_by_pose(facts)
     floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
     x = np.arange(1, len(names) + 1, dtype=float)
     series = []
     for label, values, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
-        hover = tuple(f"{n}: {significant_text(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True))
+        hover = tuple(f"{n}: {digits(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True))
         y = to_mm(np.maximum(values, floor))
         series.append(Series(label, x, y, colour, "points", hover=hover, size=5.0, opacity=0.8))
-    moving = told.calibration.run.continuous or told.calibration.run.samples.pose is None
+    moving = facts.calibration.run.continuous or facts.calibration.run.samples.pose is None
     what = "sample drawn" if moving else "pose"
     span = (float(to_mm(floor)) / 1.3, 1.5 * float(to_mm(max(before.max(), after.max()))))
     labels = ("", f"{what}, in the order of measuring", "error (mm, logarithmic)")
@@ -143,12 +143,12 @@ def pose_chart(told: CalibrationFacts) -> Chart:
     return Chart("by_pose", f"Error of each {what}", caption, (panel,))
 
 
-def correlation_chart(told: CalibrationFacts) -> Chart:
+def correlation_chart(facts: CalibrationFacts) -> Chart:
     """Correlations of the fitted parameters; of many, those that hang together most."""
-    matrix = told.correlation
+    matrix = facts.correlation
     strongest = np.abs(matrix - np.eye(len(matrix))).max(axis=1)
     kept = np.sort(np.argsort(-strongest, kind="stable")[:MOST_CORRELATED])
-    names = tuple(told.calibration.fit.model.names[k] for k in kept)
+    names = tuple(facts.calibration.fit.model.names[k] for k in kept)
     cells = Heatmap(matrix[np.ix_(kept, kept)], names)
     panel = Panel(y_names=names, cells=cells, height=max(240, ROW * len(names)))
     some = f"The {MOST_CORRELATED} of {len(matrix)} that hang together most. " if len(matrix) > MOST_CORRELATED else ""

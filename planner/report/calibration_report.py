@@ -20,13 +20,12 @@ from planner.report.calibration_text import (
     limit_table,
     noise_text,
     refusal_text,
-    rejected_effects,
 )
-from planner.report.formatting import count_text, significant_text
+from planner.report.formatting import count_text, digits, in_mm
 from planner.report.page import Report, Row
 
 MOST_MOVED = 5  # parameters on the first sheet
-OUTLIERS = 50  # that are listed
+OUTLIERS, MOST_REJECTED = 50, 20  # that are listed
 SHORT = 6  # stages up to which the first sheet lists all of them
 
 
@@ -37,36 +36,37 @@ def report_calibration(calibration: Calibration) -> Report:
     return Report("calibration.html.j2", calibration_content(facts), charts, small_pictures=True)
 
 
-def calibration_content(told: CalibrationFacts) -> dict[str, Any]:
+def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     """Return what the page says; tables are rows of texts."""
-    c = told.calibration
-    stages = [_stage(told, k) for k in range(len(c.stages))]
+    c = facts.calibration
+    stages = [_stage(facts, k) for k in range(len(c.stages))]
     trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
     return {
         "c": c,
         "title": f"Calibration of {c.fit.model.setup.robot.title}",
         "about": _about(c),
         "problems": refusal_text(c),
-        "headline": headline_text(told),
-        "facts": _facts(told),
+        "headline": headline_text(facts),
+        "facts": _facts(facts),
         "stages": stages,
         "first_stages": stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])],
-        "summary": findings_summary(told),
-        "findings": finding_texts(told),
-        "limits": limit_table(told),
-        "rejected": rejected_effects(told),
+        "summary": findings_summary(c),
+        "findings": finding_texts(facts),
+        "limits": limit_table(c),
+        "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:MOST_REJECTED],
+        "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         "held_out": held_out_text(c),
-        "noise": noise_text(told),
-        "trials": [(t.along, _chance(t.p_value), _mm(t.rms, 2)) for t in trials],
-        "moved": _most_moved(told),
-        "parameters": [_parameter(told, e) for e in c.estimates if e.identifiable],
+        "noise": noise_text(c),
+        "trials": [(t.along, _chance(t.p_value), in_mm(t.rms, 2)) for t in trials],
+        "moved": _most_moved(facts),
+        "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [(e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable],
-        "correlations": correlation_text(c.fit.model.names, told.correlation) if len(c.fit.errors) > 1 else (),
+        "correlations": correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
         "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
         "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
-        "gauge": _gauge(told),
+        "gauge": _gauge(facts),
     }
 
 
@@ -79,88 +79,70 @@ def _about(c: Calibration) -> str:
     return f"measured run “{c.run.name}” · {kind}, {read}{plan}"
 
 
-def _facts(told: CalibrationFacts) -> tuple[Row, ...]:
+def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
-    c, before, after = told.calibration, told.before.held_out, told.after.held_out
+    c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
     several = GROUP_NAMES[c.split.by][0]
-    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {_mm(c.noise_floor)} mm"
+    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     return (
-        ("before, mean", f"{_mm(before.mean)} mm", f"largest {_mm(before.largest)} mm"),
-        ("calibrated, mean", f"{_mm(after.mean)} mm", f"largest {_mm(after.largest)} mm"),
-        ("anywhere, rms", f"{_mm(c.workspace_error)} mm", "expected by the covariance"),
+        ("before, mean", f"{in_mm(before.mean)} mm", f"largest {in_mm(before.largest)} mm"),
+        ("calibrated, mean", f"{in_mm(after.mean)} mm", f"largest {in_mm(after.largest)} mm"),
+        ("anywhere, rms", f"{in_mm(c.workspace_error)} mm", "expected by the covariance"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
-        (
-            "condition",
-            significant_text(np.inf if c.condition_number is None else c.condition_number),
-            "of the rows, scaled",
-        ),
+        ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
         ("outliers", count_text(len(c.fit.outliers)), floor),
     )
 
 
-def _stage(told: CalibrationFacts, k: int) -> Row:
+def _stage(facts: CalibrationFacts, k: int) -> Row:
     """Name, parameters, then rms, mean and largest on training and held-out samples and on the validation run."""
-    s = told.calibration.stages[k]
-    spread = "" if s.held_out.spread is None else f" ± {_mm(s.held_out.spread, 2)}"
+    s = facts.calibration.stages[k]
+    spread = "" if s.held_out.spread is None else f" ± {in_mm(s.held_out.spread, 2)}"
     check = ("", "", "") if s.validation is None else _metrics(s.validation)
     rms, mean, largest = _metrics(s.held_out)
-    return (stage_label(s), str(s.parameters), _mm(s.train.rms), rms + spread, mean, largest, *check)
+    return (stage_label(s), str(s.parameters), in_mm(s.train.rms), rms + spread, mean, largest, *check)
 
 
 def _metrics(m: Metrics) -> Row:
-    return (_mm(m.rms), _mm(m.mean), _mm(m.largest))
+    return (in_mm(m.rms), in_mm(m.mean), in_mm(m.largest))
 
 
-def _most_moved(told: CalibrationFacts) -> tuple[Row, ...]:
+def _most_moved(facts: CalibrationFacts) -> list[Row]:
     """The fitted errors of the robot that move the reading most: name, what, change, unit, and by how much."""
-    c = told.calibration
+    c = facts.calibration
     by_name = {e.name: e for e in c.estimates}
-    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, told.moves, strict=True)]
+    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True)]
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
-    return tuple(
-        (e.name, e.what, f"{_fixed(e, e.value - e.nominal, '+')} ± {_size(e)}", estimate_unit(e)[0], _mm(m, 2))
-        for e, m in robot[:MOST_MOVED]
-    )
+    rows = []
+    for e, moves in robot[:MOST_MOVED]:
+        change = f"{_fixed(e, e.value - e.nominal, '+')} ± {_fixed(e, e.std)}"
+        rows.append((e.name, e.what, change, estimate_unit(e)[0], in_mm(moves, 2)))
+    return rows
 
 
-def _parameter(told: CalibrationFacts, e: Estimate) -> Row:
+def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     """Name, what, unit, nominal, value, change, ±, change in standard deviations, effect on the reading, absorbed."""
     assert e.std is not None
-    change = e.value - e.nominal
-    moves = dict(zip(told.calibration.fit.model.names, told.moves, strict=True))
-    unit = estimate_unit(e)[0]
+    change, unit = e.value - e.nominal, estimate_unit(e)[0]
+    moves = float(facts.moves[facts.calibration.fit.model.names.index(e.name)])
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
-    return (
-        e.name,
-        e.what,
-        unit,
-        _nominal(e),
-        _fixed(e, e.value),
-        _fixed(e, change, "+"),
-        _size(e),
-        times,
-        _mm(float(moves[e.name]), 2),
-        ", ".join(e.absorbs),
-    )
+    numbers = (_nominal(e), _fixed(e, e.value), _fixed(e, change, "+"), _fixed(e, e.std), times, in_mm(moves, 2))
+    return (e.name, e.what, unit, *numbers, ", ".join(e.absorbs))
 
 
 def _nominal(e: Estimate) -> str:
     return f"{e.nominal * estimate_unit(e)[1]:.6g}"
 
 
-def _fixed(e: Estimate, value: float, sign: str = "") -> str:
+def _fixed(e: Estimate, value: float | None, sign: str = "") -> str:
     """Write a value with as many decimals as its standard deviation has at two digits."""
-    return f"{value * estimate_unit(e)[1]:{sign}.{_decimals(e)}f}"
-
-
-def _size(e: Estimate) -> str:
-    return "–" if e.std is None else f"{e.std * estimate_unit(e)[1]:.{_decimals(e)}f}"
-
-
-def _decimals(e: Estimate) -> int:
-    size = (e.std or 0.0) * estimate_unit(e)[1]
-    return int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
+    if value is None:
+        return "–"
+    factor = estimate_unit(e)[1]
+    size = (e.std or 0.0) * factor
+    decimals = int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
+    return f"{value * factor:{sign}.{decimals}f}"
 
 
 def _outlier(c: Calibration, k: int) -> Row:
@@ -168,12 +150,12 @@ def _outlier(c: Calibration, k: int) -> Row:
     s, last = c.run.samples, c.stages[-1]
     pose = "" if s.pose is None else str(s.pose[k])
     error, held = (float(error_size(r[k : k + 1])[0]) for r in (last.residual, last.held_residual))
-    return (str(k + 1), pose, c.run.places[s.place[k]], _mm(error), _mm(held))
+    return (str(k + 1), pose, c.run.places[s.place[k]], in_mm(error), in_mm(held))
 
 
-def _gauge(told: CalibrationFacts) -> tuple[Row, ...]:
+def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     """Where the gauge stands: (what, position or angles)."""
-    f = told.calibration.frames
+    f = facts.calibration.frames
     rows = [(f"fixture {x.name}".strip(), f"{_triple(to_mm(x.position))} mm in the base frame") for x in f.fixtures]
     for place in f.places:
         rows.append(
@@ -189,12 +171,8 @@ def _gauge(told: CalibrationFacts) -> tuple[Row, ...]:
 
 
 def _chance(p: float) -> str:
-    return "below 1 in a million" if p < 1e-6 else significant_text(p, 2)
+    return "below 1 in a million" if p < 1e-6 else digits(p, 2)
 
 
 def _triple(values: np.ndarray, decimals: int = 3) -> str:
     return ", ".join(f"{v:.{decimals}f}" for v in values)
-
-
-def _mm(value: float, digits: int = 3) -> str:
-    return significant_text(float(to_mm(value)), digits)

@@ -1,17 +1,17 @@
 """Sentences of a calibration's report: every number in them is one of the calibration's."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.units import Array, to_mm
+from planner.common.units import Array
 from planner.identification.calibration import Calibration
 from planner.kinematics.calibration_tables import file_unit, si_unit
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
-from planner.report.formatting import count_text, significant_text
+from planner.report.formatting import count_text, digits, in_mm
+from planner.report.page import Row
 
 MILLIONTHS = {"rad": "µrad", "m": "µm"}
 PARTS = {"1": "ppm", "rad/rad": "ppm", "1/K": "ppm/K", "1/m": "ppm/m"}
@@ -62,7 +62,7 @@ def _sentence(c: Calibration, kind: str) -> str:
 
 def _value(e: Estimate) -> str:
     unit, factor = estimate_unit(e)
-    return f"{e.name} {significant_text(e.value * factor)} ± {significant_text((e.std or 0.0) * factor, 2)} {unit}"
+    return f"{e.name} {digits(e.value * factor)} ± {digits((e.std or 0.0) * factor, 2)} {unit}"
 
 
 GROUP_NAMES = {
@@ -75,54 +75,34 @@ GROUP_NAMES = {
 STRONG_CORRELATION, NAMED_PAIRS = 0.9, 6  # correlation worth a sentence, and how many sentences
 
 
-def millimetres(value: float) -> str:
-    """Write a length [m] in millimetres."""
-    return f"{significant_text(float(to_mm(value)))} mm"
-
-
-def headline_text(told: CalibrationFacts) -> tuple[str, ...]:
+def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
-    c = told.calibration
-    first, before, after = c.stages[0].held_out, told.before.held_out, told.after.held_out
+    c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
+    first, before, after = c.stages[0].held_out, facts.before.held_out, facts.after.held_out
     if c.problems:
-        return (
-            "No robot was calibrated: the fit failed its own checks.",
-            (
-                f"It leaves a mean error of {millimetres(after.mean)} on {GROUP_NAMES[c.split.by][0]} that it never"
-                " saw; that says nothing of the robot, only of the fit."
-            ),
+        left = (
+            f"It leaves a mean error of {in_mm(after.mean)} mm on {groups} that it never saw; that says nothing of the "
+            "robot, only of the fit."
         )
-    out = [
-        f"Mean error {millimetres(before.mean)} → {millimetres(after.mean)} on {GROUP_NAMES[c.split.by][0]} that the"
-        " fit never saw."
-    ]
-    factor = before.mean / max(after.mean, 1e-300)
+        return ("No robot was calibrated: the fit failed its own checks.", left)
+    out = [f"Mean error {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that the fit never saw."]
+    factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
     if factor >= 1.2:
-        out.append(
-            f"That is {significant_text(factor, 2)} times less; the largest error fell"
-            f" {_fell(before.largest, after.largest)}."
-        )
+        fell = f"from {a} mm to {b} mm" if after.largest < before.largest else f"not: {a} mm before, {b} mm now"
+        out.append(f"That is {digits(factor, 2)} times less; the largest error fell {fell}.")
     elif factor <= 1.0:
         out.append("The calibration brought nothing.")
     if first.mean > 1.05 * before.mean:
         out.append(
             "The first figure is the robot by its data sheet with only the gauge placed; "
-            f"before the gauge's own place was fitted it was {millimetres(first.mean)}."
+            f"before the gauge's own place was fitted it was {in_mm(first.mean)} mm."
         )
     else:
         out.append("The first figure is the robot by its data sheet, with only the gauge placed.")
-    if told.before.validation is not None and told.after.validation is not None:
-        a, b = told.before.validation.mean, told.after.validation.mean
-        out.append(f"On the separate validation run: {millimetres(a)} → {millimetres(b)}.")
+    checks = [s.validation for s in (facts.before, facts.after) if s.validation is not None]
+    if len(checks) == 2:
+        out.append(f"On the separate validation run: {in_mm(checks[0].mean)} mm → {in_mm(checks[1].mean)} mm.")
     return tuple(out)
-
-
-def _fell(before: float, after: float) -> str:
-    return (
-        f"from {millimetres(before)} to {millimetres(after)}"
-        if after < before
-        else f"not: {millimetres(before)} before, {millimetres(after)} now"
-    )
 
 
 def held_out_text(c: Calibration) -> str:
@@ -134,25 +114,24 @@ def held_out_text(c: Calibration) -> str:
         f"was predicted by a fit to the other {folds - 1}. The spread is that of the rms over the parts."
     )
     if c.split.within is not None:
-        out += f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
-        out += f"error is {millimetres(c.split.within.held_out.mean)}."
+        out += (
+            f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
+            f"error is {in_mm(c.split.within.held_out.mean)} mm."
+        )
     return out
 
 
-def noise_text(told: CalibrationFacts) -> str:
+def noise_text(c: Calibration) -> str:
     """Say how large the noise is, as estimated and as repeated readings show it."""
-    c = told.calibration
     C = c.fit.problem.whitener.covariance(slice(0, 4096))
     width = min(3, C.shape[1])
     sigma = float(np.sqrt(np.einsum("nii->n", C[:, :width, :width]).mean()))
-    out = (
-        f"One reading scatters by {millimetres(sigma)} (standard deviation{' of each axis' if width > 1 else ''},"
-        " estimated)"
-    )
+    axis = " of each axis" if width > 1 else ""
+    out = f"One reading scatters by {in_mm(sigma)} mm (standard deviation{axis}, estimated)"
     if c.noise_floor is not None:
-        out += f"; readings repeated at the same pose scatter by {millimetres(c.noise_floor)}"
+        out += f"; readings repeated at the same pose scatter by {in_mm(c.noise_floor)} mm"
     if c.correlation_time > 1.05:
-        out += f"; along the drive {significant_text(c.correlation_time, 2)} samples are worth one"
+        out += f"; along the drive {digits(c.correlation_time, 2)} samples are worth one"
     return out + "."
 
 
@@ -168,7 +147,7 @@ def correlation_text(names: tuple[str, ...], correlation: Array) -> tuple[str, .
         better = "difference" if rho > 0 else "sum"
         out.append(
             f"{a} and {b} ({rho:+.3f}): counted in their own standard deviations, the run knows their {better} "
-            f"{significant_text(1 / np.sqrt(max(1 - abs(rho), 1e-12)), 2)} times better than if they were independent."
+            f"{digits(1 / np.sqrt(max(1 - abs(rho), 1e-12)), 2)} times better than if they were independent."
         )
     if not out and len(order):
         k = order[0]
@@ -186,40 +165,22 @@ def refusal_text(c: Calibration) -> tuple[str, ...]:
     return (f"Not to be used, for {len(c.problems)} reasons:", *(f"{p}." for p in c.problems))
 
 
-Row = tuple[str, ...]
 NAMED_RIVALS = 4  # rivals that are listed by name
 FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
 NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
-MOST_REJECTED, MOST_NAMED = 20, 6  # in the table, and findings on the first sheet
+MOST_NAMED = 6  # findings on the first sheet
 BLIND = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
 """Sizes of an effect that no arm has: a run that shows only such ones does not see it."""
 
 
-@dataclass(frozen=True)
-class FindingText:
-    """One finding on the page: a sentence, the name of its picture, and the evidence."""
-
-    heading: str
-    picture: str
-    lines: tuple[str, ...]
+def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
+    """Say what was found, in the order in which it came: heading, name of the chart, evidence."""
+    return [(_capital(s.finding.note), s.name, _evidence(facts, s)) for s in finding_steps(facts)]
 
 
-@dataclass(frozen=True)
-class LimitTable:
-    """Detection limits: one row an effect, a column for each joint, and what is elsewhere in words."""
-
-    joints: tuple[str, ...]
-    rows: tuple[Row, ...]
-
-
-def finding_texts(told: CalibrationFacts) -> tuple[FindingText, ...]:
-    """Say what was found, in the order in which it came."""
-    return tuple(FindingText(_capital(s.finding.note), s.name, _evidence(told, s)) for s in finding_steps(told))
-
-
-def findings_summary(told: CalibrationFacts) -> Row:
+def findings_summary(c: Calibration) -> Row:
     """Say what was fitted by name, what was found and what would have been, for the first sheet."""
-    c, named = told.calibration, declared_effects_text(told.calibration)
+    named = declared_effects_text(c)
     if c.tried is None:
         return named
     first = sorted(c.findings, key=lambda f: -f.gain)[:MOST_NAMED]
@@ -238,26 +199,24 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
             worst = max(own, key=lambda x: x.size)
             unit, factor = display_unit(worst.unit, worst.size)
             where = f"of {worst.on}" if len(own) == 1 else f"of {len(own)} joints"
-            out.append(f"{kind} {where} above {significant_text(worst.size * factor, 2)} {unit}")
+            out.append(f"{kind} {where} above {digits(worst.size * factor, 2)} {unit}")
     return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
 
 
-def _evidence(told: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
-    f, before, after = step.finding, step.before.held_out.rms, step.after.held_out.rms
-    others = [e for e in step.after.effects if e not in step.before.effects and e != step.what]
+def _evidence(facts: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
+    f, before, after = step.finding, step.before, step.after
+    others = [e for e in after.effects if e not in before.effects and e != step.what]
     along = f" (with {', '.join(others)})" if others else ""
-    lines = [
-        (
-            f"Size {_size(f)}. Chance of so large an effect where there is none, corrected for the "
-            f"{count_text(told.calibration.tried or 0)} alternatives that were tried: {_chance(f.log_p)}."
-        ),
-        (
-            f"Held-out error {millimetres(before)} → {millimetres(after)} (rms) when it was added{along}; "
-            f"fitted samples {millimetres(step.before.train.rms)} → {millimetres(step.after.train.rms)}."
-        ),
+    held, fitted = (
+        f"{in_mm(a.rms)} mm → {in_mm(b.rms)} mm"
+        for a, b in ((before.held_out, after.held_out), (before.train, after.train))
+    )
+    return (
+        f"Size {_size(f)}. Chance of so large an effect where there is none, corrected for the "
+        f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(f.log_p)}.",
+        f"Held-out error {held} (rms) when it was added{along}; fitted samples {fitted}.",
         _rivals(f),
-    ]
-    return tuple(lines)
+    )
 
 
 def _size(f: Finding) -> str:
@@ -267,7 +226,7 @@ def _size(f: Finding) -> str:
         return out
     value, std = f.inner.value, f.inner.std
     unit, factor = display_unit(f.inner.unit, value)
-    inner = significant_text(value * factor, 4) if std is None else _pair(value * factor, std * factor)
+    inner = digits(value * factor, 4) if std is None else _pair(value * factor, std * factor)
     return f"{out}, {f.inner.name} {inner} {unit}"
 
 
@@ -280,10 +239,8 @@ def _pair(value: float, std: float) -> str:
 def _rivals(f: Finding) -> str:
     if not f.rivals:
         return "Rivals: none. Nothing else that was tried explains the same, at a hundred to one."
-    named = ", ".join(f.rivals[:NAMED_RIVALS]) + (
-        f" and {len(f.rivals) - NAMED_RIVALS} more" if len(f.rivals) > NAMED_RIVALS else ""
-    )
-    return f"Rivals that this run cannot tell from it: {named}."
+    more = f" and {len(f.rivals) - NAMED_RIVALS} more" if len(f.rivals) > NAMED_RIVALS else ""
+    return f"Rivals that this run cannot tell from it: {', '.join(f.rivals[:NAMED_RIVALS])}{more}."
 
 
 def _or(rivals: Row) -> str:
@@ -294,30 +251,24 @@ def _chance(log_p: float) -> str:
     ten = log_p / np.log(10)
     if ten < -300:
         return "below 10^-300"
-    return f"10^{ten:.0f}" if ten < -4 else significant_text(float(np.exp(log_p)), 2)
+    return f"10^{ten:.0f}" if ten < -4 else digits(float(np.exp(log_p)), 2)
 
 
-def rejected_effects(told: CalibrationFacts) -> tuple[Row, ...]:
-    """List what was tried in full and not kept, and why; each only once."""
-    return tuple(dict.fromkeys((r.name, r.because) for r in told.calibration.rejected))[:MOST_REJECTED]
-
-
-def limit_table(told: CalibrationFacts) -> LimitTable:
-    """Set the detection limits: effects by joints."""
-    n = told.calibration.run.samples.q.shape[1]
+def limit_table(c: Calibration) -> list[Row]:
+    """Set the detection limits: one row an effect, a column for each joint, and what is elsewhere in words."""
+    joints = tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1]))
     rows: dict[str, list[tuple[str, DetectionLimit]]] = {}
-    for limit in told.calibration.limits:
+    for limit in c.limits:
         place, _, by = limit.on.partition(" by ")
         rows.setdefault(f"{limit.effect} by {by}" if by else limit.effect, []).append((place, limit))
-    joints = tuple(f"joint {j + 1}" for j in range(n))
-    return LimitTable(joints, tuple(_limits(effect, joints, own) for effect, own in rows.items()))
+    return [_limits(effect, joints, own) for effect, own in rows.items()]
 
 
 def _limits(effect: str, joints: Row, own: list[tuple[str, DetectionLimit]]) -> Row:
     seen = sorted(limit.size for _, limit in own if _seen(limit)) or [0.0]
     middle = seen[len(seen) // 2]
     unit, factor = display_unit(own[0][1].unit, middle)
-    at = {place: significant_text(limit.size * factor, 2) if _seen(limit) else "–" for place, limit in own}
+    at = {place: digits(limit.size * factor, 2) if _seen(limit) else "–" for place, limit in own}
     elsewhere = ", ".join(f"{place} {size}" for place, size in at.items() if place not in joints)
     return (effect, unit, *(at.get(j, "") for j in joints), elsewhere)
 

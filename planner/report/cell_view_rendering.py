@@ -2,6 +2,7 @@
 
 import base64
 import json
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -17,22 +18,27 @@ from planner.report.chart import ROLES
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.report.plotly_backend import FONT, INK
 
-PLOTLY_LIGHT = {"ambient": 0.72, "diffuse": 0.55, "specular": 0.04, "roughness": 0.9, "fresnel": 0.02}
-PLOTLY_LAMP = {"x": 3000, "y": 4000, "z": 9000}
-BASE_AXIS, GRID = "rgba(0,0,0,0)", "#EEEEEE"
+SURFACE = {
+    "hoverinfo": "skip",
+    "lighting": {"ambient": 0.72, "diffuse": 0.55, "specular": 0.04, "roughness": 0.9, "fresnel": 0.02},
+    "lightposition": {"x": 3000, "y": 4000, "z": 9000},
+}
+AXIS = {
+    "backgroundcolor": "rgba(0,0,0,0)",
+    "gridcolor": "#EEEEEE",
+    "zeroline": False,
+    "showspikes": False,
+    "tickfont": {"size": 11},
+}
 SYMBOLS = {"calibrate": "circle", "repeat": "diamond", "validate": "square", "mount": "cross"}
 
 
-def view_json(stage: CellView) -> str:
+def view_json(view: CellView) -> str:
     """Return the plotly figure of the view as JSON; the moving bodies are its first traces."""
-    fig = go.Figure([*_moving(stage), *_standing(stage), *_marks(stage)])
-    axis = {
-        "backgroundcolor": BASE_AXIS,
-        "gridcolor": GRID,
-        "zeroline": False,
-        "showspikes": False,
-        "tickfont": {"size": 11},
-    }
+    span = np.stack([view.low, view.high], axis=1).tolist()
+    spans = {f"{x}axis": {"title": {"text": f"{x} (mm)"}, "range": span[k], **AXIS} for k, x in enumerate("xyz")}
+    eye = {"eye": {"x": 1.35, "y": 1.2, "z": 0.6}, "center": {"x": 0, "y": 0, "z": -0.2}}
+    fig = go.Figure([*_bodies(view), *_lines(view), *_poses(view)])
     fig.update_layout(
         template=None,
         height=640,
@@ -40,33 +46,22 @@ def view_json(stage: CellView) -> str:
         font={"family": FONT, "size": 13, "color": INK},
         paper_bgcolor="white",
         legend={"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
-        scene={
-            "aspectmode": "data",
-            "camera": {"eye": {"x": 1.35, "y": 1.2, "z": 0.6}, "center": {"x": 0, "y": 0, "z": -0.2}},
-            **{
-                f"{name}axis": {"title": {"text": f"{name} (mm)"}, "range": [stage.low[k], stage.high[k]], **axis}
-                for k, name in enumerate("xyz")
-            },
-        },
+        scene={"aspectmode": "data", "camera": eye, **spans},
     )
     return str(fig.to_json())
 
 
-def player_json(stage: CellView) -> str:
+def player_json(view: CellView) -> str:
     """Return what moves the view: vertices in their carriers' frames, the carriers' poses, a line of text a frame."""
-    span = {"all": [stage.low, stage.high], "near": [stage.near_low, stage.near_high]}
-    return json.dumps(
-        {
-            "carriers": stage.frames.poses.shape[1],
-            "poses": _packed(stage.frames.poses),
-            "groups": [{"vertices": _packed(m.mesh.vertices), "carrier": _packed(m.carrier)} for m in stage.moving],
-            "labels": list(stage.frames.labels),
-            "ranges": {
-                k: [[float(round(a)), float(round(b))] for a, b in zip(*v, strict=True)] for k, v in span.items()
-            },
-        },
-        ensure_ascii=False,
-    )
+    spans = {"all": (view.low, view.high), "near": (view.near_low, view.near_high)}
+    data = {
+        "carriers": view.frames.poses.shape[1],
+        "poses": _packed(view.frames.poses),
+        "groups": [{"vertices": _packed(m.mesh.vertices), "carrier": _packed(m.carrier)} for m in view.moving],
+        "labels": list(view.frames.labels),
+        "ranges": {k: (np.round(np.stack(v, axis=1)) + 0.0).tolist() for k, v in spans.items()},
+    }
+    return json.dumps(data, ensure_ascii=False)
 
 
 def _packed(values: Array) -> str:
@@ -77,66 +72,56 @@ def _packed(values: Array) -> str:
 def _mesh(mesh: Mesh, name: str, **look: object) -> go.Mesh3d:
     x, y, z = mesh.vertices.T.astype(np.float32)
     i, j, k = mesh.triangles.T.astype(np.int32)
-    return go.Mesh3d(
-        x=x,
-        y=y,
-        z=z,
-        i=i,
-        j=j,
-        k=k,
-        name=name,
-        hoverinfo="skip",
-        lighting=PLOTLY_LIGHT,
-        lightposition=PLOTLY_LAMP,
-        **look,
-    )
+    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, name=name, **SURFACE, **look)
 
 
-def _moving(stage: CellView) -> list[go.Mesh3d]:
-    start = stage.frames.poses[0]
-    return [
-        _mesh(Mesh(m.at(start), m.mesh.triangles), m.name, facecolor=m.colours, flatshading=False) for m in stage.moving
-    ]
-
-
-def _standing(stage: CellView) -> list[go.Mesh3d]:
-    out = [] if stage.standing is None else [_mesh(stage.standing, "obstacles", color=STAND)]
-    for k, shell in enumerate(stage.shells):
+def _bodies(view: CellView) -> list[go.Mesh3d]:
+    """Robot, tool and bar in the first frame, then obstacles, shells of the bar's reach and the floor."""
+    out = []
+    for m in view.moving:
+        here = Mesh(m.at(view.frames.poses[0]), m.mesh.triangles)
+        out.append(_mesh(here, m.name, facecolor=m.colours, flatshading=False))
+    if view.standing is not None:
+        out.append(_mesh(view.standing, "obstacles", color=STAND))
+    for k, shell in enumerate(view.shells):
         name = "outer limit of the bar" if k % 2 else "inner limit of the bar"
         out.append(_mesh(shell, name, color="#56B4E9", opacity=0.10, showlegend=False))
-    if stage.floor is not None:
-        (x0, y0, _), (x1, y1, _) = stage.low, stage.high
-        corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-        ground = Mesh(np.column_stack([corners, np.full(4, stage.floor)]), np.array([[0, 1, 2], [0, 2, 3]]))
-        out.append(_mesh(ground, "floor", color="#F3F1EC", opacity=0.6))
+    if view.floor is not None:
+        (x0, y0, _), (x1, y1, _) = view.low, view.high
+        corners = np.array([[x0, y0, view.floor], [x1, y0, view.floor], [x1, y1, view.floor], [x0, y1, view.floor]])
+        out.append(_mesh(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "floor", color="#F3F1EC", opacity=0.6))
     return out
 
 
-def _marks(stage: CellView) -> list[go.Scatter3d]:
-    """Candidates, path, way without the bar, and the poses by role."""
+def _lines(view: CellView) -> list[go.Scatter3d]:
+    """Candidates, measuring paths, and ways without the bar."""
     out = []
-    if len(stage.cloud):
+    if len(view.cloud):
         look = {"size": 1.4, "color": "#9A9A9A", "opacity": 0.45}
-        out.append(_scatter(stage.cloud, f"candidates ({len(stage.cloud)} shown)", "markers", marker=look))
-    for k, path in enumerate(stage.paths):
-        out.append(_scatter(path, "measuring path", "lines", k == 0, line={"width": 3, "color": "#444444"}))
-    for k, way in enumerate(stage.ways):
-        look = {"width": 3, "color": "#999999", "dash": "dash"}
-        name = "way without the bar" if stage.shells else "way to the start"
-        out.append(_scatter(way, name, "lines", k == 0, line=look))
-    for role, colour in ROLES.items():
-        spots = [s for s in stage.spots if s.role == role]
-        if spots:
-            marker = {"size": 4.5, "color": colour, "symbol": SYMBOLS[role], "line": {"width": 0}}
-            points = np.array([s.position for s in spots])
-            text = [s.label for s in spots]
-            out.append(
-                _scatter(points, f"{role} ({len(spots)})", "markers", marker=marker, hovertext=text, hoverinfo="text")
-            )
+        out.append(_scatter(view.cloud, f"candidates ({len(view.cloud)} shown)", "markers", marker=look))
+    way = "way without the bar" if view.shells else "way to the start"
+    for name, lines, look in (
+        ("measuring path", view.paths, {"width": 3, "color": "#444444"}),
+        (way, view.ways, {"width": 3, "color": "#999999", "dash": "dash"}),
+    ):
+        out += [_scatter(points, name, "lines", k == 0, line=look) for k, points in enumerate(lines)]
     return out
 
 
-def _scatter(points: Array, name: str, mode: str, show: bool = True, **look: object) -> go.Scatter3d:
+def _poses(view: CellView) -> list[go.Scatter3d]:
+    """The measuring poses by role."""
+    out = []
+    for role, colour in ROLES.items():
+        spots = [s for s in view.spots if s.role == role]
+        if spots:
+            look = {"size": 4.5, "color": colour, "symbol": SYMBOLS[role], "line": {"width": 0}}
+            hover: dict[str, Any] = {"hovertext": [s.label for s in spots], "hoverinfo": "text"}
+            points = np.array([s.position for s in spots])
+            out.append(_scatter(points, f"{role} ({len(spots)})", "markers", marker=look, **hover))
+    return out
+
+
+def _scatter(points: Array, name: str, mode: str, show: bool = True, **look: Any) -> go.Scatter3d:
     x, y, z = points.T.astype(np.float32)
     look = {"hoverinfo": "skip"} | look
     return go.Scatter3d(x=x, y=y, z=z, name=name, legendgroup=name, mode=mode, showlegend=show, **look)
@@ -146,45 +131,45 @@ PRINT_LIGHT = np.array([0.35, 0.45, 0.82])
 PRINT_MARKERS = {"calibrate": "o", "repeat": "D", "validate": "s", "mount": "P"}
 
 
-def view_png(stage: CellView) -> bytes:
+def view_png(view: CellView) -> bytes:
     """Return a PNG with the whole cell on the left and the gauge's surroundings on the right."""
     with print_style():
         figure = Figure(figsize=(10.0, 5.2))
-        for k, (low, high) in enumerate(((stage.low, stage.high), (stage.near_low, stage.near_high))):
+        for k, (low, high) in enumerate(((view.low, view.high), (view.near_low, view.near_high))):
             ax = figure.add_axes((0.04 + 0.48 * k, 0.06, 0.46, 0.94), projection="3d", computed_zorder=False)
-            _draw(ax, stage, low, high, near=bool(k))
+            _draw(ax, view, low, high, near=bool(k))
         handles, labels = figure.axes[1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=9)
         return figure_png(figure)
 
 
-def _draw(ax: Axes3D, stage: CellView, low: Array, high: Array, near: bool) -> None:
-    for shell in stage.shells[1::2]:
+def _draw(ax: Axes3D, view: CellView, low: Array, high: Array, near: bool) -> None:
+    for shell in view.shells[1::2]:
         ax.add_collection3d(
             Poly3DCollection(shell.vertices[shell.triangles], facecolor="#56B4E918", edgecolor="none", zorder=1)
         )
-    if near and len(stage.cloud):
-        ax.plot(*stage.cloud.T, ".", color="#9A9A9A", markersize=0.8, alpha=0.6, zorder=2, label="candidates")
+    if near and len(view.cloud):
+        ax.plot(*view.cloud.T, ".", color="#9A9A9A", markersize=0.8, alpha=0.6, zorder=2, label="candidates")
     # what lies outside the box would be drawn over the rest, so the view from near shows the bar alone, or the balls
     bodies = [
-        (m.at(stage.frames.poses[0]), m.mesh.triangles, m.colours)
-        for m in stage.moving
-        if not near or (stage.shells and m.name == "bar")
+        (m.at(view.frames.poses[0]), m.mesh.triangles, m.colours)
+        for m in view.moving
+        if not near or (view.shells and m.name == "bar")
     ]
-    if stage.standing is not None and not (near and stage.shells):
-        bodies.append((stage.standing.vertices, stage.standing.triangles, (STAND,) * len(stage.standing.triangles)))
+    if view.standing is not None and not (near and view.shells):
+        bodies.append((view.standing.vertices, view.standing.triangles, (STAND,) * len(view.standing.triangles)))
     if bodies:
         corners = np.vstack([v[t] for v, t, _ in bodies])
         colours = np.vstack([_shaded(Mesh(v, t), c) for v, t, c in bodies])
         ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=3))
-    for path in stage.paths:
+    for path in view.paths:
         ax.plot(*path.T, "-", color="#444444", linewidth=0.9, zorder=4)
-    for way in stage.ways if not near else ():
+    for way in view.ways if not near else ():
         ax.plot(*way.T, "--", color="#777777", linewidth=0.9, zorder=4)
-    there = [r for r in ROLES if any(s.role == r for s in stage.spots)]
+    there = [r for r in ROLES if any(s.role == r for s in view.spots)]
     for k, role in enumerate(there):  # those that come first lie on top, smaller: several poses may share a place
-        points = np.array([s.position for s in stage.spots if s.role == role])
-        size = (4 if near else 2) + 1.2 * k * (not stage.shells)
+        points = np.array([s.position for s in view.spots if s.role == role])
+        size = (4 if near else 2) + 1.2 * k * (not view.shells)
         ax.plot(*points.T, PRINT_MARKERS[role], color=ROLES[role], markersize=size, label=role, zorder=9 - k)
     for name, a, b in zip("xyz", low, high, strict=True):
         getattr(ax, f"set_{name}lim")(a, b)

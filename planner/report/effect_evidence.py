@@ -76,9 +76,9 @@ class Evidence:
     means: int = MEAN_POINTS
 
 
-def finding_steps(told: CalibrationFacts) -> tuple[FindingStep, ...]:
+def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
     """Return the findings with their stages, in the order in which they came."""
-    c = told.calibration
+    c = facts.calibration
     out = list[tuple[int, FindingStep]]()
     for f in c.findings:
         without = [k for k, s in enumerate(c.stages) if f.name not in s.effects]
@@ -89,7 +89,7 @@ def finding_steps(told: CalibrationFacts) -> tuple[FindingStep, ...]:
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
 
 
-def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
+def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     """Draw out of the residuals what they say of a step's effect.
 
     An effect that moves one transform is drawn as that transform's error, each reading's share of it (its residual
@@ -98,10 +98,10 @@ def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
     What the effect adds is always less what the model before could take up (an added-variable plot; Cook and Weisberg
     1982, section 2.3.2).
     """
-    fit, (which, rows) = told.calibration.fit, told.few_rows
-    context = Context(fit.model.setup, told.calibration.run.samples.take(which))
+    fit, (which, rows) = facts.calibration.fit, facts.few_rows
+    context = Context(fit.model.setup, facts.calibration.run.samples.take(which))
     residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
-    added = _added(told, step)
+    added = _added(facts, step)
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
         residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
@@ -119,9 +119,9 @@ def collect_evidence(told: CalibrationFacts, step: FindingStep) -> Evidence:
     return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means)
 
 
-def _added(told: CalibrationFacts, step: FindingStep) -> Array:
+def _added(facts: CalibrationFacts, step: FindingStep) -> Array:
     """What an effect adds to the readings (m, r) beyond what the parameters of the stage before could take up."""
-    fit, rows = told.calibration.fit, told.few_rows[1]
+    fit, rows = facts.calibration.fit, facts.few_rows[1]
     groups = [p.group for p in fit.model.parameters]
     own = [k for k, p in enumerate(fit.model.parameters) if p.group == step.what and p.name != step.inner]
     known_then = (step.after if step.replaced else step.before).effects
@@ -155,9 +155,9 @@ SHOWN_QUANTILE = 0.98  # part of the points that the panel's height is made for
 SIZES = {"rad": "µrad", "m": "µm"}
 
 
-def stage_chart(told: CalibrationFacts) -> Chart:
+def stage_chart(facts: CalibrationFacts) -> Chart:
     """Error of every stage, fitted and held out."""
-    stages = told.calibration.stages
+    stages = facts.calibration.stages
     names, places = [stage_label(s) for s in stages], np.arange(len(stages), dtype=float)
     held, train = (to_mm(np.array(rms)) for rms in zip(*((s.held_out.rms, s.train.rms) for s in stages), strict=True))
     spread = to_mm(np.array([s.held_out.spread or 0.0 for s in stages]))
@@ -180,9 +180,9 @@ def stage_chart(told: CalibrationFacts) -> Chart:
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
 
 
-def finding_chart(told: CalibrationFacts, step: FindingStep) -> Chart:
+def finding_chart(facts: CalibrationFacts, step: FindingStep) -> Chart:
     """One effect: what the residual says of it before (left) and after (right) it was added."""
-    e = collect_evidence(told, step)
+    e = collect_evidence(facts, step)
     most, fitted = (float(np.quantile(np.abs(v), SHOWN_QUANTILE)) for v in (e.before, e.fitted))
     span = 1e6 * max(most, 1.15 * fitted, 1e-12)
     panels = (_panel(e, e.before, "before", True, span), _panel(e, e.after, "after", False, span))

@@ -38,13 +38,18 @@ def separation_text(separation: Discrimination) -> str:
     )
 
 
-def significant_text(x: float, digits: int = 3) -> str:
+def digits(x: float, count: int = 3) -> str:
     """Write a number with so many significant digits, without an exponent where it can be read without one."""
     if x == 0 or not isfinite(x):
         return f"{x:g}"
     if not 1e-5 <= abs(x) < 1e7:
-        return f"{x:.{digits - 1}e}"
-    return f"{x:.{max(0, digits - 1 - floor(log10(abs(x))))}f}"
+        return f"{x:.{count - 1}e}"
+    return f"{x:.{max(0, count - 1 - floor(log10(abs(x))))}f}"
+
+
+def in_mm(value: float, count: int = 3) -> str:
+    """Write a length [m] in millimetres, without the unit, with so many significant digits."""
+    return digits(float(to_mm(value)), count)
 
 
 def duration_text(t: float) -> str:
@@ -60,7 +65,7 @@ def bound_text(bound: float, maximise: bool) -> str:
     if not isfinite(bound) or bound == 0:
         return f"{bound:g}"
     step = 10.0 ** (floor(log10(abs(bound))) - 3)
-    return significant_text((ceil if maximise else floor)(bound / step) * step, 4)
+    return digits((ceil if maximise else floor)(bound / step) * step, 4)
 
 
 def percent_text(gap: float) -> str:
@@ -79,16 +84,16 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     gap = rule.gap(choice.on_grid_value, bound.value)
     side = "below" if rule.maximise else "above"
     own = (
-        f"The {n} that were chosen among them have {significant_text(choice.on_grid_value, 4)}: at most"
+        f"The {n} that were chosen among them have {digits(choice.on_grid_value, 4)}: at most"
         f" {percent_text(gap)} {side} what is possible."
         if plan.by_index
-        else f"The {n} here were not chosen by it, and have {significant_text(choice.on_grid_value, 4)}."
+        else f"The {n} here were not chosen by it, and have {digits(choice.on_grid_value, 4)}."
     )
     out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
     if choice.value != choice.on_grid_value:
-        out.append(f"After moving them off the grid of candidates: {significant_text(choice.value, 4)}.")
+        out.append(f"After moving them off the grid of candidates: {digits(choice.value, 4)}.")
     driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
-    out.append(f"{driven}: {significant_text(plan.driven, 4)}.")
+    out.append(f"{driven}: {digits(plan.driven, 4)}.")
     out.append(
         "The bound is a proof: its dual solution was checked afresh against every candidate."
         if bound.verified

@@ -8,7 +8,7 @@ from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.results import SENSES, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
 from planner.report.chart import BLUE, GREEN, GREY, JOINTS, ORANGE, RED, Chart, Panel, Series, Span, share_panel
-from planner.report.formatting import significant_text
+from planner.report.formatting import digits
 from planner.report.page import Report
 
 FINEST = 1e-6  # of the prior size: what is known better is drawn there
@@ -68,10 +68,10 @@ def compensated_chart(c: EvaluatedCircle) -> Drawing:
     free = ""
     if c.paper_offset is not None:
         lines.append(Series("with b free", angle, sine(c.paper_offset, curves.theta) / UM, GREY, dashed=True))
-        amplitude, b = (significant_text(v) for v in (c.paper_offset.amplitude * 1e3, c.paper_offset.frequency))
+        amplitude, b = (digits(v) for v in (c.paper_offset.amplitude * 1e3, c.paper_offset.frequency))
         free = f" (b free as in the paper: {amplitude} mm, b = {b})"
     read = float(np.ptp(curves.length, axis=1).max())
-    spread, read_spread, amplitude = (significant_text(v) for v in (c.spread / UM, read / UM, c.offset.amplitude * 1e3))
+    spread, read_spread, amplitude = (digits(v) for v in (c.spread / UM, read / UM, c.offset.amplitude * 1e3))
     caption = (
         f"The loads' curves lie up to {spread} µm apart (as read: {read_spread} µm). The circle's centre is off its "
         f"ball, which shows once a turn with {amplitude} mm{free}."
@@ -95,7 +95,7 @@ def kinematic_chart(c: EvaluatedCircle) -> Drawing:
     caption = "Reading without load and without the offset of the circle's centre: the arm's own error along the bar."
     if c.tracker is not None:
         series.append(Series("tracker", angle, c.tracker.tracker / UM, GREEN, dashed=True))
-        mean, largest = (significant_text(v / UM) for v in (c.tracker.mean, c.tracker.largest))
+        mean, largest = (digits(v / UM) for v in (c.tracker.mean, c.tracker.largest))
         caption += f" The tracker's unloaded circle differs by {mean} µm on average, {largest} µm at most."
     return "kinematic", "Kinematic error", caption, [_panel("", "error along the bar (µm)", series)]
 
@@ -121,7 +121,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
 
 def _shares(title: str, parts: list[tuple[str, float]], colour: str, span: Span) -> Panel:
     share = np.array([max(v, FINEST) for _, v in parts])
-    hover = [f"{n}: {significant_text(v)} of the prior size" for n, v in parts]
+    hover = [f"{n}: {digits(v)} of the prior size" for n, v in parts]
     return share_panel(title, "standard deviation / prior size", [n for n, _ in parts], share, hover, colour, span, 24)
 
 
@@ -150,9 +150,9 @@ def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Rep
     rows = [
         (
             name,
-            "–" if told == NOT_LEARNT else significant_text(v / URAD),
-            significant_text(s / URAD, 2),
-            significant_text(p / URAD),
+            "–" if told == NOT_LEARNT else digits(v / URAD),
+            digits(s / URAD, 2),
+            digits(p / URAD),
             share_text(s / p),
             told,
         )
@@ -175,7 +175,5 @@ def _together(joint: JointFit) -> list[tuple[str, ...]]:
     for e in joint.estimates:
         if e.std is not None:
             unit, factor = units.get(e.unit, (e.unit, 1.0))
-            rows.append(
-                (e.name, unit, significant_text((e.value - e.nominal) * factor), significant_text(e.std * factor, 2))
-            )
+            rows.append((e.name, unit, digits((e.value - e.nominal) * factor), digits(e.std * factor, 2)))
     return rows

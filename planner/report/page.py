@@ -14,7 +14,7 @@ from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
 from planner.report.cell_view_rendering import player_json, view_json, view_png
 from planner.report.chart import Chart
-from planner.report.formatting import count_text, duration_text, significant_text
+from planner.report.formatting import count_text, digits, duration_text
 from planner.report.matplotlib_backend import chart_png
 from planner.report.plotly_backend import chart_json
 
@@ -30,7 +30,7 @@ ENVIRONMENT = jinja2.Environment(
 ENVIRONMENT.filters |= {
     "mm": lambda value, form=".3f": f"{float(to_mm(value)):{form}}",
     "deg": lambda value, form=".3f": f"{float(to_deg(value)):{form}}",
-    "significant": significant_text,
+    "significant": digits,
     "duration": duration_text,
     "count": count_text,
 }

@@ -27,7 +27,7 @@ from planner.report.chart import (
     list_panel,
     share_panel,
 )
-from planner.report.formatting import FILTERS, count_text, duration_text, significant_text
+from planner.report.formatting import FILTERS, count_text, digits, duration_text
 from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
 from planner.session.plan_types import Drive, Plan
 
@@ -87,7 +87,7 @@ def funnel_chart(plan: Plan) -> Chart:
     """What each filter leaves of the sampled states."""
     counts = [float(v) for v in asdict(plan.pool.funnel).values()]
     texts = [count_text(counts[0])]
-    texts += [f"{count_text(v)}   {significant_text(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
+    texts += [f"{count_text(v)}   {digits(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
     names = FILTERS if plan.cell.gauge.is_attached else plan.pool.funnel.names
     span = (1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2))

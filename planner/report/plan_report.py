@@ -10,10 +10,10 @@ from planner.report.formatting import (
     bound_text,
     certificate_text,
     clearance_fact,
+    digits,
     duration_text,
     percent_text,
     separation_text,
-    significant_text,
     verdict_rows,
 )
 from planner.report.page import Report, Row
@@ -75,7 +75,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
         ("poses", str(len(choice.q)), what_for),
         *_foreseen(plan),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
-        (choice.index, significant_text(choice.value, 4), f"{rule.what}, {beyond}"),
+        (choice.index, digits(choice.value, 4), f"{rule.what}, {beyond}"),
         (
             "bound",
             bound_text(bound.value, rule.maximise),
@@ -130,8 +130,8 @@ def _forecast(f: ParameterForecast) -> Row:
     """Name, what it is, unit, prior size, standard deviation, their ratio."""
     p = f.parameter
     unit, to = ("mm", to_mm) if p.unit == "m" else (p.unit.replace("rad", "deg"), to_deg)
-    prior, sigma = (significant_text(float(to(v))) for v in (p.prior, f.sigma))
-    return (p.name, f.what, unit, prior, sigma, significant_text(f.share))
+    prior, sigma = (digits(float(to(v))) for v in (p.prior, f.sigma))
+    return (p.name, f.what, unit, prior, sigma, digits(f.share))
 
 
 def _drive(plan: Plan, k: int) -> dict[str, Any]:

@@ -20,9 +20,8 @@ from planner.design.selection.d_optimal import detmax
 from planner.identification.least_squares import solve
 from planner.identification.pipeline import identify
 from planner.model.model import Model
-from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_text import findings_summary
-from planner.report.formatting import significant_text
+from planner.report.formatting import digits
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.simulation.measurement import simulate
@@ -179,16 +178,10 @@ def test_an_effect_that_nobody_knows_is_refused():
 
 def test_the_report_tells_the_declared_effect_with_its_values():
     found = identified(True)
-    (sentence,) = [
-        s
-        for s in findings_summary(CalibrationFacts(found))
-        if s.startswith("Fitted beside the geometry: joint compliance")
-    ]
+    (sentence,) = [s for s in findings_summary(found) if s.startswith("Fitted beside the geometry: joint compliance")]
     for e in found.estimates:
         if e.group == "joint compliance" and e.identifiable:
-            assert (
-                f"{e.name} {significant_text(1e6 * e.value)} ± {significant_text(1e6 * e.std, 2)} µrad/Nm" in sentence
-            )
+            assert f"{e.name} {digits(1e6 * e.value)} ± {digits(1e6 * e.std, 2)} µrad/Nm" in sentence
 
 
 def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs_from_them():

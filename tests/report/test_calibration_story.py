@@ -132,16 +132,16 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
 
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
     page = calibration_content(told)
-    assert [f.picture for f in page["findings"]] == [s.name for s in finding_steps(told)]
-    for f, step in zip(page["findings"], finding_steps(told), strict=True):
-        assert "Rivals" in f.lines[-1]
-        assert step.finding.note.lower() == f.heading.lower()
+    assert [name for _, name, _ in page["findings"]] == [s.name for s in finding_steps(told)]
+    for (heading, _, lines), step in zip(page["findings"], finding_steps(told), strict=True):
+        assert "Rivals" in lines[-1]
+        assert step.finding.note.lower() == heading.lower()
         picture = finding_chart(told, step)
         assert len(picture.panels) == 2
         assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
     assert page["summary"][0].startswith("Joint ")
-    assert page["limits"].joints == tuple(f"joint {j}" for j in range(1, 7))
-    play = next(row for row in page["limits"].rows if row[0] == "backlash")
+    assert page["joints"] == tuple(f"joint {j}" for j in range(1, 7))
+    play = next(row for row in page["limits"] if row[0] == "backlash")
     assert play[3] == ""  # joint 2 was found
     assert 1 < float(play[4]) < 1000
 

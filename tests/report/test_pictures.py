@@ -7,7 +7,7 @@ from matplotlib.image import imread
 
 from planner.kinematics.bodies import Body, capsule_between
 from planner.report.cell_view import Mesh, body_mesh, carrier_poses, sphere_cap
-from planner.report.formatting import bound_text, duration_text, percent_text, significant_text
+from planner.report.formatting import bound_text, digits, duration_text, percent_text
 from planner.report.plan_data import sample_drive, tour_orders
 from planner.session.plan_types import Plan
 
@@ -102,10 +102,10 @@ def test_a_bound_is_rounded_to_the_side_where_it_holds(maximise: bool) -> None:
 
 def test_numbers_as_a_person_writes_them() -> None:
     assert [
-        significant_text(0.0001234),
-        significant_text(12.345),
-        significant_text(123456.0),
-        significant_text(0.0),
+        digits(0.0001234),
+        digits(12.345),
+        digits(123456.0),
+        digits(0.0),
     ] == ["0.000123", "12.3", "123456", "0"]
     assert [duration_text(7.04), duration_text(719.6), duration_text(3600)] == ["7.0 s", "12 min 00 s", "60 min 00 s"]
     assert [percent_text(0.0581), percent_text(0.05), percent_text(0.0)] == ["5.9 %", "5.0 %", "0.0 %"]

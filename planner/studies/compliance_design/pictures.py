@@ -4,7 +4,7 @@ import numpy as np
 
 from planner.common.units import Array, to_mm
 from planner.report.chart import GREY, JOINTS, RED, SKY, Chart, Panel, ReferenceLine, Series
-from planner.report.formatting import significant_text
+from planner.report.formatting import digits
 from planner.studies.compliance_design.common_fit import CommonFit
 from planner.studies.compliance_design.place_selection import CirclePlaceChoice
 
@@ -60,7 +60,7 @@ def draw_centres(found: CirclePlaceChoice, count: int) -> Chart:
 
 
 def _centre_points(at: Array, colour: str, size: float, name: str, texts: tuple[str, ...] = ()) -> Series:
-    hover = tuple(f"{name} at {significant_text(x, 4)}, {significant_text(z, 4)} mm" for x, z in at.tolist())
+    hover = tuple(f"{name} at {digits(x, 4)}, {digits(z, 4)} mm" for x, z in at.tolist())
     return Series(name, at[:, 0], at[:, 1], colour, "points", hover=hover, texts=texts, size=size)
 
 
@@ -71,7 +71,7 @@ def draw_common_fit(known: CommonFit) -> Chart:
     series = []
     for (text, colour, size), part in zip(looks, known.parts.values(), strict=True):
         told = zip(known.names, part.tolist(), strict=True)
-        hover = tuple(f"{n}: {significant_text(v)} of its prior size" for n, v in told)
+        hover = tuple(f"{n}: {digits(v)} of its prior size" for n, v in told)
         series.append(Series(text, part, place, colour, "points", size=size, hover=hover))
     prior, reach = ReferenceLine(1.0, "prior size", upright=True), (_decade(known.both), 2.0)
     height = 22 * len(known.names) + 30
