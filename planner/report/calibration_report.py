@@ -114,7 +114,7 @@ def _most_moved(facts: CalibrationFacts) -> list[Row]:
     by_name = {e.name: e for e in c.estimates}
     shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True)]
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
-    rows = []
+    rows = list[Row]()
     for e, moves in robot[:MOST_MOVED]:
         change = f"{_fixed(e, e.value - e.nominal, '+')} ± {_fixed(e, e.std)}"
         rows.append((e.name, e.what, change, estimate_unit(e)[0], in_mm(moves, 2)))
