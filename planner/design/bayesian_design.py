@@ -45,7 +45,7 @@ class BayesianPosterior:
     square: float
 
     @classmethod
-    def before(cls, white: Array, weight: Array) -> "BayesianPosterior":
+    def prior(cls, white: Array, weight: Array) -> "BayesianPosterior":
         """Return what the priors say."""
         shown = np.einsum("ij,ij->i", white @ weight, white)
         spread = np.einsum("ij,ij->i", white, white)
@@ -201,7 +201,7 @@ class BayesianDesign:
         """Return the expected error [m] after readings at other poses q (n, N) [rad] on the fixtures (n,)."""
         white = self.unknown.white(q, fixture)
         covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
-        return float(np.sqrt((self.unknown.scaled * covariance).sum()))
+        return float(np.sqrt((self.unknown.weight_per_prior * covariance).sum()))
 
 
 @on_one_thread
@@ -219,13 +219,13 @@ def select_bayesian_poses(
             "budget or the clearance, or raise plan.candidates"
         )
     unknown = undeclared_errors(cell, pool.q, pool.fixture)
-    white, weight = unknown.white(pool.q, pool.fixture), unknown.scaled
+    white, weight = unknown.white(pool.q, pool.fixture), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
-    begun = BayesianPosterior.before(white * _start_factors(unknown), weight)
+    begun = BayesianPosterior.prior(white * _start_factors(unknown), weight)
     chosen = select_greedily(begun, min(poses or MOST, len(pool)), target, progress)
     short = np.union1d(chosen, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     at = np.searchsorted(short, chosen)
-    known = BayesianPosterior.before(white[short], weight).with_readings(at)
+    known = BayesianPosterior.prior(white[short], weight).with_readings(at)
     chosen = short[exchange_singly(known, at, PASSES, known.order)]
     after = errors_after(white[chosen], weight)
     return BayesianDesign(unknown, chosen, after, bound_tool_error(white, weight, chosen), float(after[-1]))
@@ -273,7 +273,7 @@ def _is_flat(squares: list[float]) -> bool:
 
 def errors_after(white: Array, weight: Array) -> Array:
     """Return the error of the tool [m] after the first 1 … n readings of ``white`` (n, P), (n,)."""
-    known = BayesianPosterior.before(white, weight)
+    known = BayesianPosterior.prior(white, weight)
     out = np.empty(len(white))
     for k in range(len(white)):
         known.change(k)

@@ -68,9 +68,9 @@ class PoseChoice:
         """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
         grid = index_value(self.index, self.model.jacobian(pool.q[chosen], self.fixture))
         ball = None if pool.ball is None else pool.ball[chosen]
-        return replace(self.moved(q), chosen=chosen, on_grid_value=grid, ball=ball)
+        return replace(self.with_angles(q), chosen=chosen, on_grid_value=grid, ball=ball)
 
-    def moved(self, q: Array) -> "PoseChoice":
+    def with_angles(self, q: Array) -> "PoseChoice":
         """Return the choice with its poses moved off the grid to q (n, N) [rad], the indices computed anew."""
         rows = self.model.jacobian(q, self.fixture)
         value = index_value(self.index, rows)
@@ -157,7 +157,7 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
             ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
         return ok
 
-    return choice.moved(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed).q)
+    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed).q)
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:

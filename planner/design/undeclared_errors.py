@@ -37,7 +37,7 @@ class UndeclaredErrors:
     untraced: float
 
     @property
-    def scaled(self) -> Array:
+    def weight_per_prior(self) -> Array:
         """The weight for errors in prior sizes, (P, P) [m²]."""
         return np.asarray(self.weight * np.outer(self.prior, self.prior))
 

@@ -57,7 +57,7 @@ class Samples:
         return len(self.q)
 
     @classmethod
-    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
+    def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":
         """Return the samples of all, one after the other, in the columns that all of them have."""
         columns = {f.name: [getattr(p, f.name) for p in parts] for f in fields(cls)}
         return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})

@@ -75,7 +75,7 @@ def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: t
     """Return how surely the plan tells findings from rivals, as it is driven."""
     parts = [_samples_in_passing(cell, d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
-    return parted.as_driven(tuple(Samples.joined([p[k] for p in parts]) for k in range(ways)))
+    return parted.as_driven(tuple(Samples.concatenate([p[k] for p in parts]) for k in range(ways)))
 
 
 def discrimination_notes(

@@ -22,7 +22,7 @@ GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers o
 WIDTH = 800  # candidates that the last descents look at
 STEPS = 150  # of annealing, for the index that was asked for; the others descend only
 TOLERANCE = 0.02  # relative: a curve is read by eye, its bound is a proof whatever the tolerance
-CurveProgress = Callable[[str, int, int], None]
+StudyProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class BoundedCurve:
 
 
 def compute_index_curves(
-    rows: Array, prior: Array, asked: str, seed: int, say: CurveProgress
+    rows: Array, prior: Array, asked: str, seed: int, say: StudyProgress
 ) -> tuple[BoundedCurve, ...]:
     """Return the curves of O1 … O5, first raw, then unit-free.
 
@@ -88,37 +88,26 @@ def find_curve(curves: tuple[BoundedCurve, ...], index: str, scaled: bool) -> Bo
 
 def _any_size_certificates(rows: Array, seed: int) -> dict[str, tuple[Certificate, ...]]:
     """Proofs for designs of any size: of a single unit of weight for the indices that grow with every pose."""
-    proofs = {
-        index: certify_bound(rows, index, poses, TOLERANCE, seed)
-        for index, poses in (("O1", None), ("O2", None), ("O3", 1), ("O5", 1))
-    }
-    pairs = {index: (proof,) for index, proof in proofs.items()} | {"O4": (proofs["O3"], proofs["O2"])}
-    return {index: pairs[index] for index in INDEX_RULES}
+    sizes = {"O1": None, "O2": None, "O3": 1, "O5": 1}
+    proofs = {index: certify_bound(rows, index, poses, TOLERANCE, seed) for index, poses in sizes.items()}
+    return {index: (proofs["O3"], proofs["O2"]) if index == "O4" else (proofs[index],) for index in INDEX_RULES}
 
 
 def _compute_curve(
     rows: Array, index: str, scaled: bool, sizes: np.ndarray, proofs: tuple[Certificate, ...], seed: int, steps: int
 ) -> BoundedCurve:
-    values = [exchange_poses(rows, int(n), index, 1, seed, proofs[-1], steps, WIDTH).value for n in sizes]
-    bounds = [index_limit(index, proofs, int(n)) for n in sizes]
-    bend = int(find_knee(sizes, np.array(values), index))
-    return BoundedCurve(index, scaled, sizes, read_only(values), read_only(bounds), bend)
-
-
-def index_limit(index: str, proofs: tuple[Certificate, ...], poses: int) -> float:
-    """Return what no set of ``poses`` candidates beats.
+    """The values reached, and what no set of as many candidates beats.
 
     O1 and O2 do not depend on the number; n poses carry at most n times the information of the best unit of
     weight, so that O3 and O5, which go with the root of it, grow at most with √n; O4 = O3 / O2.
     """
-    if index in ("O1", "O2"):
-        return proofs[0].value
-    grown = proofs[0].value * float(np.sqrt(poses))
-    return grown / proofs[1].value if index == "O4" else grown
+    values = np.array([exchange_poses(rows, int(n), index, 1, seed, proofs[-1], steps, WIDTH).value for n in sizes])
+    bounds = proofs[0].value * (np.ones(len(sizes)) if index in ("O1", "O2") else np.sqrt(sizes))
+    bounds = bounds / proofs[1].value if index == "O4" else bounds
+    return BoundedCurve(index, scaled, sizes, read_only(values), read_only(bounds), find_knee(sizes, values, index))
 
 
 CANDIDATES = 5000  # enough for every finding of the study; the plan itself looks among more
-BasisProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -169,7 +158,7 @@ class StudyBasis:
         return rms_sensitivity(change), abs(change).max(axis=(0, 1))
 
 
-def compute_basis(cell: Cell, index: str, seed: int, say: BasisProgress) -> StudyBasis:
+def compute_basis(cell: Cell, index: str, seed: int, say: StudyProgress) -> StudyBasis:
     """Draw candidates, find what they see, and choose as many poses as the cell asks for or the curve suggests.
 
     Raises:

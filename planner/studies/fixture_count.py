@@ -97,7 +97,7 @@ class CombinedReadings:
         order, count = range(len(self.names)), self.sources * CANDIDATES
         return find_identifiable(self.rows, self.names, self.prior, order, self.noise, count)
 
-    def shown(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
+    def newly_seen(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
         """Those of the parameters that were not seen otherwise which are seen by these."""
         return tuple(d.name for d in unseen if d.name in self.seen.names)
 
@@ -171,7 +171,7 @@ def _make_step(
         parameters=len(readings.names),
         seen=seen.rank,
         robot_seen=len(_robot_names(seen.names)),
-        becomes=readings.shown(before),
+        becomes=readings.newly_seen(before),
         dropped=seen.dropped,
         value=_robot_index(map_, readings),
     )
@@ -216,7 +216,7 @@ def _find_remedies(
     both = np.concatenate([measured.rows, _second_tool_rows(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
     out.append((says, replace(measured, rows=both, sources=len(places) + 1)))
-    return tuple(UnseenRemedy(says, readings.shown(unseen), readings.seen.dropped) for says, readings in out)
+    return tuple(UnseenRemedy(says, readings.newly_seen(unseen), readings.seen.dropped) for says, readings in out)
 
 
 def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:

@@ -1,6 +1,5 @@
 """The index over a grid of fixture places: level with the fixture, and in the upright plane through it and axis 1."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,6 +13,7 @@ from planner.design.observability.identifiability import STRUCTURAL, find_identi
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
+from planner.studies.basis import StudyProgress
 from planner.studies.fixture_reach import FixtureReach, Status, move_fixture, reach_poses
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
@@ -21,7 +21,6 @@ ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up
 ENOUGH = 3  # candidates a parameter below which a place is not judged
 THINNED = 200  # candidates from which pruning takes one away at a time; before, a twelfth at once
 Plane = Literal["level", "upright", "present"]
-ReportProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ def map_fixture_places(
     index: str,
     poses: int,
     seed: int,
-    say: ReportProgress,
+    say: StudyProgress,
     across: int = ACROSS,
     up: int = UP,
 ) -> FixtureMap:

@@ -38,7 +38,7 @@ def left(white, weight, which):
 @pytest.mark.parametrize("seed", range(5))
 def test_what_is_known_is_kept_up_to_date(seed):
     white, weight = drawn(seed)
-    known = BayesianPosterior.before(white, weight)
+    known = BayesianPosterior.prior(white, weight)
     for k in (3, 7, 1, 9):
         gain = known.gains()[k]
         before = known.square
@@ -56,7 +56,7 @@ def test_what_is_known_is_kept_up_to_date(seed):
 def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
     white, weight = drawn(seed)
     best = min(left(white, weight, which) for which in combinations(range(len(white)), 4))
-    known = BayesianPosterior.before(white, weight)
+    known = BayesianPosterior.prior(white, weight)
     chosen = exchange_singly(known, select_greedily(known, 4, 0.0), PASSES, known.order)
     assert len(set(chosen)) == 4
     found = left(white, weight, chosen)
@@ -97,11 +97,11 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
 def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     white, weight = drawn(5, n=60)
     whole = np.sqrt(np.trace(weight))
-    few = select_greedily(BayesianPosterior.before(white, weight), 60, 0.3 * whole)
+    few = select_greedily(BayesianPosterior.prior(white, weight), 60, 0.3 * whole)
     after = errors_after(white[few], weight)
     assert after[-1] <= 0.3 * whole < after[-2]
     many = np.tile(white, (10, 1)) * 1e-6  # readings that say nothing
-    assert len(select_greedily(BayesianPosterior.before(many, weight), 600, 0.3 * whole)) == FEWEST
+    assert len(select_greedily(BayesianPosterior.prior(many, weight), 600, 0.3 * whole)) == FEWEST
 
 
 def test_more_poses_than_candidates_are_refused(kuka):

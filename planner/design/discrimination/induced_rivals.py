@@ -47,7 +47,7 @@ class CatalogueColumns:
             groups.append((which, columns.reshape(len(columns), len(which), k).transpose(1, 0, 2)))
         return cls(items, tuple(groups))
 
-    def explained(self, basis: Array, signal: Array) -> Array:
+    def explained_squares(self, basis: Array, signal: Array) -> Array:
         """Square of what each item explains of a signal (m,), both off an orthonormal basis (m, p) of the model."""
         out = np.zeros(len(self.items))
         for which, columns in self.groups:
@@ -77,7 +77,7 @@ def add_induced_rivals(
         basis = orthonormal_span(rows[:, q.base])
         signal = project_out(rows[:, q.shows] @ q.values, basis)
         whole = float(signal @ signal)
-        left = whole - dictionary.explained(basis, signal)
+        left = whole - dictionary.explained_squares(basis, signal)
         with_it = {n for p in asked.pairs if truth in (p.finding, p.rival) for n in (p.finding, p.rival)}
         known, new = {n.split(" (")[0] for n in with_it}, set[str]()
         for k in np.argsort(left, kind="stable"):

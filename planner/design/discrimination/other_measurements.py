@@ -60,25 +60,25 @@ class OtherMeasurements:
     seed: int
 
     @cached_property
-    def tried(self) -> tuple[OtherMeasurement, ...]:
+    def measurements(self) -> tuple[OtherMeasurement, ...]:
         """All of them."""
         return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed))
 
     def help(self, asked: QuestionSet, pair: RivalPair) -> tuple[str, ...]:
         """Those that would tell a pair apart, in words."""
-        return tuple(way.words for way in self.tried if way.tells(asked, pair, self.n))
+        return tuple(way.words for way in self.measurements if way.tells(asked, pair, self.n))
 
 
 def propose_measurements(
     cell: Cell, sight: PredictedReadings, scale: float, poses: int, seed: int
 ) -> Iterator[OtherMeasurement]:
     """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
-    few = sight.thinned()
+    few = sight.thin()
     kilograms = cell.robot.payload or PAYLOAD
     words = f"another payload (say {kilograms:g} kg) at half of the poses, payload_kg in the run"
-    yield OtherMeasurement(words, few.repeated(payload=(0.0, kilograms)))
+    yield OtherMeasurement(words, few.repeat(payload=(0.0, kilograms)))
     if few.samples[0].speed is not None:
-        yield OtherMeasurement("half of the poses at another speed", few.repeated(speed=(1.0, 0.5)))
+        yield OtherMeasurement("half of the poses at another speed", few.repeat(speed=(1.0, 0.5)))
         if not cell.motion.both_ways:
             back = tuple(replace(s, speed=-np.asarray(s.speed)) for s in few.samples)
             yield OtherMeasurement(
@@ -105,7 +105,7 @@ def _second_fixture(
         setup = few.model.setup
         model = replace(few.model, setup=_add_place(setup, fixture.p_BX))
         there = tuple(replace(s, place=np.full(len(s), len(setup.p_BX))) for s in samples)
-        both = tuple(Samples.joined((a, b)) for a, b in zip(few.samples, there, strict=True))
+        both = tuple(Samples.concatenate((a, b)) for a, b in zip(few.samples, there, strict=True))
         placed = gauge_parameters(model.setup, frozenset({"fixture"}))
         more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
         place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))

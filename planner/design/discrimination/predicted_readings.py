@@ -42,14 +42,14 @@ class PredictedReadings:
         """Take the noise of the model's gauge times ``scale``."""
         return cls(model, samples, np.asarray(scale * model.reading_noise(samples[0]).std))
 
-    def repeated(self, **change: tuple[float, float]) -> "PredictedReadings":
+    def repeat(self, **change: tuple[float, float]) -> "PredictedReadings":
         """Return all visits twice, see :func:`repeat_visits`."""
         twice = tuple(repeat_visits(s, **change) for s in self.samples)
         return replace(self, samples=twice, sigma=np.tile(self.sigma, 2))
 
     def entries(self) -> dict[str, Effect]:
         """Every effect that these samples can show, by name."""
-        return {e.name: e for e in catalogue(self.model.setup, Samples.joined(self.samples))}
+        return {e.name: e for e in catalogue(self.model.setup, Samples.concatenate(self.samples))}
 
     def rows(self, parameters: Sequence[Parameter]) -> Array:
         """Whitened rows of every candidate, (n, r, P), per unit of the parameters; r numbers over all visits."""
@@ -57,7 +57,7 @@ class PredictedReadings:
         whole = np.concatenate([model.rows(s) for s in self.samples], axis=1)
         return np.asarray(whole / self.sigma[:, None, None])
 
-    def thinned(self) -> "PredictedReadings":
+    def thin(self) -> "PredictedReadings":
         """Return a few of the candidates, evenly over all."""
         return self.at(even_positions(len(self.sigma), INNER_SEARCH_CANDIDATES))
 

@@ -83,7 +83,7 @@ def pose_questions(
     sight: PredictedReadings, entries: Mapping[str, Effect], identified: IdentificationResult
 ) -> QuestionSet:
     """Return the questions for an identification's findings and their rivals."""
-    few = sight.thinned()
+    few = sight.thin()
     asked = QuestionSet(sight.model.parameters, np.arange(len(sight.model.parameters)))
     known = [(f, entries[f.name]) for f in identified.found if f.name in entries]
     places = []

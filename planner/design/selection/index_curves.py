@@ -39,7 +39,7 @@ class IndexCurve:
         """The number of poses where the curve bends (see :func:`find_knee`)."""
         return find_knee(self.sizes, self.values, self.index)
 
-    def joined(self, other: "IndexCurve") -> "IndexCurve":
+    def merge(self, other: "IndexCurve") -> "IndexCurve":
         """Return the curve over the sizes of both."""
         order = np.argsort(np.concatenate([self.sizes, other.sizes]))
         sets = (*self.selections, *other.selections)
@@ -140,7 +140,7 @@ class BackgroundCurve:
             raise RuntimeError(f"the worker for the index curve failed: {words.decode(errors='replace')[-2000:]}")
         curve = pickle.loads(answer)
         assert isinstance(curve, IndexCurve)
-        return curve if mine is None else curve.joined(mine)
+        return curve if mine is None else curve.merge(mine)
 
     def __enter__(self) -> Self:
         """Return the running task."""

@@ -98,10 +98,10 @@ class _IndexSearch:
 
     def run(self, turn: int) -> tuple[Positions, float]:
         """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
-        chosen = np.arange(self.n) if self.n == len(self.rows) else self._searched(turn)
+        chosen = np.arange(self.n) if self.n == len(self.rows) else self._search_from(turn)
         return chosen, index_of_rows(self.index, self.rows[chosen])
 
-    def _searched(self, turn: int) -> Positions:
+    def _search_from(self, turn: int) -> Positions:
         rows, n, index = self.rows, self.n, self.index
         order, near = price_core(rows, self.certificate, n)
         support = order_by_weight(self.certificate.support, self.certificate.weights, self.seed, turn)[:n]
