@@ -141,14 +141,16 @@ def test_shortening_keeps_the_ends_and_the_proof() -> None:
 SCRIPT = """
 import hashlib
 import numpy as np
-from planner.motion.path import Constraints, Gaps, join
+from planner.motion.path.connection import connect_poses
+from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import Roadmap
+from planner.motion.path.verdict import PathGaps
 from tests.path.poses import cell_and_world, valid_poses
 cell, world = cell_and_world()
 q = valid_poses(250)
 constraints = Constraints(cell, scene=world.scene)
-found = join(constraints, q[:8], [*range(8), 0], seed=3, pool=q[8:])
-text = repr(found) if isinstance(found, Gaps) else ""
+found = connect_poses(constraints, q[:8], [*range(8), 0], seed=3, pool=q[8:])
+text = repr(found) if isinstance(found, PathGaps) else ""
 states = b"" if text else found.q.tobytes()
 roadmap = Roadmap.grow(constraints, q[:2], q[8:], 1)
 roadmap._rrt(q[0], q[1])
@@ -176,7 +178,7 @@ def test_an_error_inside_a_callback_leaves_ompl_silent() -> None:
     code = (
         "import numpy as np\n"
         "from types import SimpleNamespace\n"
-        "from planner.path.ompl_search import rrt_connect\n"
+        "from planner.motion.path.ompl_search import rrt_connect\n"
         "def broken(q):\n    raise ZeroDivisionError\n"
         "stub = SimpleNamespace(cell=SimpleNamespace(robot=SimpleNamespace(speed=np.ones(2))), valid=broken)\n"
         "try:\n    rrt_connect(stub, np.zeros(2), np.ones(2), np.zeros(2), np.ones(2), 9, 1)\n"
