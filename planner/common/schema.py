@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, get_args
 
@@ -158,13 +158,7 @@ def read_toml(path: Path, model: type[SchemaModel]) -> SchemaModel:
     Raises:
         InputError: the file is missing, is no TOML, or a key is unknown, missing or out of range.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
-        raise InputError(f"{path}: is not valid TOML: {err}") from err
-    return validate(data, model, str(path))
+    return validate(_parse(path, "TOML", tomllib.loads), model, str(path))
 
 
 def read_json(path: Path) -> object:
@@ -173,12 +167,16 @@ def read_json(path: Path) -> object:
     Raises:
         InputError: the file is missing or is no JSON.
     """
+    return _parse(path, "JSON", json.loads)
+
+
+def _parse(path: Path, language: str, parse: Callable[[str], object]) -> object:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse(path.read_text(encoding="utf-8"))
     except OSError as err:
         raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
     except ValueError as err:
-        raise InputError(f"{path}: is not valid JSON: {err}") from err
+        raise InputError(f"{path}: is not valid {language}: {err}") from err
 
 
 def validate(data: object, model: type[SchemaModel], where: str) -> SchemaModel:

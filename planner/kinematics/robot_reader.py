@@ -21,7 +21,7 @@ from planner.kinematics.calibration_tables import (
 )
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
 from planner.kinematics.robot import LinkMass, Priors, Robot
-from planner.kinematics.urdf import UrdfChain, read_urdf
+from planner.kinematics.urdf import UrdfChain, UrdfJoint, read_urdf
 
 SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
 
@@ -56,6 +56,25 @@ class JointTable(StrictModel):
             raise ValueError("these look like radians; limits are in degrees")
         return value
 
+    @classmethod
+    def from_urdf(cls, joint: UrdfJoint) -> "JointTable":
+        """Return what a URDF says of a joint; the acceleration and jerk that it leaves unsaid are estimated."""
+        lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
+        return cls(
+            sense=joint.sense,  # type: ignore[arg-type]
+            limit_deg=(lower, upper),
+            speed_deg_s=speed,
+            acceleration_deg_s2=speed / SPEED_TIME,
+            jerk_deg_s3=speed / SPEED_TIME**2,
+        )
+
+    @property
+    def mass(self) -> LinkMass | None:
+        """Mass and centre of mass of the link, where they are given."""
+        if self.mass_kg is None:
+            return None
+        return LinkMass(self.mass_kg, read_only(from_mm(self.com_mm or (0, 0, 0))))
+
 
 class FlangeTable(StrictModel):
     """The fixed transform after the last row."""
@@ -70,6 +89,10 @@ class PriorsTable(StrictModel):
     length_mm: PositiveFloat = 1.0
     angle_deg: PositiveFloat = 0.0573
     compliance_urad_Nm: PositiveFloat = 2.0
+
+    def priors(self) -> Priors:
+        """Return them in SI units."""
+        return Priors(self.length_mm * MM, float(from_deg(self.angle_deg)), self.compliance_urad_Nm * 1e-6)
 
 
 class RobotDescription(StrictModel):
@@ -179,22 +202,8 @@ def _from_urdf(file: RobotDescription, path: Path) -> Robot:
         still = [i for i, j in enumerate(chain.joints, 1) if j.speed <= 0]
         if still:
             raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
-        file = file.model_copy(update={"joints": _joints_from_urdf(chain)})
+        file = file.model_copy(update={"joints": tuple(JointTable.from_urdf(j) for j in chain.joints)})
     return _build_robot(file, path, chain.transforms, chain.link_end, chain)
-
-
-def _joints_from_urdf(chain: UrdfChain) -> tuple[JointTable, ...]:
-    deg = np.rad2deg
-    return tuple(
-        JointTable(
-            sense=j.sense,  # type: ignore[arg-type]
-            limit_deg=(float(deg(j.lower)), float(deg(j.upper))),
-            speed_deg_s=float(deg(j.speed)),
-            acceleration_deg_s2=float(deg(j.speed)) / SPEED_TIME,
-            jerk_deg_s3=float(deg(j.speed)) / SPEED_TIME**2,
-        )
-        for j in chain.joints
-    )
 
 
 def _check_count(path: Path, n: int) -> None:
@@ -215,9 +224,7 @@ def _build_robot(
     sense = np.array([float(j.sense) for j in joints])
     A = sense[:, None] * (np.eye(len(joints)) + couple)
     zero = from_deg([j.zero_deg for j in joints])
-    masses = tuple(
-        None if j.mass_kg is None else LinkMass(j.mass_kg, read_only(from_mm(j.com_mm or (0, 0, 0)))) for j in joints
-    )
+    masses = tuple(j.mass for j in joints)
     shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
     sources = dict(file.sources)
     if urdf is not None:
@@ -242,9 +249,7 @@ def _build_robot(
         acceleration=_limit_or_infinity(j.acceleration_deg_s2 for j in joints),
         jerk=_limit_or_infinity(j.jerk_deg_s3 for j in joints),
         repeatability=file.repeatability_mm * MM,
-        priors=Priors(
-            file.priors.length_mm * MM, float(from_deg(file.priors.angle_deg)), file.priors.compliance_urad_Nm * 1e-6
-        ),
+        priors=file.priors.priors(),
         payload=file.payload_kg,
         masses=masses,
         bodies=shapes,

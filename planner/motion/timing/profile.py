@@ -1,7 +1,7 @@
 """Which speeds to hold along the path: stretches with their bounds, and the quickest chain of jerk-limited moves
 over them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -140,7 +140,7 @@ class Steps:
 
     def between(self, v0: Array, v1: Array) -> "Steps":
         """Return the same moves with these speeds at their ends."""
-        return Steps(self.first, self.last, self.length, self.speed, self.acceleration, self.jerk, v0, v1)
+        return replace(self, v0=v0, v1=v1)
 
     def time(self) -> Array:
         """Return the shortest times (n,) [s]; inf where a move cannot be made."""

@@ -112,7 +112,7 @@ def solve_tour(
     cost = check_costs(cost_s)
     _check_request(len(cost), start, end, forbidden, method)
     request = _TourRequest(cost, start, end, frozenset(forbidden), method, seed, nodes)
-    return request.few() if len(cost) <= _FEW else request.many()
+    return request.by_dynamic_programming() if len(cost) <= _FEW else request.by_search()
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class _TourRequest:
         """Whether the tour ends where it starts."""
         return self.start is not None and self.start == self.end
 
-    def few(self) -> Tour:
+    def by_dynamic_programming(self) -> Tour:
         """Solve by dynamic programming, on the costs as they are."""
         notes: tuple[str, ...] = ()
         if self.method == "concorde":
@@ -143,10 +143,10 @@ class _TourRequest:
             cost[a, b] = cost[b, a] = np.inf
         order, total = shortest_order(cost, self.start, self.end)
         if not np.isfinite(total):
-            raise self._stuck(proven=True)
+            raise self._no_order_error(proven=True)
         return self._tour(order, total, True, "dynamic-programming", notes)
 
-    def many(self) -> Tour:
+    def by_search(self) -> Tour:
         """Solve by Concorde where wanted and possible, else by the embedded solver."""
         instance = build_instance(self.cost_s, self.start, self.end, self.forbidden)
         search = initial_search(instance, self.seed)
@@ -163,7 +163,7 @@ class _TourRequest:
         found = solve_embedded(instance, search, self.nodes)
         length = instance.length(found.tour)
         if length >= instance.penalty:
-            raise self._stuck(proven=found.bound >= instance.penalty)
+            raise self._no_order_error(proven=found.bound >= instance.penalty)
         optimal = found.bound >= length
         if not optimal:
             proof = f"after {found.nodes} nodes of branch and cut" if found.nodes else "at the root of branch and cut"
@@ -185,11 +185,11 @@ class _TourRequest:
         order = _canonical_direction(order, self.start, self.end)
         nodes = np.array(order, dtype=np.int64)
         nodes.setflags(write=False)
-        cost = self._driven(nodes)
+        cost = self._cost_of_order(nodes)
         return Tour(
             order=nodes,
             closed=self.closed,
-            unsorted_s=self._driven(self._as_given()),
+            unsorted_s=self._cost_of_order(self._given_order()),
             cost_s=cost,
             lower_bound_s=min(bound_s, cost),
             optimal=optimal,
@@ -197,17 +197,17 @@ class _TourRequest:
             notes=notes,
         )
 
-    def _driven(self, order: IntArray) -> float:
+    def _cost_of_order(self, order: IntArray) -> float:
         legs = self.cost_s[order[:-1], order[1:]].sum()
         return float(legs + (self.cost_s[order[-1], order[0]] if self.closed else 0.0))
 
-    def _as_given(self) -> IntArray:
+    def _given_order(self) -> IntArray:
         inner = [node for node in range(len(self.cost_s)) if node not in (self.start, self.end)]
         first = [] if self.start is None else [self.start]
         last = [] if self.end is None or self.closed else [self.end]
         return np.array(first + inner + last, dtype=np.int64)
 
-    def _stuck(self, *, proven: bool) -> NoSolutionError:
+    def _no_order_error(self, *, proven: bool) -> NoSolutionError:
         verdict = "exists" if proven else "was found"
         return NoSolutionError(
             f"no order of the {len(self.cost_s)} poses {verdict} that avoids the {len(self.forbidden)} forbidden legs; "
