@@ -20,8 +20,17 @@ from planner.identification.problem import FitProblem
 from planner.identification.residual_alternatives import joint_columns, other_columns
 
 VISIBLE_SHARE = 1e-3  # part of a column that must be left beyond the model for it to count
-HUBER_BOUND = 2.5  # standard deviations
-MOST_ABSORBED = 0.8  # part of the slow noise that may be taken out before its memory is no longer known
+HUBER_BOUND = 2.5  # robust standard deviations at which outliers are clipped
+MOST_ABSORBED = 0.8  # part of the slow noise that may be projected out before its autocorrelation is no longer known
+SIGNIFICANCE = 0.01  # chance that any test of a clean residual calls
+MAX_DETAIL = 3  # harmonics of an angle, powers of a length or a time
+TESTED_SAMPLES = 8_000  # samples that the tests look at
+FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
+DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
+LAGS = 5  # of the order of measuring
+MEASURING_ORDER = "order of measuring"
+TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
+NO_DIAGNOSIS = ResidualDiagnosis((), (), 0.0, TOO_FEW)
 
 
 @dataclass(frozen=True)
@@ -59,9 +68,8 @@ class ProjectedResidual:
         """Sum of squares."""
         return float(self.white @ self.white)
 
-    @property
-    def tame(self) -> "ProjectedResidual":
-        """The same with numbers beyond ``FAR`` robust standard deviations brought there, the model taken out anew."""
+    def clip_outliers(self) -> "ProjectedResidual":
+        """Clip numbers beyond ``HUBER_BOUND`` robust standard deviations, and project the model out anew."""
         far = HUBER_BOUND * float(np.median(np.abs(self.white))) / MEDIAN_RMS[1]
         white = np.clip(self.white, -far, far)
         return replace(self, white=white - self.basis @ (self.basis.T @ white))
@@ -75,7 +83,7 @@ class ProjectedResidual:
 
 
 def orthonormal_basis(tall: Array) -> Array:
-    """Orthonormal basis (m, rank) of columns (m, k) of about unit length, those shorter than ``SHOWN`` left out."""
+    """Orthonormal basis (m, rank) of columns (m, k) of unit length, without those shorter than ``VISIBLE_SHARE``."""
     size, axes = np.linalg.eigh(tall.T @ tall)
     shown = size > VISIBLE_SHARE**2
     return np.asarray(tall @ (axes[:, shown] / np.sqrt(size[shown])))
@@ -102,54 +110,47 @@ def group_sums(rows: Array, group: np.ndarray) -> Array:
 
 @dataclass(frozen=True)
 class NoiseCorrelation:
-    """How long noise stays what it is: so many samples are worth one, known with so many degrees of freedom."""
+    """Autocorrelation of the noise: so many samples count as one, known with so many degrees of freedom."""
 
     time: float = 1.0
     dof: float = np.inf
 
 
-def noise_correlation(rest: ProjectedResidual, taken: Array) -> NoiseCorrelation:
-    """Find the memory of what the columns ``taken`` (m, k), orthonormal and beyond the model, do not explain.
+def noise_correlation(rest: ProjectedResidual, explained: Array) -> NoiseCorrelation:
+    """Estimate the autocorrelation of what the columns ``explained`` (m, k), orthonormal, beyond the model, leave.
 
-    Model and alternatives change slowly along the drive: with them a part of the slow noise is taken out, from which
-    the time is read. Over the window of that reading (Sokal's, 5 times either way) it is trace(BᵀTB)/n, B the basis of
-    all that was taken out, T one within the window. The time scatters as a sum of 10·time correlations does.
+    Model and alternatives change slowly along the drive: with them a part of the slow noise is projected out, from
+    which the time is read. Over the window of that reading (Sokal's, 5 times either way) it is trace(BᵀTB)/n, B the
+    basis of all that was projected out, T one within the window. The time scatters as a sum of 10·time correlations.
     """
-    left = (rest.white - taken @ (taken.T @ rest.white)).reshape(-1, rest.width)
-    seen = max(correlation_time(of_one) for of_one in left.T)
-    out = np.concatenate([rest.basis, taken], axis=1).reshape(len(left), -1)
-    window = int(np.ceil(5 * seen))
-    total = np.cumsum(np.pad(out, ((window + 1, window), (0, 0))), axis=0)
-    gone = float((out * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum()) / (len(left) * rest.width)
-    if gone > MOST_ABSORBED:
+    left = (rest.white - explained @ (explained.T @ rest.white)).reshape(-1, rest.width)
+    time = max(correlation_time(component) for component in left.T)
+    basis = np.concatenate([rest.basis, explained], axis=1).reshape(len(left), -1)
+    window = int(np.ceil(5 * time))
+    total = np.cumsum(np.pad(basis, ((window + 1, window), (0, 0))), axis=0)
+    absorbed = float((basis * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum()) / left.size
+    if absorbed > MOST_ABSORBED:
         return NoiseCorrelation(np.inf, 0.0)
-    time = seen / (1 - gone)
+    time /= 1 - absorbed
     return NoiseCorrelation(time, len(left) / (10 * time + 1))
-
-
-SIGNIFICANCE = 0.01  # chance that any test of a clean residual calls
-MAX_DETAIL = 3  # harmonics of an angle, powers of a length or a time
-TESTED_SAMPLES = 8_000  # samples that the tests look at
-FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
-DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
-LAGS = 5  # of the order of measuring
-MEASURING_ORDER = "order of measuring"
-TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
-NO_DIAGNOSIS = ResidualDiagnosis((), (), 0.0, TOO_FEW)
 
 
 @dataclass(frozen=True)
 class ResidualBattery:
-    """What a residual is tested along: names and orthonormal bases (m, rank) beyond the model; ``memory`` of noise."""
+    """What a residual is tested along.
 
-    names: tuple[str, ...]
-    bases: tuple[Array, ...]
-    memory: NoiseCorrelation
+    Attributes:
+        alternatives: orthonormal bases (m, rank) of what each quantity reaches beyond the model, by its name.
+        correlation: of the noise.
+    """
+
+    alternatives: dict[str, Array]
+    correlation: NoiseCorrelation
 
     @property
     def count(self) -> int:
         """Number of tests."""
-        return len(self.names)
+        return len(self.alternatives)
 
 
 def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
@@ -163,66 +164,61 @@ def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
     for detail in range(MAX_DETAIL, 0, -1):
-        turned = {name: rest.beyond(problem, columns) for name, columns in joint_columns(problem, detail)}
-        known = (
-            noise_correlation(rest, orthonormal_basis(np.concatenate(list(turned.values()), axis=1)))
-            if moving
-            else NoiseCorrelation()
-        )
-        most = rest.dof / known.time / (DOF_PER_ALTERNATIVE + 1)
-        if known.dof < FEWEST_DOF or max(U.shape[1] for U in turned.values()) > most:
+        joints = {name: rest.beyond(problem, columns) for name, columns in joint_columns(problem, detail)}
+        correlation = NoiseCorrelation()
+        if moving:
+            correlation = noise_correlation(rest, orthonormal_basis(np.concatenate(list(joints.values()), axis=1)))
+        most = rest.dof / correlation.time / (DOF_PER_ALTERNATIVE + 1)
+        if correlation.dof < FEWEST_DOF or max(U.shape[1] for U in joints.values()) > most:
             continue
-        more = {name: rest.beyond(problem, columns) for name, columns in other_columns(problem, detail)}
-        kept = turned | {name: U for name, U in more.items() if U.shape[1] <= most}
-        shown = {name: U for name, U in kept.items() if U.shape[1]}
-        return ResidualBattery(tuple(shown), tuple(shown.values()), known)
+        others = {name: rest.beyond(problem, columns) for name, columns in other_columns(problem, detail)}
+        every = joints | {name: U for name, U in others.items() if U.shape[1] <= most}
+        return ResidualBattery({name: U for name, U in every.items() if U.shape[1]}, correlation)
     return None
 
 
 def run_battery(rest: ProjectedResidual, tests: ResidualBattery, moving: bool, rms: float) -> ResidualDiagnosis:
     """Judge a residual; ``rms`` [m] is its size, of which each alternative takes its share."""
-    rest = rest.tame
-    trials = list[ResidualTest]()
+    rest = rest.clip_outliers()
+    trials, many, correlation = list[ResidualTest](), tests.count + (not moving), tests.correlation
     if not moving:
-        trials.append(_order_test(rest, tests.count + 1, rms))
+        trials.append(_order_test(rest, many, rms))
         if trials[0].p_value < SIGNIFICANCE:
-            tests = replace(tests, memory=_autocorrelation_at_rest(rest, tests))
-    each, many = zip(tests.names, tests.bases, strict=True), tests.count + (not moving)
-    trials += [_f_test(rest, tests, n, U, many, rms) for n, U in each]
+            correlation = _correlation_at_rest(rest, tests)
+    trials += [_f_test(rest, name, U, correlation, many, rms) for name, U in tests.alternatives.items()]
     found = tuple(sorted((t for t in trials if t.p_value < SIGNIFICANCE), key=lambda t: (-t.rms, t.along)))
-    share = 0.0
-    if found:
-        bases = [tests.bases[tests.names.index(t.along)] for t in found if t.along != MEASURING_ORDER]
-        share = max(
-            _explained_size(rest, orthonormal_basis(np.concatenate(bases, axis=1)), tests.memory, rms)
-            if bases
-            else 0.0,
-            found[0].rms,
-        )
+    bases = [tests.alternatives[t.along] for t in found if t.along != MEASURING_ORDER]
+    sizes = [t.rms for t in found[:1]]
+    if bases:
+        sizes.append(_explained_size(rest, orthonormal_basis(np.concatenate(bases, axis=1)), correlation, rms))
+    share = max(sizes, default=0.0)
     return ResidualDiagnosis(tuple(trials), found, share, _verdict(trials, found, share))
 
 
 def _f_test(
-    rest: ProjectedResidual, tests: ResidualBattery, name: str, U: Array, many: int, rms: float
+    rest: ProjectedResidual, name: str, U: Array, correlation: NoiseCorrelation, many: int, rms: float
 ) -> ResidualTest:
-    """F test of what one basis explains, more samples than one being worth one."""
+    """F test of what one basis explains, as many samples as are correlated counting as one."""
     from scipy.stats import f as fisher  # costs most of a second
 
-    rank, worth = U.shape[1], tests.memory.time
-    inner = float(((U.T @ rest.white) ** 2).sum())
-    dof = min(rest.dof / worth - rank, tests.memory.dof)
+    rank, explained = U.shape[1], _explained(rest, U)
+    dof = min(rest.dof / correlation.time - rank, correlation.dof)
     if dof < 1:
         return ResidualTest(name, 1.0, 0.0)
-    ratio = inner / rank / worth / max((rest.square - inner) / (rest.dof - rank), 1e-300)
-    return ResidualTest(
-        name, min(1.0, float(fisher.sf(ratio, rank, dof)) * many), _explained_size(rest, U, tests.memory, rms)
-    )
+    ratio = explained / rank / correlation.time / max((rest.square - explained) / (rest.dof - rank), 1e-300)
+    p = min(1.0, float(fisher.sf(ratio, rank, dof)) * many)
+    return ResidualTest(name, p, _explained_size(rest, U, correlation, rms))
 
 
-def _explained_size(rest: ProjectedResidual, U: Array, known: NoiseCorrelation, rms: float) -> float:
+def _explained(rest: ProjectedResidual, U: Array) -> float:
+    """Sum of squares that a basis explains."""
+    return float(((U.T @ rest.white) ** 2).sum())
+
+
+def _explained_size(rest: ProjectedResidual, U: Array, correlation: NoiseCorrelation, rms: float) -> float:
     """Size of what a basis explains beyond chance [m]."""
-    inner = float(((U.T @ rest.white) ** 2).sum())
-    return float(rms * np.sqrt(max(0.0, inner - U.shape[1] * known.time) / max(rest.square, 1e-300)))
+    beyond_chance = max(0.0, _explained(rest, U) - U.shape[1] * correlation.time)
+    return float(rms * np.sqrt(beyond_chance / max(rest.square, 1e-300)))
 
 
 def _order_test(rest: ProjectedResidual, many: int, rms: float) -> ResidualTest:
@@ -238,19 +234,18 @@ def _order_test(rest: ProjectedResidual, many: int, rms: float) -> ResidualTest:
     return ResidualTest(MEASURING_ORDER, p, float(rms * np.sqrt(max(0.0, rho.max(initial=0.0)))))
 
 
-def _autocorrelation_at_rest(rest: ProjectedResidual, tests: ResidualBattery) -> NoiseCorrelation:
-    """Memory of poses at rest whose order matters, after everything that the tests look for."""
-    known = noise_correlation(rest, _join_bases(rest, tests.bases))
+def _correlation_at_rest(rest: ProjectedResidual, tests: ResidualBattery) -> NoiseCorrelation:
+    """Autocorrelation over poses at rest whose order matters, after everything that the tests look for.
+
+    As many of the alternatives are projected out as leave half of the degrees of freedom.
+    """
+    bases, rank = [np.zeros((len(rest.white), 0))], 0
+    for U in tests.alternatives.values():
+        if rank + U.shape[1] <= rest.dof / 4:
+            bases.append(U)
+            rank += U.shape[1]
+    known = noise_correlation(rest, orthonormal_basis(np.concatenate(bases, axis=1)))
     return known if known.dof >= FEWEST_DOF else NoiseCorrelation(1.0, FEWEST_DOF)
-
-
-def _join_bases(rest: ProjectedResidual, bases: Sequence[Array]) -> Array:
-    """As many of the bases as leave half of the degrees of freedom, joined, (m, k)."""
-    taken = list[Array]()
-    for U in bases:
-        if sum(V.shape[1] for V in taken) + U.shape[1] <= rest.dof / 4:
-            taken.append(U)
-    return orthonormal_basis(np.concatenate(taken, axis=1)) if taken else np.zeros((len(rest.white), 0))
 
 
 def _verdict(trials: Sequence[ResidualTest], found: Sequence[ResidualTest], rms: float) -> str:
