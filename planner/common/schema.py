@@ -1,6 +1,7 @@
 """Reads TOML and JSON files into pydantic models, and says which key is wrong in one clear sentence."""
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -141,6 +142,19 @@ class PartialModel(BaseModel):
     """A part of a file: what is needed of it is checked, the rest is passed over."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+def check_pattern(text: str) -> str:
+    """Return ``text`` if it is a regular expression.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        re.compile(text)
+    except re.error as err:
+        raise ValueError(f"is no regular expression: {err}") from err
+    return text
 
 
 class StrictModel(BaseModel):

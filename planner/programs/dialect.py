@@ -20,7 +20,6 @@
 To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
 """
 
-import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -28,7 +27,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import StrictModel, read_toml
+from planner.common.schema import StrictModel, check_pattern, read_toml
 
 BlendKind = Literal["none", "mm", "percent", "path_degrees", "dense"]
 SpeedKind = Literal["axis_percent", "tool_speed", "inverse_time"]
@@ -40,16 +39,8 @@ def _file_name(text: str) -> str:
     raise ValueError("a file is called {name} and an extension")
 
 
-def _pattern(text: str) -> str:
-    try:
-        re.compile(text)
-    except re.error as err:
-        raise ValueError(f"is no regular expression: {err}") from err
-    return text
-
-
 FileName = Annotated[str, AfterValidator(_file_name)]
-Pattern = Annotated[str, AfterValidator(_pattern)]
+Pattern = Annotated[str, AfterValidator(check_pattern)]
 
 
 class FileNaming(StrictModel):

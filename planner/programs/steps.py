@@ -24,21 +24,16 @@ class PoseMark:
 
 
 def find_marks(instructions: tuple[ins.Instruction, ...]) -> list[PoseMark]:
-    """Return for each instruction the marks that stand between it and the next move."""
-    mark = PoseMark()
-    ahead: list[PoseMark] = []
-    for item in reversed(instructions):
-        ahead.append(mark)
-        match item:
-            case ins.JointMove():
-                mark = PoseMark()
-            case ins.Sync(pose=pose):
-                mark = replace(mark, sync=pose)
-            case ins.LogAxes(pose=pose):
-                mark = replace(mark, log=pose)
-            case _:
-                pass
-    return ahead[::-1]
+    """Return for each move what is wanted of the pose that it ends at."""
+    marks: list[PoseMark] = []
+    for item in instructions:
+        if isinstance(item, ins.JointMove):
+            marks.append(PoseMark())
+        elif isinstance(item, ins.Sync) and marks and marks[-1].sync is None:
+            marks[-1] = replace(marks[-1], sync=item.pose)
+        elif isinstance(item, ins.LogAxes) and marks and marks[-1].log is None:
+            marks[-1] = replace(marks[-1], log=item.pose)
+    return marks
 
 
 @dataclass(frozen=True)
@@ -122,14 +117,15 @@ class _StepBuilder:
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
-        for item, mark in zip(program.instructions, find_marks(program.instructions), strict=True):
-            self._add(item, mark)
+        self.marks = find_marks(program.instructions)
+        for item in program.instructions:
+            self._add(item)
         self._set_override(100)
 
-    def _add(self, item: ins.Instruction, mark: PoseMark) -> None:
+    def _add(self, item: ins.Instruction) -> None:
         match item:
             case ins.JointMove():
-                self._move(item, mark)
+                self._move(item)
             case ins.Dwell(seconds=seconds):
                 self.steps.append(ProgramStep("dwell", seconds=seconds))
             case ins.Sync() | ins.LogAxes() if self.flying:
@@ -182,7 +178,8 @@ class _StepBuilder:
         else:
             self.steps.append(ProgramStep("comment", text=f"{what}: no input is waited for, the operator goes on"))
 
-    def _move(self, item: ins.JointMove, mark: PoseMark) -> None:
+    def _move(self, item: ins.JointMove) -> None:
+        mark = self.marks[self.moves]
         if not self.flying:
             self._set_override(self.overrides[self.moves])
         move = self._printed(item, self.blends[self.moves], mark)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from planner.common.schema import StrictModel
+from planner.common.schema import StrictModel, check_pattern
 from planner.runs.columns import RunColumn, find_column, known_headers, spellings, split_key, units_of
 
 EXTRA_UNITS = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
@@ -21,11 +21,7 @@ def _encoding(name: str) -> str:
 
 
 def _pattern(text: str) -> str:
-    try:
-        groups = re.compile(text).groupindex
-    except re.error as err:
-        raise ValueError(f"is no regular expression: {err}") from err
-    if not groups:
+    if not re.compile(check_pattern(text)).groupindex:
         raise ValueError("has no named group; (?P<q1_deg>…) says which part is which column")
     return text
 
