@@ -170,21 +170,14 @@ def measured_passes(arcs: Sequence[Arc], number: int) -> Iterator[CircularPass]:
 
 
 class ArcFile(PartialModel):
-    """One circle of ``plan.json``."""
+    """One circle of ``plan.json``, as driven; what it is stands in the cell beside it."""
 
     name: str
-    plane: Literal["XY", "XZ", "YZ"]
-    fixture: str
-    centre_mm: tuple[float, float, float]
-    radius_mm: float = Field(gt=0)
-    start_deg: float
     sweep_deg: float = Field(gt=0)
     directions: tuple[Literal["ccw", "cw"], ...] = ("ccw", "cw")
-    speed_mm_s: float = Field(default=10.0, gt=0)
     blend_mm: float = Field(default=10.0, gt=0)
     angle_deg: tuple[float, ...] = ()
     q_deg: tuple[tuple[float, ...], ...] = ()
-    loads_N: tuple[float, ...] = ()
 
 
 class PassFile(PartialModel):

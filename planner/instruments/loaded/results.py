@@ -99,6 +99,7 @@ def _times_text(std: float) -> str:
     return f"{std:.1f} times" if std < 10 else f"{std:.0f} times" if std < 1e4 else "many thousand times"
 
 
+PARAMETER = ("name", "value", "nominal", "std", "unit", "identifiable", "absorbs")
 SENSES = {1: "counter-clockwise", -1: "clockwise"}
 
 
@@ -149,18 +150,7 @@ def _joint(joint: JointFit) -> dict[str, object]:
     return {
         "samples": len(joint.run),
         **in_units(2, rms_without_load_um=joint.rms[0], rms_with_load_um=joint.rms[1]),
-        "parameters": [
-            {
-                "name": e.name,
-                "value": e.value,
-                "nominal": e.nominal,
-                "std": e.std,
-                "unit": e.unit,
-                "identifiable": e.identifiable,
-                "absorbs": list(e.absorbs),
-            }
-            for e in joint.estimates
-        ],
+        "parameters": [{key: getattr(e, key) for key in PARAMETER} for e in joint.estimates],
         "problems": list(joint.problems),
         "warnings": list(joint.run.warnings),
     }
