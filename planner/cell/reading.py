@@ -39,7 +39,7 @@ def shipped_cells() -> tuple[str, ...]:
     return tuple(sorted(f"{p.parent.parent.name}/{p.stem}" for p in paths))
 
 
-def load_cell(reference: str, planning: bool = True) -> Cell:
+def load_cell(reference: str | Path, planning: bool = True) -> Cell:
     """Load a cell by path, or by ``robot/cell`` for a shipped one.
 
     With ``planning`` false only what identification needs must be there: the robot and the kind of gauge.
@@ -47,6 +47,7 @@ def load_cell(reference: str, planning: bool = True) -> Cell:
     Raises:
         InputError: no such cell, or its file (or the robot's) is wrong.
     """
+    reference = str(reference)
     path = Path(reference)
     if path.suffix == ".toml" or path.is_file():
         return read_cell(path, path.stem, planning)

@@ -141,7 +141,7 @@ def list_robots() -> tuple[str, ...]:
     return tuple(sorted(p.parent.name for p in data_folder("robots").glob("*/robot.toml")))
 
 
-def load_robot(reference: str, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
+def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml`` or ``.urdf`` (relative to ``beside``).
 
     Args:
@@ -153,6 +153,7 @@ def load_robot(reference: str, beside: Path = Path(), tip: str | None = None, be
     Raises:
         InputError: no such robot, or its file is wrong.
     """
+    reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
     if "/" not in reference and shipped.is_file():
         return _from_toml(shipped, beta)

@@ -1,0 +1,95 @@
+"""The examples run as they stand, and the public interface is light and whole."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import planner
+from planner.common.result import Result
+from tests.simulation.made import wide_plan
+from tests.workflow.conftest import small_cell
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+HEAVY = {"ompl", "fcl", "highspy", "matplotlib", "plotly", "scipy.stats"}
+
+
+def run(name, *words, cwd):
+    script = [sys.executable, EXAMPLES / f"{name}.py", *map(str, words)]
+    done = subprocess.run(script, capture_output=True, text=True, cwd=cwd, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tried_here():
+    tried = {"seed_cell", "own_urdf", "own_run", "fixture_place", "custom_effect"}
+    assert {p.stem for p in EXAMPLES.glob("*.py")} == tried
+
+
+def test_a_run_of_ones_own(tmp_path):
+    text = run("own_run", tmp_path / "out", cwd=tmp_path)
+    assert "held out" in text
+    assert (tmp_path / "out" / "robot.toml").is_file()
+    assert (tmp_path / "out" / "errors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_effect_of_ones_own_is_found(tmp_path):
+    text = run("custom_effect", wide_plan(tmp_path, calibrate=90), tmp_path / "out", cwd=tmp_path)
+    assert "joint 2: the hose pulls once joint 4 has wound it up" in text
+    found = json.loads((tmp_path / "out" / "identification.json").read_text())["findings"]
+    assert [(f["effect"], f["on"]) for f in found] == [("hose pull", "joint 2 by joint 4")]
+
+
+@pytest.mark.long
+def test_the_seed_cell_from_plan_to_corrected_program(tmp_path):
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path)
+    text = run("seed_cell", tmp_path / "out", cell, 34, cwd=tmp_path)
+    assert "proven continuously" in text
+    assert "corrected" in text
+    assert (tmp_path / "out" / "calibrated" / "robot.toml").is_file()
+
+
+@pytest.mark.long
+def test_an_arm_of_ones_own(tmp_path):
+    assert "arm: 6 joints" in run("own_urdf", tmp_path / "out", cwd=tmp_path)
+    assert (tmp_path / "out" / "plan.json").is_file()
+
+
+@pytest.mark.long
+def test_the_place_of_a_fixture(tmp_path):
+    run("fixture_place", tmp_path / "out", cwd=tmp_path)
+    assert (tmp_path / "out" / "places.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", [n for n in planner.__all__ if n != "__version__"])
+def test_every_public_name_is_there_and_documented(name):
+    assert getattr(planner, name).__doc__
+
+
+def test_results_share_one_face():
+    for name in ("PlanResult", "CircularPlanResult", "CalibrationResult", "StudyResult"):
+        assert issubclass(getattr(planner, name), Result)
+
+
+def test_the_python_of_the_readme_uses_what_there_is():
+    (text,) = re.findall(r"```python\n(.*?)```", (EXAMPLES.parent / "README.md").read_text(), re.DOTALL)
+    names = re.search(r"from planner import (.*)", text)[1].split(", ")
+    assert set(names) <= set(planner.__all__)
+    compile(text, "README.md", "exec")
+    for result, method in re.findall(r"^(?:\w+ = )?(session|robot)\.(\w+)", text, re.MULTILINE):
+        assert hasattr({"session": planner.PlanResult, "robot": planner.CalibrationResult}[result], method)
+
+
+def test_an_unknown_name_is_told():
+    with pytest.raises(AttributeError, match="no attribute 'plann'"):
+        _ = planner.plann
+
+
+@pytest.mark.parametrize("line", ["import planner", "from planner import identify"])
+def test_the_import_loads_nothing_that_is_not_needed(line):
+    code = f"{line}; import sys; print(*sorted({HEAVY} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
