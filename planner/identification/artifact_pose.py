@@ -17,7 +17,7 @@ NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
 
 
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
-    """Return the setup with the one frame of an artifact or tracker where the cell has it, if found near there."""
+    """Return the set-up with the artifact's or tracker's frame as the cell declares it, if it was found near there."""
     declared = _declared(cell, setup)
     if declared is None or not _near(*_apart(*declared, setup)):
         return setup
@@ -26,7 +26,7 @@ def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
 
 
 def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
-    """Return what is to be told where the balls stand elsewhere than the cell says."""
+    """Return a warning if the balls were found far from the pose that the cell declares."""
     declared = _declared(cell, setup)
     if declared is None or not cell.gauge.is_surveyed:
         return []
@@ -40,7 +40,7 @@ def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
 
 
 def _declared(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] | None:
-    """R (3, 3) and p (3,) [m] of the frame that the cell gives; ``None`` where there is not the one."""
+    """Return R (3, 3) and p (3,) [m] of the frame that the cell declares; ``None`` unless there is exactly one."""
     placed = cell.gauge.declared_frame(cell.file)
     return None if placed is None or len(setup.p_BG) > 1 else placed_frame(placed)
 
@@ -55,7 +55,7 @@ def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
 
 
 def gauge_frames(fit: Fit) -> GaugeFrames:
-    """Compose what was known or placed before the fit with the corrections that the fit found."""
+    """Compose the poses before the fit with the fitted corrections."""
     setup, error = fit.model.setup, dict(zip(fit.model.names, map(float, fit.errors), strict=True))
     framed, places = setup.gauge.frees_base, range(len(setup.place_names))
     return GaugeFrames(
@@ -74,7 +74,7 @@ def gauge_frames(fit: Fit) -> GaugeFrames:
 
 
 def _place(setup: MeasurementSetup, s: int, error: dict[str, float]) -> PlacePose:
-    """The base's corrections stand before the robot, so the gauge's frame is what they leave of it: C⁻¹ · T_BG."""
+    """Return the gauge's frame in the corrected base, C⁻¹ · T_BG: the correction C acts before the robot."""
     name = setup.place_names[s]
     R_C, p_C = np.eye(3), _shift(error, "base", name)
     for t in setup.chain.transforms[3:N_BASE_TRANSFORMS]:

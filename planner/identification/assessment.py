@@ -73,7 +73,7 @@ def too_few_text(spare: int) -> str:
 
 
 def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
-    """Return what a person should know."""
+    """Return warnings about the run, the cell and the fit."""
     out, setup = [], found.model.setup
     if cell.file.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
@@ -107,7 +107,7 @@ def _of_bar(run: Run, cell: Cell) -> list[str]:
 
 
 def _other_point(run: Run, cell: Cell) -> list[str]:
-    """What is to be told where a bar's run names a tool point and the cell has one without a name."""
+    """Return a warning if the run names a tool point and the cell has a single one without a name."""
     if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_attached or cell.tool.points:
         return []
     return [
@@ -122,17 +122,17 @@ CONDITION_SAMPLES = 8_000  # samples of a long run that the condition number is 
 def assess_fit(
     stages: list[FittedStage],
     free: FittedParameters,
-    bench: FitContext,
+    context: FitContext,
     cell: Cell,
     validation: Run | None,
     traced: TracingResult,
     notes: Sequence[str] = (),
 ) -> Calibration:
-    """Judge the last stage and put everything together; of a long run it is fitted once more, to all of it."""
-    run, parts = bench.run, bench.split
+    """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
+    run, parts = context.run, context.split
     if len(run) > len(stages[-1].fit.problem):
         last = stages[-1]
-        stages = [*stages[:-1], bench.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
+        stages = [*stages[:-1], context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
     found, last_stage = stages[-1].fit, stages[-1].stage
     known = set(free.whole.names)
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
@@ -183,7 +183,7 @@ def assess_fit(
 
 
 def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
-    """Errors of the last stage where single poses are held out, for a run that is split by something coarser."""
+    """Return the errors with single poses held out, for a run whose folds are whole sessions, placements or blocks."""
     finer = finer_split(run, parts)
     if finer is None:
         return None
@@ -191,7 +191,7 @@ def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
 
 
 def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
-    """What a reader of the held-out errors must know: numbers that were found on the held-out samples themselves."""
+    """Return a warning if parameters were fitted on the held-out samples, because no others depend on them."""
     if not last.refitted:
         return []
     what = next(p.what for p in last.fit.model.parameters if p.name in last.refitted)

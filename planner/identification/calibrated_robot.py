@@ -24,7 +24,7 @@ OTHER_CAUSE = "what belongs to the gauge"
 
 
 def uncorrected_text(effects: Iterable[RobotEffect]) -> str | None:
-    """Say which effects targets are not corrected for, each cause once with where it acts; ``None`` without any.
+    """Return a sentence on effects that targets are not corrected for, with where each acts; ``None`` without any.
 
     Args:
         effects: those that hang on more than joint angles and loads.
@@ -64,7 +64,7 @@ NO_LOADS = Loads(0.0, np.zeros(3), np.zeros(3))
 
 @dataclass(frozen=True)
 class CalibratedRobot:
-    """A robot with the effects of its file, as far as joint angles and loads alone decide them.
+    """A robot with those effects of its file that depend on joint angles and loads alone.
 
     Torques are those of the nominal geometry, as in the fit that found the compliances; on the corrected geometry the
     deflections would differ by about a thousandth of their size.
@@ -194,7 +194,7 @@ def _effects(c: Calibration) -> Iterator[RobotEffect]:
 
 
 def _loads(setup: MeasurementSetup) -> Loads:
-    """Tool and base of a setup; gravity does not tell the base's turn about the vertical, which is left at zero."""
+    """Return tool and base of a set-up; the base's rotation about the vertical leaves gravity as it is and stays zero."""
     return Loads(setup.tool_mass, read_only(setup.com_F), read_only(_tilt(setup.gravity_B)))
 
 

@@ -1,4 +1,4 @@
-"""The result of identification: the document, and what of the fit only the program itself uses."""
+"""The result of identification: the document, and the parts of the fit that stay in memory."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -14,7 +14,7 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class TracingResult:
-    """What tracing found, and how it went.
+    """Result of tracing.
 
     Attributes:
         findings: effects in the model, in the order in which they were found.
@@ -31,7 +31,7 @@ class TracingResult:
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """One test: along what, how likely chance is after Bonferroni, rms of what follows it [m]."""
+    """One test: quantity, probability of chance after Bonferroni, rms that follows the quantity [m]."""
 
     along: str
     p_value: float
@@ -40,7 +40,7 @@ class ResidualTest:
 
 @dataclass(frozen=True)
 class ResidualDiagnosis:
-    """What all tests of the last stage's residual said.
+    """Result of all tests of the last stage's residual.
 
     Attributes:
         trials: all of them, in order; empty where the run is too small.

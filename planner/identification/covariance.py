@@ -1,4 +1,4 @@
-"""Covariance of the fitted parameters, and the error of the tool over the workspace that it lets expect."""
+"""Covariance of the fitted parameters, and the tool error over the workspace that follows from it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ LONGEST_LAG = 20_000  # samples over which the correlation is looked for
 
 
 def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
-    """Return the covariance of the parameters (P, P) and how many samples are worth one, for their correlation.
+    """Return the covariance of the parameters (P, P) and the correlation time in samples.
 
     For poses at rest it is the information's inverse, noise as estimated. Along a continuous run errors stay what they
     are from sample to sample: the scatter of the scores over blocks, each many correlation times long, replaces that
@@ -45,7 +45,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
 
 
 def _robust_factor(fit: Fit) -> float:
-    """What Huber's variance is of the one that the weighted rows alone would give (Huber 1981, eq. 6.5)."""
+    """Return the ratio of Huber's variance to that of the weighted rows (Huber 1981, eq. 6.5)."""
     weight = fit.problem.weight
     if np.all(weight == 1.0):
         return 1.0
@@ -58,7 +58,7 @@ def _robust_factor(fit: Fit) -> float:
 
 
 def correlation_time(x: Array) -> float:
-    """Number of samples that are worth one, 1 + 2 Σ ρ_k up to the first ρ below noise (Sokal's window)."""
+    """Return the integrated autocorrelation time in samples, 1 + 2 Σ ρ_k within Sokal's window."""
     x = x[: LONGEST_LAG * 5] - x.mean()
     n = len(x)
     size = 1 << (2 * n - 1).bit_length()
@@ -102,7 +102,7 @@ POSITION_AXES = 3
 
 
 def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> float:
-    """Return the error of the tool [m] that the covariance lets expect, rms over the workspace.
+    """Return the rms error of the tool [m] over the workspace that follows from the covariance.
 
     A new alignment of the base is left out. States are uniform over joint space; time, loads, temperature and
     directions in them are those of samples of the run, drawn at random.
@@ -117,7 +117,7 @@ def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> floa
 
 
 def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
-    """Return what a reader of the held-out error must know where the rest of the workspace is known far worse.
+    """Return a warning if the error expected over the workspace is far larger than the held-out error.
 
     Args:
         known: error of the tool that is to be expected over the workspace [m].

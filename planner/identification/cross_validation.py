@@ -21,7 +21,7 @@ FAIR_SHARE = 0.03  # share of the samples that a session must hold to count
 
 @dataclass(frozen=True)
 class Split:
-    """Groups that are never torn apart, dealt into folds.
+    """Groups of samples that stay together, distributed over folds.
 
     Attributes:
         by: ``pose``, ``placement``, ``session``, ``block`` (of a static run in its order) or ``stretch``.
@@ -51,7 +51,7 @@ class Split:
 
 
 def split_run(run: Run, hold_out: float = 0.2, seed: int = 0) -> Split:
-    """Deal a run into folds of about ``hold_out`` of its groups each."""
+    """Split a run into folds that each hold about the share ``hold_out`` of its groups."""
     by, group = run_groups(run)
     labels, group = np.unique(group, return_inverse=True)
     group = group.reshape(-1)
@@ -67,7 +67,7 @@ def split_run(run: Run, hold_out: float = 0.2, seed: int = 0) -> Split:
 
 
 def finer_split(run: Run, whole: Split) -> Split | None:
-    """Return the finer split beside one by sessions, placements or blocks: single poses; ``None`` where it is as fine.
+    """Return a split by single poses beside one by sessions, placements or blocks; ``None`` if it is as fine already.
 
     What comes anew with each session or placement cannot be predicted where that is held out whole; here it can.
     """
@@ -79,7 +79,7 @@ def finer_split(run: Run, whole: Split) -> Split | None:
 
 
 def run_groups(run: Run) -> tuple[str, np.ndarray]:
-    """Return what the groups are and the group of every sample, (n,).
+    """Return the kind of group and the group of every sample, (n,).
 
     Whole placements and whole sessions where there are enough of them. Of three whole ones each fold would lose a
     third of the run, and all that was measured about one fixture: then it is blocks of the run in its order, every fold
@@ -103,7 +103,7 @@ def run_groups(run: Run) -> tuple[str, np.ndarray]:
 
 
 def finest_groups(run: Run) -> np.ndarray:
-    """The finest groups that are never torn apart, (n,): poses with their repeats, or stretches."""
+    """Return the finest groups that stay together, (n,): poses with their repeats, or stretches."""
     return _stretches(len(run)) if run.continuous else join_groups(number_poses(run.samples.q), run.samples.pose)
 
 
@@ -112,7 +112,7 @@ def _stretches(n: int) -> np.ndarray:
 
 
 def _balanced(session: np.ndarray) -> bool:
-    """Tell whether sessions are fit to be held out: enough of them hold a fair part, and none holds most."""
+    """Tell whether sessions can be folds: enough of them hold a fair share of the run, and none holds most of it."""
     share = np.unique(session, return_counts=True)[1] / len(session)
     return bool((share > FAIR_SHARE).sum() >= FEWEST and share.max() <= 0.5)
 
@@ -158,7 +158,7 @@ def predict_held_out(fit: Fit, split: Split) -> HeldOutPrediction:
 def predict_held_out_without(
     fit: Fit, split: Split, effects: Sequence[Sequence[int]], known: Sequence[int] = ()
 ) -> Iterator[HeldOutPrediction]:
-    """Yield the same with each of some effects left out and everything else fitted anew beside it.
+    """Yield the same prediction without each of some effects, all other parameters refitted.
 
     Args:
         fit: with all of them; its noise and prior sizes stay.
@@ -175,7 +175,7 @@ def predict_held_out_without(
 
 
 def _judged(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPrediction:
-    """Predict every sample; ``step`` (P,): steps in prior sizes that are given, not a number where one is sought."""
+    """Predict every sample; ``step`` (P,): given steps in prior sizes, NaN where the step is to be solved for."""
     problem, errors = fit.problem, fit.errors
     total = grams.sum(axis=0)
     z = errors / problem.prior

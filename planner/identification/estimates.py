@@ -52,7 +52,7 @@ def estimate_parameters(
 
 
 def _takes_part(dropped: DroppedParameter, name: str, size: dict[str, float]) -> bool:
-    """Tell whether the error of a left-out parameter is carried by ``name`` to a part worth saying."""
+    """Tell whether the parameter ``name`` absorbs a relevant share of a left-out parameter's error."""
     share = {n: abs(c) / size[n] for n, c in dropped.direction}
     return name != dropped.name and share.get(name, 0.0) > ABSORBED_SHARE * max(share.values())
 

@@ -29,7 +29,7 @@ DECIDING_SAMPLES = 4000  # samples that decide
 def identifiable_subset(
     model: Model, samples: Samples, prefer: Sequence[int] | None = None
 ) -> tuple[Model, Identifiability]:
-    """Return the model with the parameters that the samples can tell apart, and why the others are left out.
+    """Return the model with the parameters that the samples can identify, and why the others are left out.
 
     ``prefer`` are their positions, best kept first; as they stand in the model where it is not given.
     """
@@ -62,12 +62,12 @@ class FittedParameters:
     held: tuple[Parameter, ...] = ()
 
     def upto(self, effects: Sequence[str]) -> Model:
-        """Return the model of what is seen with gauge, geometry and these kinds of effect."""
+        """Return the model with the identifiable parameters of gauge, geometry and these kinds of effect."""
         return parameters_of_groups(self.model, ("gauge", "geometry", *effects))
 
 
 def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple[str, ...] = ()) -> FittedParameters:
-    """Decide what is fitted, as the plan decides what it measures: the same sets, preferences and reasons.
+    """Choose the parameters to fit, by the same sets, preferences and reasons as the plan.
 
     Kinds of effect in ``more`` are looked at beside those that the cell's ``[plan]`` declares.
 
@@ -90,7 +90,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
 
 
 def _held(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
-    """Tool parameters that were measured better than this run could."""
+    """Return tool parameters whose declared uncertainty is smaller than this run could reach."""
     if not cell.tool.measured:
         return ()
     few = run.samples.take(even_positions(len(run), DECIDING_SAMPLES))

@@ -27,7 +27,7 @@ CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviation
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the fit came to rest.
+    """The minimum that the fit found.
 
     Attributes:
         errors: values of the parameters, (P,).
@@ -61,7 +61,7 @@ def solve(problem: FitProblem, start: Array | None = None, converged: float = CO
 
 @dataclass(frozen=True)
 class _Triangle:
-    """The whole problem about some errors, rows and residuals with the prior's, in P + 1 rows.
+    """The problem linearised about some parameters, rows and residuals reduced to P + 1 rows, the prior included.
 
     ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
     The columns are per prior size and the prior is in: the information is never below 1, its root by Cholesky exact
@@ -190,12 +190,12 @@ def fit(
 
 
 def subset_size(model: Model, samples: int) -> int:
-    """So many samples, or fewer where each of them brings more than three numbers."""
+    """Return the number of samples, fewer if a reading has more than three numbers."""
     return samples * 3 // max(3, model.width)
 
 
 def _leverage(problem: FitProblem, solution: Solution) -> Array:
-    """How much each reading holds its own prediction, (n, r), 0 … 1."""
+    """Return the leverage of each reading, (n, r), 0 … 1."""
     root = np.linalg.inv(solution.factor)
 
     def one(part: slice) -> Array:
@@ -211,7 +211,7 @@ def _undecided(solution: Solution) -> Array:
 
 
 def prior_groups(model: Model) -> Iterator[list[int]]:
-    """Positions of the parameters that share a factor: same group, same unit; what places the gauge has none."""
+    """Yield the positions of parameters that share a factor: same group and unit; parameters of the gauge have none."""
     labels = [(p.group, p.unit) for p in model.parameters]
     for label in dict.fromkeys(labels):
         if label[0] != "gauge":

@@ -63,33 +63,33 @@ def identify(
     def judge(found: Fit) -> Metrics | None:
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
-    bench = FitContext(run, parts, judge, settings.robust)
+    context = FitContext(run, parts, judge, settings.robust)
     free = choose_parameters(cell, setup, run)
-    _check_size(bench, free.model)
+    _check_size(context, free.model)
     model = free.upto(())
     say("nominal robot")
-    stages = [bench.fit_stage("nominal", model.subset([]), robust=False)]
+    stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
     say("frames")
-    stages.append(bench.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
+    stages.append(context.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
     say("geometry")
-    stages.append(bench.fit_stage("geometry", model, stages[-1].fit))
-    stages, notes = add_declared_stages(stages, free, cell.plan.effects, bench, say)
-    if tracer is not None and bench.spare(free.model) >= TRACEABLE_READINGS:
-        more, traced = tracer(stages[-1], bench, say)
-        return assess_fit([*stages, *more], free, bench, cell, validation, traced, notes)
+    stages.append(context.fit_stage("geometry", model, stages[-1].fit))
+    stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
+    if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
+        more, traced = tracer(stages[-1], context, say)
+        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes)
     if tracer is not None:
-        notes.append(too_few_text(bench.spare(free.model)))
+        notes.append(too_few_text(context.spare(free.model)))
     if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
         say(JOINT_COMPLIANCE)
         stages, free = add_stage_if_gain(
-            stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, bench
+            stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, context
         )
-    return assess_fit(stages, free, bench, cell, validation, TracingResult(), notes)
+    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes)
 
 
-def _check_size(bench: FitContext, model: Model) -> None:
-    run = bench.run
-    if bench.spare(model) < SPARE_READINGS:
+def _check_size(context: FitContext, model: Model) -> None:
+    run = context.run
+    if context.spare(model) < SPARE_READINGS:
         raise InputError(
             f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for"
             f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + SPARE_READINGS}, better"

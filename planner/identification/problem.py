@@ -1,4 +1,4 @@
-"""What is fitted: a model, the samples, the readings and their noise, seen in pieces so that memory stays flat."""
+"""The least-squares problem: model, samples, readings and noise, evaluated in pieces to limit memory."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass
 class ProblemCache:
-    """What a short problem need not compute twice: basis functions, and the model about the errors looked at last."""
+    """Cache of a short problem: basis functions, and the last linearisation."""
 
     context: Context | None = None
     linear: tuple[tuple[object, bytes], Linearization] | None = None
@@ -128,7 +128,7 @@ class FitProblem:
 
     @property
     def context(self) -> Context:
-        """The samples as basis functions see them, kept for as long as the problem's memory."""
+        """Context of the basis functions, cached."""
         if self.memory.context is None:
             self.memory.context = Context(self.model.setup, self.samples)
         return self.memory.context
@@ -158,7 +158,7 @@ class FitProblem:
         return np.concatenate(list(self.over_pieces(one)))
 
     def white_residual(self, errors: Array) -> Array:
-        """The same in multiples of its standard deviation, robust weights left aside, (n, r)."""
+        """Return the residual in standard deviations, without robust weights, (n, r)."""
         return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]
 
     def cost(self, errors: Array) -> float:

@@ -1,4 +1,4 @@
-"""What a residual may follow: for each quantity of the samples, the columns by which it would enter the reading.
+"""Alternatives that a residual is tested for: columns by which each quantity of the samples would enter the reading.
 
 A quantity enters through a joint's angle (Jacobian column times a function of the quantity) and as an error of the
 reading itself.
@@ -49,7 +49,7 @@ def _load_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str, 
 
 
 def _direction_alternatives(problem: FitProblem) -> Iterator[tuple[str, Array]]:
-    """The side from which a joint comes, and what it still had to go."""
+    """Yield senses of motion and approach of each joint, and the difference of commanded and read angles."""
     screws, each, s = _joint_rows(problem), _reading_rows(problem), problem.samples
     for name, values in (("speed sign of joint", s.speed), ("approach of joint", s.direction)):
         for j, value in enumerate(np.zeros((0, len(s))) if values is None else values.T):
@@ -64,7 +64,7 @@ def _direction_alternatives(problem: FitProblem) -> Iterator[tuple[str, Array]]:
 
 
 def _gauge_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:
-    """Where the gauge reads: length and direction of a bar, else the position.
+    """Yield what the gauge reads: length and direction of a bar, else the position.
 
     On the nominal setup: what was read carries the very noise that is looked at.
     """

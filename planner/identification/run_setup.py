@@ -17,7 +17,7 @@ DIRECT_SHARE = 0.98  # share of the logged approaches that agree with the ways f
 
 
 def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
-    """Return the setup of a cell with places and targets numbered as in the run.
+    """Return the measurement set-up of a cell with places and targets numbered as in the run.
 
     Raises:
         InputError: the run names a place, a ball or a robot that the cell does not have, or another kind of reading.
@@ -42,7 +42,7 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
 
 
 def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:
-    """Refuse a loaded bar's run that does not say how much it pulled.
+    """Refuse a loaded bar's run without the force of the bar.
 
     Raises:
         InputError: where force_N is missing.
@@ -56,7 +56,7 @@ def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:
 
 
 def locate_gauge(setup: MeasurementSetup, run: Run) -> MeasurementSetup:
-    """Return the setup with every frame and target that is not known found from the run, on the robot as it stands.
+    """Return the set-up with unknown frames and targets estimated from the run, on the nominal robot.
 
     Raises:
         InputError, NoSolutionError: the run cannot tell where the gauge stands.

@@ -24,7 +24,7 @@ PLAIN_GROUPS = ("gauge", "geometry")  # of parameters that are no effects
 
 @dataclass(frozen=True)
 class FittedStage:
-    """A stage and the fit behind it; ``refitted`` names parameters that only the held-out samples themselves know."""
+    """A stage and its fit; ``refitted`` names parameters that were fitted on the held-out samples themselves."""
 
     stage: Stage
     fit: Fit
@@ -132,11 +132,11 @@ def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, f
 
 
 def add_declared_stages(
-    stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], bench: FitContext, say: Progress
+    stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], context: FitContext, say: Progress
 ) -> tuple[list[FittedStage], list[str]]:
-    """Add a stage for each effect that the cell declares; return what a person should know beside them.
+    """Add a stage for each effect that the cell declares; return the stages and warnings.
 
-    They are the user's model: they stay whatever held-out samples say, as the plan chose its poses for them.
+    Declared effects stay in the model even if the held-out error grows, since the plan chose its poses for them.
     """
     stages, notes = list(stages), list[str]()
     kinds = list(dict.fromkeys(effects))
@@ -146,7 +146,7 @@ def add_declared_stages(
             notes.append(f"{kind} is declared in plan.effects, but this run shows nothing of it: it was left out")
             continue
         say(kind)
-        stages.append(bench.fit_stage(kind, model, stages[-1].fit))
+        stages.append(context.fit_stage(kind, model, stages[-1].fit))
         before, after = (s.stage.held_out.rms for s in stages[-2:])
         if after > before:
             notes.append(
@@ -157,10 +157,10 @@ def add_declared_stages(
 
 
 def add_stage_if_gain(
-    stages: list[FittedStage], free: FittedParameters, wider: FittedParameters, kind: str, bench: FitContext
+    stages: list[FittedStage], free: FittedParameters, wider: FittedParameters, kind: str, context: FitContext
 ) -> tuple[list[FittedStage], FittedParameters]:
-    """Add an effect that nobody declared and keep it only if held-out samples gain."""
-    if len(wider.model.parameters) == len(stages[-1].fit.errors) or bench.spare(wider.model) < SPARE_READINGS:
+    """Add an effect that is not declared, and keep it only if the held-out error falls significantly."""
+    if len(wider.model.parameters) == len(stages[-1].fit.errors) or context.spare(wider.model) < SPARE_READINGS:
         return stages, free
-    trial = bench.fit_stage(kind, wider.model, stages[-1].fit)
-    return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, bench.split) else (stages, free)
+    trial = context.fit_stage(kind, wider.model, stages[-1].fit)
+    return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, context.split) else (stages, free)

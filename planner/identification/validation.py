@@ -17,7 +17,7 @@ from planner.runs.run import Run
 
 
 def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
-    """Errors of the fitted model on another run [m]; frames that only this run has are fitted on it (say so).
+    """Return the errors of the fitted model on another run [m]; frames that only this run has are fitted on it.
 
     ``bare`` is the setup of that run with nothing placed yet.
     """
