@@ -194,7 +194,7 @@ def _effects(c: Calibration) -> Iterator[RobotEffect]:
 
 
 def _loads(setup: MeasurementSetup) -> Loads:
-    """Return tool and base of a set-up; the base's rotation about the vertical leaves gravity as it is and stays zero."""
+    """Return tool and base of a set-up; the rotation about the vertical leaves gravity as it is and stays zero."""
     return Loads(setup.tool_mass, read_only(setup.com_F), read_only(_tilt(setup.gravity_B)))
 
 
