@@ -28,7 +28,7 @@ def stage_label(stage: Stage) -> str:
 
 @dataclass(frozen=True)
 class PlotVariable:
-    """What residuals are drawn against: a quantity of the samples ``CalibrationFacts.looked_samples``, (m,) in the unit of ``label``."""
+    """What residuals are drawn against: a quantity of the samples looked at, (m,) in the unit of ``label``."""
 
     kind: str
     label: str
