@@ -2,7 +2,8 @@
 
 The posterior covariance C of all errors under prior and readings is that of a Bayesian fit; a reading a with noise s
 takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the tool (Chaloner and Verdinelli 1995,
-Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9)."""
+Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,12 +1,12 @@
 """What every part of the study starts from: candidates, what they see, index curves, a selection of poses."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
+from planner.common.progress import Progress
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.observability.identifiability import Identifiability
@@ -22,7 +22,6 @@ GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers o
 WIDTH = 800  # candidates that the last descents look at
 STEPS = 150  # of annealing, for the index that was asked for; the others descend only
 TOLERANCE = 0.02  # relative: a curve is read by eye, its bound is a proof whatever the tolerance
-StudyProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -58,9 +57,7 @@ class BoundedCurve:
         return float(self.bounds[self.sizes == self.knee][0])
 
 
-def compute_index_curves(
-    rows: Array, prior: Array, asked: str, seed: int, say: StudyProgress
-) -> tuple[BoundedCurve, ...]:
+def compute_index_curves(rows: Array, prior: Array, asked: str, seed: int, say: Progress) -> tuple[BoundedCurve, ...]:
     """Return the curves of O1 … O5, first raw, then unit-free.
 
     Args:
@@ -158,7 +155,7 @@ class StudyBasis:
         return rms_sensitivity(change), abs(change).max(axis=(0, 1))
 
 
-def compute_basis(cell: Cell, index: str, seed: int, say: StudyProgress) -> StudyBasis:
+def compute_basis(cell: Cell, index: str, seed: int, say: Progress) -> StudyBasis:
     """Draw candidates, find what they see, and choose as many poses as the cell asks for or the curve suggests.
 
     Raises:

@@ -10,12 +10,12 @@ from planner.cell.file import FixtureFile
 from planner.cell.reading import cell_of
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Progress
 from planner.common.units import Array, to_mm
 from planner.design.undeclared_errors import undeclared_errors
 from planner.kinematics.bodies import BodyFile, Vector
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
-from planner.studies.basis import StudyProgress
 from planner.studies.fixture_places import place_grid
 from planner.studies.fixture_reach import find_stands, move_fixture, reach_poses
 
@@ -26,7 +26,7 @@ ENOUGH = 100  # of them that must be joined by paths, below which a place is lef
 NEAR = 0.1  # [m] between two fixtures
 
 
-def add_fixtures(cell: Cell, count: int, seed: int, say: StudyProgress) -> Cell:
+def add_fixtures(cell: Cell, count: int, seed: int, say: Progress) -> Cell:
     """Return the cell with ``count`` fixtures: its first one stays, each other stands where it shows most beside them.
 
     What holds the first fixture up is built under the others as well.
@@ -78,7 +78,7 @@ class _PlaceInformation:
     weight: Array
 
 
-def _place_informations(cell: Cell, seed: int, say: StudyProgress) -> list[_PlaceInformation]:
+def _place_informations(cell: Cell, seed: int, say: Progress) -> list[_PlaceInformation]:
     """The places of the grid from which enough poses are reached, that of the present fixture first."""
     q = reach_poses(cell, cell.fixtures[0].p_BX, CANDIDATES, seed).q
     unknown = undeclared_errors(move_fixture(cell, cell.fixtures[0].p_BX), q, np.zeros(len(q), dtype=int))

@@ -7,13 +7,13 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
+from planner.common.progress import Progress
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet
 from planner.design.observability.identifiability import STRUCTURAL, find_identifiable
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
-from planner.studies.basis import StudyProgress
 from planner.studies.fixture_reach import FixtureReach, Status, move_fixture, reach_poses
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
@@ -92,7 +92,7 @@ def map_fixture_places(
     index: str,
     poses: int,
     seed: int,
-    say: StudyProgress,
+    say: Progress,
     across: int = ACROSS,
     up: int = UP,
 ) -> FixtureMap:
