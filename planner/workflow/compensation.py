@@ -58,7 +58,8 @@ def compensate(
         targets: a robot program, or targets as CSV.
         model: the calibrated robot: ``robot.toml``, or the identification itself.
         dialect: the file's language, where suffix and content do not tell.
-        tool, base: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
+        tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
+        base: the same of the base.
         frames: the controller's own table of frames (``$config.dat``, a RAPID module).
         keep_unsolved: leave targets without a correction as they are.
         cell: the cell, whose controller must not correct the robot itself.
