@@ -139,7 +139,7 @@ def backlash(run: Excitation) -> Iterator[Effect]:
     if not (run.has("speed") or run.has("direction")):
         return
     phi = SpeedSign if run.has("speed") else ApproachDirection
-    for i in run.moving:
+    for i in run.moving_joints:
         if np.ptp(run.values(phi(i))) > 0.5:
             sentence = f"joint {i + 1}: play of {{size}} between the two directions"
             yield _of_joint(run, "backlash", i, phi(i), BACKLASH, sentence)
@@ -159,7 +159,7 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
 @register("hysteresis", needs=CONTINUOUS_RUN)
 def hysteresis(run: Excitation) -> Iterator[Effect]:
     """Friction on a spring: the joint turns gradually from one side of its play to the other."""
-    for i in run.moving if run.has("reversals") else ():
+    for i in run.moving_joints if run.has("reversals") else ():
 
         def parameter(width: float, i: int = i) -> tuple[Parameter, ...]:
             return (_parameter(run, "hysteresis", i, Hysteresis(i, width), BACKLASH),)
@@ -195,7 +195,7 @@ def servo_lag(run: Excitation) -> Iterator[Effect]:
         return
     sentence = "all joints: the arm runs {size} behind the angles as logged"
     yield _of_all_joints(run, "servo lag", SpeedLag, LAG, sentence)
-    for i in run.moving:
+    for i in run.moving_joints:
         yield _of_joint(run, "servo lag", i, SpeedLag(i), LAG, f"joint {i + 1}: runs {{size}} behind its logged angle")
 
 

@@ -27,7 +27,7 @@ class EffectVariable:
     period: float | None = None
 
     @property
-    def folded(self) -> Array:
+    def folded_values(self) -> Array:
         """Values within one period."""
         return self.values if self.period is None else np.mod(self.values, self.period)
 

@@ -33,7 +33,7 @@ class Context:
         return self._known[phi]
 
     @property
-    def measured(self) -> MeasurementSetup:
+    def measurement_setup(self) -> MeasurementSetup:
         """The setup with the gauge that took the samples."""
         assert isinstance(self.setup, MeasurementSetup)
         return self.setup
@@ -51,7 +51,7 @@ class Context:
     @cached_property
     def bar(self) -> BarState:
         """Length and direction of the bar on the nominal setup."""
-        return bar_state(self.motion.x.T, self.measured.p_BX[self.samples.place])
+        return bar_state(self.motion.x.T, self.measurement_setup.p_BX[self.samples.place])
 
     @property
     def length(self) -> Array:
@@ -61,7 +61,7 @@ class Context:
     @cached_property
     def ray(self) -> Array:
         """From the origin of the gauge's frame to the measured point, in the base frame, (n, 3) [m]."""
-        return np.asarray(self.motion.x.T - self.measured.p_BG[self.samples.place])
+        return np.asarray(self.motion.x.T - self.measurement_setup.p_BG[self.samples.place])
 
     @cached_property
     def velocity(self) -> Array:
@@ -81,14 +81,14 @@ class Context:
         robot = self.setup.robot
         links = [(end, m) for end, m in zip(robot.link_end[1:], robot.masses, strict=True) if m is not None]
         loads: list[tuple[int, Array | float, Array]] = [(end, m.mass, m.com) for end, m in links]
-        loads.append((len(robot.transforms), self._carried, self.setup.com_F))
+        loads.append((len(robot.transforms), self._flange_mass, self.setup.com_F))
         torque = gravity_torque(robot.chain, self.theta, self.setup.gravity_B, tuple(loads))
         if self.pull is None:
             return torque
         return np.asarray(torque + np.einsum("jkn,kn->nj", self.motion.point_screws(self.joints), self.pull))
 
     @property
-    def _carried(self) -> Array | float:
+    def _flange_mass(self) -> Array | float:
         """Mass on the flange, one number or (n,) [kg]."""
         return self.setup.tool_mass if self.samples.payload is None else self.setup.tool_mass + self.samples.payload
 
@@ -96,7 +96,7 @@ class Context:
     def pull(self) -> Array | None:
         """Force of the bar on the tool point, towards the fixture, (3, n) [N] in the base frame, where logged."""
         force = self.samples.force
-        along = None if force is None else self.measured.gauge.pull_direction(self)
+        along = None if force is None else self.measurement_setup.gauge.pull_direction(self)
         return None if along is None or force is None else -force * along.T
 
     @cached_property
@@ -126,7 +126,7 @@ class Context:
         The flange bends under what it carries alone.
         """
         robot = self.setup.robot
-        tool = HangingLoad(len(robot.transforms) + 1, self._carried, self.centres[-1])
+        tool = HangingLoad(len(robot.transforms) + 1, self._flange_mass, self.centres[-1])
         links = [
             HangingLoad(min(end, len(robot.transforms) - 1), m.mass, centre)
             for end, m, centre in zip(robot.link_end[1:], robot.masses, self.centres, strict=False)

@@ -39,7 +39,7 @@ class Excitation:
         return range(self.setup.robot.n_joints)
 
     @cached_property
-    def moving(self) -> tuple[int, ...]:
+    def moving_joints(self) -> tuple[int, ...]:
         """Joints that stand at more than one angle."""
         return tuple(int(i) for i in np.flatnonzero(np.ptp(self.samples.q, axis=0) > 1e-3))
 

@@ -66,7 +66,7 @@ class JointAngle(BasisFunction, key="angle:JOINT:NUMBER"):
 @register("encoder once a turn", "encoder twice a turn")
 def encoder_eccentricity(run: Excitation) -> Iterator[Effect]:
     """Encoder out of centre (once a turn) or out of round (twice a turn)."""
-    for i in run.moving:
+    for i in run.moving_joints:
         for (often, word), cause in zip(TIMES, ("out of centre", "out of round or tilted"), strict=False):
             sentence = f"joint {i + 1}: encoder or gear {cause}, an error {word} a turn, {{size}}"
             yield _wave(run, f"encoder {word} a turn", i, often, sentence, SLAMANI, Role.GEAR_WAVE)
@@ -75,7 +75,7 @@ def encoder_eccentricity(run: Excitation) -> Iterator[Effect]:
 @register("strain-wave error", "motor-side error")
 def stated_gear_ripple(run: Excitation) -> Iterator[Effect]:
     """Gear errors whose number a turn follows from the gear ratio that the robot's file states."""
-    for i in run.moving:
+    for i in run.moving_joints:
         ratio = run.setup.robot.gear_ratio[i]
         if ratio is None:
             continue
@@ -90,7 +90,7 @@ def stated_gear_ripple(run: Excitation) -> Iterator[Effect]:
 @register("gear ripple")
 def gear_ripple(run: Excitation) -> Iterator[Effect]:
     """Gear error at any number of waves a turn."""
-    for i in run.moving:
+    for i in run.moving_joints:
         ratio = run.setup.robot.gear_ratio[i]
         highest = HIGHEST if ratio is None else max(HIGHEST, 2.2 * ratio)
         grid = np.arange(LOWEST, highest, SCAN_STEP * FULL_TURN / float(np.ptp(run.samples.q[:, i])))
@@ -102,7 +102,7 @@ def gear_ripple(run: Excitation) -> Iterator[Effect]:
 @register("reduction ratio")
 def reduction_ratio(run: Excitation) -> Iterator[Effect]:
     """A reduction ratio that is not what the controller thinks."""
-    for i in run.moving:
+    for i in run.moving_joints:
         sentence = f"joint {i + 1}: reduction ratio is off, {{size}} of the joint's travel"
         yield _proportional(run, "reduction ratio", i, i, sentence, "estimated")
 
@@ -110,7 +110,7 @@ def reduction_ratio(run: Excitation) -> Iterator[Effect]:
 @register("coupling")
 def coupling(run: Excitation) -> Iterator[Effect]:
     """A joint that another one's drive moves along; neighbours first, as in wrists and behind parallelograms."""
-    pairs = [(i, k) for i in run.joints for k in run.moving if i != k]
+    pairs = [(i, k) for i in run.joints for k in run.moving_joints if i != k]
     for i, k in sorted(pairs, key=lambda p: (abs(p[0] - p[1]), p)):
         sentence = f"joint {i + 1}: joint {k + 1} drives it along, {{size}} of that joint's travel"
         yield _proportional(run, "coupling", i, k, sentence, NUBIOLA)
@@ -119,7 +119,7 @@ def coupling(run: Excitation) -> Iterator[Effect]:
 @register(*(f"axis wobble {word} a turn" for _, word in TIMES))
 def axis_wobble(run: Excitation) -> Iterator[Effect]:
     """A joint's axis wobbles as it turns: its bearing runs out, or is squeezed out of round."""
-    for i in run.moving:
+    for i in run.moving_joints:
         turn = run.setup.chain.transforms[run.rotation(i)].axis
         for often, word in TIMES:
             kind = f"axis wobble {word} a turn"

@@ -201,7 +201,7 @@ def _f_test(
     """F test of what one basis explains, as many samples as are correlated counting as one."""
     from scipy.stats import f as fisher  # costs most of a second
 
-    rank, explained = U.shape[1], _explained(rest, U)
+    rank, explained = U.shape[1], _explained_squares(rest, U)
     dof = min(rest.dof / correlation.time - rank, correlation.dof)
     if dof < 1:
         return ResidualTest(name, 1.0, 0.0)
@@ -210,14 +210,14 @@ def _f_test(
     return ResidualTest(name, p, _explained_size(rest, U, correlation, rms))
 
 
-def _explained(rest: ProjectedResidual, U: Array) -> float:
+def _explained_squares(rest: ProjectedResidual, U: Array) -> float:
     """Sum of squares that a basis explains."""
     return float(((U.T @ rest.white) ** 2).sum())
 
 
 def _explained_size(rest: ProjectedResidual, U: Array, correlation: NoiseCorrelation, rms: float) -> float:
     """Size of what a basis explains beyond chance [m]."""
-    beyond_chance = max(0.0, _explained(rest, U) - U.shape[1] * correlation.time)
+    beyond_chance = max(0.0, _explained_squares(rest, U) - U.shape[1] * correlation.time)
     return float(rms * np.sqrt(beyond_chance / max(rest.square, 1e-300)))
 
 

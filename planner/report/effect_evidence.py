@@ -196,7 +196,7 @@ def finding_chart(facts: CalibrationFacts, step: FindingStep) -> Chart:
 
 
 def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:
-    x, y = e.against.folded, 1e6 * values
+    x, y = e.against.folded_values, 1e6 * values
     heavy = np.flatnonzero(e.weight >= 0.09 * np.median(e.weight))
     shown = heavy[even_positions(len(heavy), PANEL_POINTS)]
     inside = shown[np.abs(y[shown]) <= span]

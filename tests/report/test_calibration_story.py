@@ -97,7 +97,7 @@ def test_ripple_shows_before_and_is_gone_after(told: CalibrationFacts) -> None:
     step = next(s for s in finding_steps(told) if s.what == "gear ripple, joint 3")
     e = collect_evidence(told, step)
     assert e.against.period == pytest.approx(360 / WAVES, rel=1e-2)
-    phase = 2 * np.pi * e.against.folded / e.against.period
+    phase = 2 * np.pi * e.against.folded_values / e.against.period
     waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
     sizes = []
     for values in (e.before, e.after, e.fitted):
