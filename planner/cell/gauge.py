@@ -135,6 +135,10 @@ class Gauge(ABC):
     needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
     travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
+    reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
+    can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
+    is_loaded: ClassVar[bool] = False  # whether it pulls
+    calibrates_unasked: ClassVar[bool] = True  # whether a plan calibrates where no number of poses is given
     is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
@@ -264,6 +268,18 @@ class Gauge(ABC):
     def visit_record(self, cell: "Cell", visit: PlannedVisit) -> dict[str, object]:
         """Return what ``plan.json`` says of a pose beside its angles."""
         return {}
+
+    def path_record(self, shortest: float, longest: float) -> dict[str, float]:
+        """Return what ``plan.json`` says of the lengths [m] along a path, where they matter."""
+        return {}
+
+    def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
+        """Say the lengths [m] along a path, where they matter: (what, value)."""
+        return ()
+
+    def reach_surfaces(self, cell: "Cell") -> tuple[tuple[Array, Array, float, float], ...]:
+        """Return the surfaces between which it reads: centre (3,) [m], axis (3,), radius [m], opening angle [rad]."""
+        return ()
 
     # ---- what is unknown of it
 

@@ -142,7 +142,7 @@ def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
     if not file.fixtures or file.gauge.length_mm is None:
         raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
     loaded = [c for c in file.circles if c.loads_N]
-    if loaded and file.gauge.kind != "ldbb":
+    if loaded and not gauge_kinds()[file.gauge.kind].is_loaded:
         raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
     shortest, longest = file.gauge.length_mm
     fixtures = {f.name: read_only(from_mm(f.position_mm)) for f in file.fixtures}

@@ -49,6 +49,7 @@ class LengthGauge(LineGauge):
     plural: ClassVar[str] = "lengths"
     is_attached: ClassVar[bool] = True
     has_zero: ClassVar[bool] = True
+    reads_moving: ClassVar[bool] = True
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "bar (mm)")
     travel_name: ClassVar[str] = "way without the bar"
 
@@ -105,9 +106,8 @@ class LengthGauge(LineGauge):
     def describe(self, cell: Cell) -> str:
         """Say the range and the fixtures."""
         names = ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
-        reach = f"{float(to_mm(self.length_min)):g} – {float(to_mm(self.length_max)):g} mm"
         points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
-        return f"bar {reach} on fixture{'s' if ',' in names else ''} {names}{points}"
+        return f"bar {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
 
     def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
         """Return fixture and length."""
@@ -116,6 +116,24 @@ class LengthGauge(LineGauge):
     def length_text(self, length: float) -> str:
         """Say the length of the bar."""
         return f"{to_mm(length):.1f} mm"
+
+    def path_record(self, shortest: float, longest: float) -> dict[str, float]:
+        """Return the range of lengths."""
+        return {"length_min_mm": shortest * 1e3, "length_max_mm": longest * 1e3}
+
+    def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
+        """Say the range of lengths, and the bar's own."""
+        length = f"{float(to_mm(shortest)):.1f} – {float(to_mm(longest)):.1f} mm"
+        return (("bar length", f"{length} of {self._range_text}"),)
+
+    def reach_surfaces(self, cell: Cell) -> tuple[tuple[Array, Array, float, float], ...]:
+        """Return both shells about each fixture, as far as its cone is open."""
+        cups = [f for f in cell.fixtures if f.point == 0]
+        return tuple((f.p_BX, f.axis_B, r, self.cone_fixture) for f in cups for r in (self.length_min, self.length_max))
+
+    @property
+    def _range_text(self) -> str:
+        return f"{float(to_mm(self.length_min)):g} – {float(to_mm(self.length_max)):g} mm"
 
     def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
         """Return length, fixture and, where the tool has several points, the one that the bar hangs from."""
@@ -218,6 +236,7 @@ class DoubleBallBar(LengthGauge):
     """The extended double ball bar (EDBB)."""
 
     kind: ClassVar[str] = "edbb"
+    can_be_loaded: ClassVar[bool] = True
     default_noise_um: ClassVar[float] = 1.0
 
 
@@ -227,6 +246,7 @@ class LoadedBar(DoubleBallBar):
     """The loaded double ball bar (LDBB): it pulls while it reads."""
 
     kind: ClassVar[str] = "ldbb"
+    is_loaded: ClassVar[bool] = True
 
 
 def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:

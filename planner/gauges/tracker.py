@@ -42,6 +42,7 @@ class Tracker(FrameGauge):
     beam_radius: float = 0.0
 
     kind: ClassVar[str] = "tracker"
+    calibrates_unasked: ClassVar[bool] = False
     default_noise_um: ClassVar[float] = 15.0
 
     @classmethod

@@ -241,12 +241,7 @@ def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
 
 
 def _shells(cell: Cell) -> tuple[Mesh, ...]:
-    g = cell.gauge
-    if not g.is_attached:
-        return ()
-    radii = (g.length_min, g.length_max)
-    cups = [f for f in cell.fixtures if f.point == 0]
-    return tuple(_mm(sphere_cap(f.p_BX, f.axis_B, r, g.cone_fixture)) for f in cups for r in radii)
+    return tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))
 
 
 def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:

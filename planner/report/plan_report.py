@@ -113,14 +113,12 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What is known of the path: (what, value)."""
     path, g = drive.path, cell.gauge
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
-    length = f"{float(to_mm(path.length_min)):.1f} – {float(to_mm(path.length_max)):.1f} mm"
-    reach = f"{float(to_mm(g.length_min)):g} – {float(to_mm(g.length_max)):g} mm"
     there = g.travel_name
     legs = f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"
     return (
         ("legs", legs),
         ("support poses", str(supports)),
-        *([("bar length", f"{length} of {reach}")] if g.is_attached else []),
+        *g.path_facts(path.length_min, path.length_max),
         *verdict_rows("measuring path", drive.verdicts[:2], cell),
         *verdict_rows(there, drive.verdicts[2:], cell),
     )

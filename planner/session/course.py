@@ -98,7 +98,7 @@ def is_continuous(cell: Cell) -> bool:
 
 def rests_at_poses(cell: Cell) -> bool:
     """Whether the arm stands still at the poses: always where the gauge is no bar."""
-    return not (is_continuous(cell) and cell.gauge.is_attached)
+    return not (is_continuous(cell) and cell.gauge.reads_moving)
 
 
 def time_course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:

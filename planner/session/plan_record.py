@@ -56,7 +56,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
         "supports": [s for d in drives for s in _support_records(d)],
         "observability": _observability_record(choice, plan.driven),
         "tour": _tour_record(drives),
-        "path": _path_record(drives, plan.cell.gauge.is_attached),
+        "path": _path_record(plan),
         "trajectory": {
             "duration_s": sum(d.trajectory.duration_s for d in drives),
             "measuring_s": sum(d.trajectory.measuring_s for d in drives),
@@ -136,20 +136,18 @@ def _tour_record(drives: tuple[Drive, ...]) -> dict[str, object]:
     }
 
 
-def _path_record(drives: tuple[Drive, ...], bar: bool) -> dict[str, object]:
+def _path_record(plan: Plan) -> dict[str, object]:
+    drives = plan.drives
     legs = [leg for d in drives for leg in d.path.legs]
     direct = sum(leg.direct for leg in legs)
-    lengths = {
-        "length_min_mm": min(d.path.length_min for d in drives) * 1e3,
-        "length_max_mm": max(d.path.length_max for d in drives) * 1e3,
-    }
+    shortest, longest = min(d.path.length_min for d in drives), max(d.path.length_max for d in drives)
     return {
         "legs": len(legs),
         "direct_legs": direct,
         "planned_legs": len(legs) - direct,
         "checked": "continuous",
         "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
-        **(lengths if bar else {}),
+        **plan.cell.gauge.path_record(shortest, longest),
         "verdicts": verdict_records(v for d in drives for v in d.verdicts),
     }
 

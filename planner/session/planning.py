@@ -142,7 +142,8 @@ def _drive_places(source: PoseSource, choice: PoseChoice, options: PlanOptions) 
                     choice = source.replace(choice, int(mine[lost.which]))
                 else:
                     checks = np.setdiff1d(checks, others[lost.which - len(mine)])
-                where = f" (fixture {place.cell.place_name(place.fixture)})" if place.cell.gauge.is_attached else ""
+                name = place.cell.place_name(place.fixture)
+                where = f" (fixture {name})" if name else ""
                 source.notes.append(f"a pose that no path could join was replaced{where}")
         else:
             raise NoSolutionError(

@@ -37,8 +37,7 @@ class PointPoses:
         self.notes: list[str] = []
         self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
         self.at_balls = cell.gauge.head is not None
-        # a tracker measures poses for calibration only where their number is asked for
-        self.only_validates = cell.gauge.kind == "tracker" and not self.poses
+        self.only_validates = not (cell.gauge.calibrates_unasked or self.poses)
         if self.at_balls:
             _check_shares(cell, self.poses, self.index)
 

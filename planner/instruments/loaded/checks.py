@@ -26,7 +26,7 @@ def check_cell(cell: Cell) -> None:
     Raises:
         InputError: another gauge, no fixture, or no tool point.
     """
-    if cell.gauge.kind not in ("ldbb", "edbb"):
+    if not cell.gauge.can_be_loaded:
         raise InputError(f"{cell.path}: gauge.kind = '{cell.gauge.kind}', but loaded circles need a bar, 'ldbb'")
     if not cell.fixtures or not cell.tool.known:
         lacking = "[[fixtures]] with position_mm" if not cell.fixtures else "[tool] with map_mm"
