@@ -40,11 +40,11 @@ class Result(ABC):
 
     @abstractmethod
     def write(self, folder: Path | str) -> list[Path]:
-        """Write everything into a folder, all of it or nothing; returned are the files."""
+        """Write everything into a folder, all of it or nothing, or the one file that there is; return the files."""
 
-    @abstractmethod
     def files(self, folder: Path) -> str:
         """Name the files that a person looks for in the folder once it is written."""
+        return ""
 
     @property
     def problems(self) -> tuple[str, ...]:

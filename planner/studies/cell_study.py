@@ -66,10 +66,6 @@ class StudyResult(Result):
             write_bytes(folder / name, files[name])
         return [folder / name for name in NAMES]
 
-    def files(self, folder: Path) -> str:
-        """Name nothing: the summary is long enough."""
-        return ""
-
     def preview(self) -> Plot:
         """Return the map of places for the fixture."""
         return self.plot("fixture_map.png")

@@ -1,9 +1,10 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.files import write_text
+from planner.common.result import Result
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
 from planner.compensation.rotations import frame, from_abc
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class CompensationResult:
+class CompensationResult(Result):
     """A corrected file; ``left_out`` says which effects of the robot targets cannot be corrected for."""
 
     file: CompensatedFile
@@ -34,10 +36,14 @@ class CompensationResult:
         done = self.file.summary
         return done if self.left_out is None else f"{done}\n{self.left_out}"
 
-    def write(self, path: Path | str) -> Path:
-        """Write the corrected file, in the encoding in which it was read."""
-        write_text(Path(path), self.file.text, self.file.encoding)
-        return Path(path)
+    def content(self) -> Mapping[str, Any]:
+        """Return what was done, and the corrected text."""
+        return {"file": self.file.name, "summary": self.summary(), "text": self.file.text}
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write the corrected file to a path, in the encoding in which it was read."""
+        write_text(Path(folder), self.file.text, self.file.encoding)
+        return [Path(folder)]
 
 
 @on_one_thread

@@ -145,7 +145,7 @@ class CircularPlanResult(Result):
 
 
 @dataclass(frozen=True)
-class SimulationResult:
+class SimulationResult(Result):
     """A run that nobody measured; the errors behind it stand in its comments."""
 
     run: SimulatedRun
@@ -154,18 +154,30 @@ class SimulationResult:
         """Return how many samples there are, and what to know."""
         return "\n".join([f"{self.run.name}: {len(self.run)} samples", *(f"note: {w}" for w in self.run.warnings)])
 
+    def content(self) -> Mapping[str, Any]:
+        """Return what is true of the run, and what to know."""
+        run = self.run
+        return {
+            "run": run.name,
+            "plan_id": run.plan_id,
+            "robot": run.robot,
+            "n_samples": len(run),
+            "truth": list(run.truth),
+            "warnings": list(run.warnings),
+        }
+
     def text(self) -> str:
         """Return the run as CSV, with what is true of it in comments."""
         return self.run.comments() + run_text(self.run)
 
-    def write(self, path: Path | str) -> Path:
-        """Write the run, as CSV or Parquet by the name's ending."""
-        path = Path(path)
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write the run into a file, as CSV or Parquet by the name's ending."""
+        path = Path(folder)
         if path.suffix.lower() == ".csv":
             write_text(path, self.text())
         else:
             save_run(self.run, path)
-        return path
+        return [path]
 
 
 @dataclass(frozen=True)

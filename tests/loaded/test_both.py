@@ -61,7 +61,7 @@ def folder(tmp_path_factory):
 def few_places():
     """A coarse grid: what is tested is not how many places there are."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loaded_both, "candidates", lambda cell, seed: find_circle_places(cell, seed, (3, 2)))
+        patch.setattr(loaded_both, "find_circle_places", lambda cell, seed: find_circle_places(cell, seed, (3, 2)))
         yield
 
 

@@ -150,7 +150,7 @@ def test_files(done, tmp_path):
 def test_a_run_of_another_plan_is_refused(folder, tmp_path):
     from planner.common.errors import InputError
 
-    (tmp_path / "plan.json").write_text('{"plan_id": "abc", "robot": "abb-irb6700"}')
+    (tmp_path / "plan.json").write_text('{"schema": "edbb-plan/1", "plan_id": "abcabcabcabc", "robot": "abb-irb6700"}')
     text = "# plan_id: def\n" + (folder / "loaded.csv").read_text()
     (tmp_path / "run.csv").write_text(text)
     with pytest.raises(InputError, match="belongs to the plan def"):
