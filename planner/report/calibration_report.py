@@ -4,23 +4,12 @@ from typing import Any
 
 import numpy as np
 
+import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts, stage_label
-from planner.report.calibration_text import (
-    GROUP_NAMES,
-    correlation_text,
-    estimate_unit,
-    finding_texts,
-    findings_summary,
-    headline_text,
-    held_out_text,
-    limit_table,
-    noise_text,
-    refusal_text,
-)
 from planner.report.formatting import count_text, digits, in_mm
 from planner.report.page import Report, Row
 
@@ -45,25 +34,25 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "c": c,
         "title": f"Calibration of {c.fit.model.setup.robot.title}",
         "about": _about(c),
-        "problems": refusal_text(c),
-        "headline": headline_text(facts),
+        "problems": text.refusal_text(c),
+        "headline": text.headline_text(facts),
         "facts": _facts(facts),
         "stages": stages,
         "first_stages": stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])],
-        "summary": findings_summary(c),
-        "findings": finding_texts(facts),
-        "limits": limit_table(c),
+        "summary": text.findings_summary(c),
+        "findings": text.finding_texts(facts),
+        "limits": text.limit_table(c),
         "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:MOST_REJECTED],
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
-        "held_out": held_out_text(c),
-        "noise": noise_text(c),
+        "held_out": text.held_out_text(c),
+        "noise": text.noise_text(c),
         "trials": [(t.along, _chance(t.p_value), in_mm(t.rms, 2)) for t in trials],
         "moved": _most_moved(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [(e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable],
-        "correlations": correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
+        "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
         "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
         "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
         "gauge": _gauge(facts),
@@ -82,7 +71,7 @@ def _about(c: Calibration) -> str:
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
-    several = GROUP_NAMES[c.split.by][0]
+    several = text.GROUP_NAMES[c.split.by][0]
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     return (
         ("before, mean", f"{in_mm(before.mean)} mm", f"largest {in_mm(before.largest)} mm"),
@@ -117,14 +106,14 @@ def _most_moved(facts: CalibrationFacts) -> list[Row]:
     rows = list[Row]()
     for e, moves in robot[:MOST_MOVED]:
         change = f"{_fixed(e, e.value - e.nominal, '+')} ± {_fixed(e, e.std)}"
-        rows.append((e.name, e.what, change, estimate_unit(e)[0], in_mm(moves, 2)))
+        rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2)))
     return rows
 
 
 def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     """Name, what, unit, nominal, value, change, ±, change in standard deviations, effect on the reading, absorbed."""
     assert e.std is not None
-    change, unit = e.value - e.nominal, estimate_unit(e)[0]
+    change, unit = e.value - e.nominal, text.estimate_unit(e)[0]
     moves = float(facts.moves[facts.calibration.fit.model.names.index(e.name)])
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
     numbers = (_nominal(e), _fixed(e, e.value), _fixed(e, change, "+"), _fixed(e, e.std), times, in_mm(moves, 2))
@@ -132,14 +121,14 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
 
 
 def _nominal(e: Estimate) -> str:
-    return f"{e.nominal * estimate_unit(e)[1]:.6g}"
+    return f"{e.nominal * text.estimate_unit(e)[1]:.6g}"
 
 
 def _fixed(e: Estimate, value: float | None, sign: str = "") -> str:
     """Write a value with as many decimals as its standard deviation has at two digits."""
     if value is None:
         return "–"
-    factor = estimate_unit(e)[1]
+    factor = text.estimate_unit(e)[1]
     size = (e.std or 0.0) * factor
     decimals = int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
     return f"{value * factor:{sign}.{decimals}f}"

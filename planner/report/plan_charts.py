@@ -103,7 +103,7 @@ def parameter_chart(rows: tuple[ParameterForecast, ...]) -> Chart:
     """Predicted standard deviation of each parameter as a part of its prior size."""
     order = sorted(rows, key=lambda r: r.share)
     share, names = np.array([r.share for r in order]), [r.parameter.name for r in order]
-    hover = [f"{r.parameter.name}, {r.what}: {r.share:.3g} of the prior size" for r in order]
+    hover = [f"{r.parameter.name}, {r.parameter.what}: {r.share:.3g} of the prior size" for r in order]
     span = (10.0 ** np.floor(np.log10(share.min())), 10.0 ** np.ceil(np.log10(max(2.0, share.max() * 1.2))))
     label = "predicted standard deviation / prior size"
     caption = "Left is well known after the measurement; a parameter at the dotted line stays as uncertain as it was."

@@ -87,10 +87,9 @@ def _clock(cell: Cell, q: Array) -> Array:
 
 @dataclass(frozen=True)
 class ParameterForecast:
-    """One identifiable parameter: prior size and predicted standard deviation [m or rad], and what it moves."""
+    """One identifiable parameter: its predicted standard deviation ``sigma`` [m or rad]."""
 
     parameter: Parameter
-    what: str
     sigma: float
 
     @property
@@ -104,4 +103,4 @@ def forecast_parameters(plan: Plan) -> tuple[ParameterForecast, ...]:
     choice = plan.choice
     noise = choice.model.noise(choice.q, choice.fixture)
     std = predict_covariance(choice.model.jacobian(choice.q, choice.fixture), noise[:, None]).std
-    return tuple(ParameterForecast(p, p.what, float(s)) for p, s in zip(choice.model.parameters, std, strict=True))
+    return tuple(ParameterForecast(p, float(s)) for p, s in zip(choice.model.parameters, std, strict=True))

@@ -2,32 +2,13 @@
 
 from typing import Any
 
+import planner.report.formatting as text
+import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
-from planner.report.formatting import (
-    bound_text,
-    certificate_text,
-    clearance_fact,
-    digits,
-    duration_text,
-    percent_text,
-    separation_text,
-    verdict_rows,
-)
 from planner.report.page import Report, Row
-from planner.report.plan_charts import (
-    bar_chart,
-    contact_chart,
-    foreseen_error_chart,
-    funnel_chart,
-    index_chart,
-    joint_chart,
-    parameter_chart,
-    speed_chart,
-    tour_chart,
-)
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
 from planner.session.plan_types import Drive, Plan
 
@@ -35,14 +16,14 @@ from planner.session.plan_types import Drive, Plan
 def report_plan(plan: Plan) -> Report:
     """Return the page of a plan and its pictures."""
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
-    overview = (index_chart(plan), funnel_chart(plan), parameter_chart(forecasts))
-    ahead = (foreseen_error_chart(plan.foresight),) if plan.foresight else ()
+    overview = (plan_charts.index_chart(plan), plan_charts.funnel_chart(plan), plan_charts.parameter_chart(forecasts))
+    ahead = (plan_charts.foreseen_error_chart(plan.foresight),) if plan.foresight else ()
     content = {
         "plan": plan,
         "about": _about(plan.cell),
         "facts": _facts(plan),
-        "certificate": certificate_text(plan),
-        "separation": separation_text(plan.separation) if plan.separation else "",
+        "certificate": text.certificate_text(plan),
+        "separation": text.separation_text(plan.separation) if plan.separation else "",
         "drives": drives,
         "forecasts": [_forecast(f) for f in forecasts],
         "rules": INDEX_RULES,
@@ -66,7 +47,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     what_for = f"to calibrate{f', {extra}' if extra else ''}" if made else "to validate, at random"
     free = len(choice.seen.names)
     gap = rule.gap(choice.value, bound.value)
-    beyond = "better than the bound" if gap < 0 else f"at most {percent_text(gap)} from the bound"
+    beyond = "better than the bound" if gap < 0 else f"at most {text.percent_text(gap)} from the bound"
     beyond = beyond if plan.by_index else "did not choose the poses"
     sets = f"for any {bound.poses}" if bound.poses else "for any number"
     driving = sum(d.trajectory.duration_s for d in drives)
@@ -75,14 +56,14 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
         ("poses", str(len(choice.q)), what_for),
         *_foreseen(plan),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
-        (choice.index, digits(choice.value, 4), f"{rule.what}, {beyond}"),
+        (choice.index, text.digits(choice.value, 4), f"{rule.what}, {beyond}"),
         (
             "bound",
-            bound_text(bound.value, rule.maximise),
+            text.bound_text(bound.value, rule.maximise),
             f"{'proven' if bound.verified else 'not proven'} {sets} candidates",
         ),
-        ("driving", duration_text(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
-        clearance_fact([v for d in drives for v in d.verdicts]),
+        ("driving", text.duration_text(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
+        text.clearance_fact([v for d in drives for v in d.verdicts]),
     )
 
 
@@ -97,15 +78,15 @@ def _foreseen(plan: Plan) -> tuple[Row, ...]:
 def _tour_facts(drive: Drive) -> tuple[Row, ...]:
     """What is known of the order: (what, value)."""
     tour, returns = drive.tour, len(drive.trajectory.waypoint_time) > len(drive.path.q)
-    bound = f"no order is quicker than {duration_text(tour.lower_bound_s)}"
+    bound = f"no order is quicker than {text.duration_text(tour.lower_bound_s)}"
     return (
         ("solver", tour.solver),
-        ("in the order of selection", duration_text(tour.unsorted_s)),
+        ("in the order of selection", text.duration_text(tour.unsorted_s)),
         (
             "in the order of the tour",
-            f"{duration_text(tour.cost_s)} ({'proven: no order is quicker' if tour.optimal else bound})",
+            f"{text.duration_text(tour.cost_s)} ({'proven: no order is quicker' if tour.optimal else bound})",
         ),
-        ("as driven", f"{duration_text(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
+        ("as driven", f"{text.duration_text(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
     )
 
 
@@ -119,8 +100,8 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
         ("legs", legs),
         ("support poses", str(supports)),
         *g.path_facts(path.length_min, path.length_max),
-        *verdict_rows("measuring path", drive.verdicts[:2], cell),
-        *verdict_rows(there, drive.verdicts[2:], cell),
+        *text.verdict_rows("measuring path", drive.verdicts[:2], cell),
+        *text.verdict_rows(there, drive.verdicts[2:], cell),
     )
 
 
@@ -128,20 +109,22 @@ def _forecast(f: ParameterForecast) -> Row:
     """Name, what it is, unit, prior size, standard deviation, their ratio."""
     p = f.parameter
     unit, to = ("mm", to_mm) if p.unit == "m" else (p.unit.replace("rad", "deg"), to_deg)
-    prior, sigma = (digits(float(to(v))) for v in (p.prior, f.sigma))
-    return (p.name, f.what, unit, prior, sigma, digits(f.share))
+    prior, sigma = (text.digits(float(to(v))) for v in (p.prior, f.sigma))
+    return (p.name, p.what, unit, prior, sigma, text.digits(f.share))
 
 
 def _drive(plan: Plan, k: int) -> dict[str, Any]:
     """One fixture's drive in words, and its charts."""
     cell, drive = plan.cell, plan.drives[k]
     way, suffix = sample_drive(cell, drive), f"_{k + 1}" if len(plan.drives) > 1 else ""
-    of_gauge = bar_chart(cell, way, drive, suffix) if cell.gauge.is_attached else contact_chart(cell, drive, suffix)
+    gauge_chart = plan_charts.contact_chart(cell, drive, suffix)
+    if cell.gauge.is_attached:
+        gauge_chart = plan_charts.bar_chart(cell, way, drive, suffix)
     charts = (
-        tour_chart(drive, tour_orders(cell, drive), suffix),
-        joint_chart(way, drive, suffix),
-        *((of_gauge,) if of_gauge else ()),
-        speed_chart(cell, way, drive, suffix),
+        plan_charts.tour_chart(drive, tour_orders(cell, drive), suffix),
+        plan_charts.joint_chart(way, drive, suffix),
+        *((gauge_chart,) if gauge_chart else ()),
+        plan_charts.speed_chart(cell, way, drive, suffix),
     )
     facts = {"tour": _tour_facts(drive), "path": _path_facts(cell, drive)}
     return facts | {"fixture": cell.place_name(drive.fixture), "charts": charts}
