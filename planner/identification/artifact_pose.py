@@ -10,7 +10,7 @@ from planner.cell.places import placed_frame
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.identification.least_squares import Fit
-from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPoint, Vector
+from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
 
 # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
@@ -66,7 +66,7 @@ def gauge_frames(fit: Fit) -> GaugeFrames:
         ),
         places=tuple(_place(setup, s, error) for s in places) if framed else (),
         tool=tuple(
-            ToolPoint(name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)))
+            ToolPointPosition(name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)))
             for t, n in enumerate(setup.point_names)
         ),
         zero=setup.zero + error.get("zero", 0.0) if setup.gauge.has_zero else None,

@@ -284,7 +284,7 @@ class PlacePose(FixturePosition):
     rpy: Vector
 
 
-class ToolPoint(DocumentSection):
+class ToolPointPosition(DocumentSection):
     """Where a measured point sits in the flange frame [m]."""
 
     name: str
@@ -297,7 +297,7 @@ class GaugeFrames(DocumentSection):
     if_any = ("zero_mm",)
     fixtures: tuple[FixturePosition, ...] = ()
     places: tuple[PlacePose, ...] = ()
-    tool: tuple[ToolPoint, ...] = ()
+    tool: tuple[ToolPointPosition, ...] = ()
     zero: float | None = None
 
 
