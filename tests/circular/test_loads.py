@@ -44,7 +44,7 @@ def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):
     ]
     height = arc.circle.p_BC[2] - loaded.cell.fixtures[0].p_BX[2]
     assert np.allclose(arc.length, np.hypot(0.125, height), atol=1e-9)
-    x = loaded.cell.map_position(drive.passes[0].points.q)
+    x = loaded.cell.map_position(drive.passes[0].path.q)
     assert np.ptp(np.unwrap(np.arctan2(x[:, 1] + 0.125, x[:, 0] - 1.350))) == pytest.approx(4 * np.pi)
     assert x[1, 1] + 0.125 > 0  # clockwise from 180 degrees: over the far side first
 

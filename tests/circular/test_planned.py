@@ -86,10 +86,10 @@ def test_passes_follow_each_other_and_measure_both_directions(planned):
     measured = [(drive.arcs[p.arc].circle.name, p.direction) for p in drive.passes if p.arc is not None]
     assert measured == [("round", "ccw"), ("round", "cw"), ("arc", "ccw"), ("arc", "cw")]
     for a, b in zip(drive.passes, drive.passes[1:], strict=False):
-        assert np.abs(a.points.q[-1] - b.points.q[0]).max() < 1e-6
+        assert np.abs(a.path.q[-1] - b.path.q[0]).max() < 1e-6
     mount = planned.cell.fixtures[0].mount
     assert np.abs(drive.travel.q[-1] - mount).max() == 0.0
-    assert np.abs(drive.passes[-1].points.q[-1] - mount).max() < 1e-6
+    assert np.abs(drive.passes[-1].path.q[-1] - mount).max() < 1e-6
     marks = [m for p in drive.passes for m in p.marks]
     assert marks == list(range(8))
 
