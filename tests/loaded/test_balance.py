@@ -66,7 +66,8 @@ def test_so_are_the_deflections_between_loads(model, errors, samples, true):
 
 
 def test_a_loaded_run_is_simulated_in_balance(model, errors, samples, true):
-    quiet = replace(model, setup=replace(model.setup, noise=0.0, joint_sigma=0.0))
+    silent = replace(model.setup.gauge, noise=0.0)
+    quiet = replace(model, setup=replace(model.setup, gauge=silent, joint_sigma=0.0))
     run = simulate(shared.cell(), "x", samples, Truth(quiet, errors), 0)
     assert np.abs(run.readings.length - true).max() < 1e-6
     assert run.samples.torque is None  # nobody logged them

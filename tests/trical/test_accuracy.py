@@ -1,5 +1,6 @@
 """Figures of a validation, the tracker's frame from its nests, and the precision test, against known truth."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -112,8 +113,12 @@ def test_precision_of_a_run_is_what_was_put_in(cell, pool, tmp_path):
     shown = cell.map_position(q) - cell.map_position(np.repeat(pool.q[:40], 3, axis=0)) - noise
     pose = np.arange(120)
     plan = tmp_path / "plan.json"
-    lines = [f'{{"id": {k}, "repeats": {k - k % 3}}}' if k % 3 else f'{{"id": {k}}}' for k in pose]
-    plan.write_text('{"poses": [' + ", ".join(lines) + "]}")
+    poses = [
+        {"id": int(k), "q_deg": [0.0] * 6, "role": "repeat" if k % 3 else "calibrate"}
+        | ({"repeats": int(k - k % 3)} if k % 3 else {})
+        for k in pose
+    ]
+    plan.write_text(json.dumps({"schema": "edbb-plan/1", "plan_id": "0123456789ab", "poses": poses}))
     run = Run(
         "made",
         Samples(q, np.zeros(120, dtype=int), pose=pose),
