@@ -4,10 +4,13 @@ import inspect
 import re
 import subprocess
 import sys
+import tomllib
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
+import planner
 from planner.cli.app import VERBS
 from tests.command import edbb
 
@@ -55,3 +58,11 @@ def test_an_empty_name_is_no_folder(name, tmp_path):
     assert done.returncode == 2
     assert done.stderr == "edbb: -o '': names no folder; '-o .' would be the one that you are in\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_the_installed_command_is_the_one_of_the_package():
+    """The entry point in pyproject.toml names a function that is there."""
+    root = Path(planner.__file__).parents[1]
+    entry = tomllib.loads((root / "pyproject.toml").read_text())["project"]["scripts"]["edbb"]
+    module, function = entry.split(":")
+    assert callable(getattr(import_module(module), function))
