@@ -120,10 +120,6 @@ def report_precision(
     return Report("accuracy.html.j2", page | table, (centring_chart(found),))
 
 
-def _content(title: str, run: str, sentences: list[str], notes: Row) -> dict[str, object]:
-    return {"title": title, "run": run, "sentences": sentences, "notes": notes}
-
-
 def _figures(name: str, f: ErrorFigures) -> Row:
     return (name, str(f.count), _mm(f.mean), _mm(f.largest), _mm(f.std), *(_mm(v) for _, v in f.percentiles))
 

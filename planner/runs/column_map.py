@@ -10,7 +10,6 @@ from planner.common.schema import StrictModel, check_pattern
 from planner.runs.columns import RunColumn, find_column, known_headers, spellings, split_key, units_of
 
 EXTRA_UNITS = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
-MOST_JOINTS = 16
 
 
 def _encoding(name: str) -> str:

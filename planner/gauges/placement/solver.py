@@ -14,7 +14,7 @@ from planner.gauges.placement.rotations import log3
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
 _MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
 _SMALLEST = 4e-3  # [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
-_HUBER, _TUKEY = 1.5, 4.7
+_HUBER = 1.5
 
 
 class PlacementProblem(Protocol):

@@ -15,7 +15,6 @@ _MOVE = re.compile(
     r"\s*(?P<word>MOVE(?:FLY)?)\b(?P<how>[^{\n]*?)\b(?P<to>TO|VIA)\s*(?P<target>\{[^}]*\}|[^\r\n]*)(?P<rest>.*)",
     re.IGNORECASE | re.DOTALL,
 )
-_NUMBERS = rf"\s*{EXPONENT_NUMBER}\s*(,\s*{EXPONENT_NUMBER}\s*)*"
 _PROGRAM = re.compile(r"PROGRAM (\w+)(?: .*)?")
 _ROUTINE = re.compile(r"ROUTINE (\w+)(?:\(.*\))?")
 _ASSIGNED = re.compile(r"(\$?\w+(?:\[[^\]]*\])?) := (.+)")
