@@ -10,7 +10,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
-from planner.identification.calibration import Calibration, TracingResult
+from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -29,6 +29,7 @@ from planner.model.identification_document import (
     HoldOut,
     Metrics,
     RejectedEffect,
+    Stage,
     Unexplained,
     WithinGroups,
     error_size,
@@ -129,20 +130,13 @@ def assess_fit(
     notes: Sequence[str] = (),
 ) -> Calibration:
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
-    run, parts = context.run, context.split
-    if len(run) > len(stages[-1].fit.problem):
-        last = stages[-1]
-        stages = [*stages[:-1], context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
-    found, last_stage = stages[-1].fit, stages[-1].stage
-    known = set(free.whole.names)
-    whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
+    run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
+    found, last = stages[-1].fit, stages[-1].stage
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + consider_covariance(found, free.held)
     expected = workspace_error(cell, run, found, covariance)
-    inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
-    table = estimate_parameters(whole, found, free.dropped, covariance, inner)
-    condition = _condition(found)
-    diagnosis = diagnose_residual(found, run.continuous, last_stage.train.rms)
+    table = _estimate_all(free, found, covariance, traced)
+    diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
     return Calibration(
         schema_="edbb-identification/1",
         robot=found.model.setup.robot.name,
@@ -156,29 +150,50 @@ def assess_fit(
         limits=traced.limits,
         rejected=tuple(RejectedEffect(name=name, because=why) for name, why in traced.rejected),
         tried=traced.tried,
-        unexplained=Unexplained(
-            structured=diagnosis.structured,
-            along=tuple(t.along for t in diagnosis.found),
-            rms=last_stage.held_out.rms,
-            structured_rms=diagnosis.rms,
-            note=diagnosis.sentence,
-        ),
-        noise_floor=_noise_floor(run, last_stage.residual),
+        unexplained=_unexplained(diagnosis, last),
+        noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
-        condition_number=condition if np.isfinite(condition) else None,
+        condition_number=_condition(found),
         correlation_time=time,
         frames=gauge_frames(found),
         problems=find_problems(table, stages, found),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
-            *workspace_warning(expected, last_stage.held_out, found.model.width),
+            *workspace_warning(expected, last.held_out, found.model.width),
         ),
         run=run,
         fit=found,
         dropped=free.dropped,
         covariance=covariance,
         diagnosis=diagnosis,
+    )
+
+
+def _fit_all_samples(stages: list[FittedStage], context: FitContext) -> list[FittedStage]:
+    """Return the stages, the last fitted to every sample where it was fitted to a part of a long run."""
+    last = stages[-1]
+    if len(context.run) <= len(last.fit.problem):
+        return stages
+    return [*stages[:-1], context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
+
+
+def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced: TracingResult) -> tuple[Estimate, ...]:
+    """Return every parameter: the model's own, those of the effects that were found, and their inner numbers."""
+    known = set(free.whole.names)
+    whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
+    inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
+    return estimate_parameters(whole, found, free.dropped, covariance, inner)
+
+
+def _unexplained(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:
+    """Return what the last stage leaves, with the structure that the tests found in it."""
+    return Unexplained(
+        structured=diagnosis.structured,
+        along=tuple(t.along for t in diagnosis.found),
+        rms=last.held_out.rms,
+        structured_rms=diagnosis.rms,
+        note=diagnosis.sentence,
     )
 
 
@@ -201,15 +216,16 @@ def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
     ]
 
 
-def _condition(found: Fit) -> float:
-    """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out."""
+def _condition(found: Fit) -> float | None:
+    """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out, if finite."""
     problem = found.problem
     own = [k for k, p in enumerate(found.model.parameters) if p.group in ("gauge", "geometry")]
     if not own:
         return 1.0
     few = problem.take(even_positions(len(problem), CONDITION_SAMPLES))
     mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows[:, :, own]), compute_uv=False)
-    return float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
+    condition = float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
+    return condition if np.isfinite(condition) else None
 
 
 def _noise_floor(run: Run, residual: Array) -> float | None:
