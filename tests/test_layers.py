@@ -17,17 +17,40 @@ def room_of(path):
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
-def imported_rooms(path):
+def imported_modules(path):
+    """The modules of the package that a file imports, each as its path's parts without ``planner``."""
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names = [node.module]
+        if isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{path}: relative import"
+            longer = [f"{node.module}.{a.name}" for a in node.names]
+            names = [name if is_module(name) else node.module for name in longer]
         elif isinstance(node, ast.Import):
             names = [a.name for a in node.names]
         for name in names:
             parts = name.split(".")
             if parts[0] == "planner" and len(parts) > 1:
-                yield parts[1]
+                yield tuple(parts[1:])
+
+
+def is_module(name):
+    path = ROOT.parent.joinpath(*name.split("."))
+    return path.is_dir() or path.with_suffix(".py").exists()
+
+
+def imported_rooms(path):
+    return {parts[0] for parts in imported_modules(path)}
+
+
+def public_modules():
+    """What each room, and each public folder of it, lists in ``__all__``: {folder's parts: names}."""
+    out = {}
+    for path in ROOT.rglob("*/__init__.py"):
+        for node in ast.parse(path.read_text()).body:
+            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+            if getattr(target, "id", "") == "__all__":
+                out[path.parent.relative_to(ROOT).parts] = set(ast.literal_eval(node.value))
+    return out
 
 
 def test_every_room_has_its_place():
@@ -47,6 +70,22 @@ def test_imports_point_down():
             if other != room and ORDER.index(other) > ORDER.index(room)
         ]
     assert not wrong, wrong
+
+
+def test_no_import_goes_past_the_public_modules_of_a_room():
+    public, used, wrong = public_modules(), set(), []
+    assert {folder[0] for folder in public} == set(ORDER), "every room lists its public modules"
+    for path in ROOT.rglob("*.py"):
+        for parts in imported_modules(path):
+            if room_of(path) == parts[0]:
+                continue
+            steps = [(parts[:k], parts[k]) for k in range(1, len(parts))]
+            used.update(steps)
+            if not steps or any(name not in public.get(folder, ()) for folder, name in steps):
+                wrong.append(f"{path.relative_to(ROOT)}: {'.'.join(parts)}")
+    assert not wrong, f"internal modules imported from another room: {wrong}"
+    listed = {(folder, name) for folder, names in public.items() for name in names}
+    assert listed <= used, f"listed, but no other room imports it: {sorted(listed - used)}"
 
 
 def test_files_and_functions_stay_small():

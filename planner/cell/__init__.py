@@ -1,1 +1,3 @@
-"""Cell."""
+"""Robot, tool, fixtures, gauge and surroundings, read from one TOML file, and the measurement set-up made of them."""
+
+__all__ = ["cell", "circles", "file", "gauge", "gauge_registry", "places", "reading", "setup", "workspace"]

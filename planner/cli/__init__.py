@@ -1,1 +1,3 @@
-"""Cli."""
+"""The command ``edbb``."""
+
+__all__: list[str] = []

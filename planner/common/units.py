@@ -1,9 +1,12 @@
 """Millimetres and degrees live at the border, metres and radians inside: the only place that converts."""
 
+import re
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from planner.common.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -12,6 +15,9 @@ UM = 1e-6  # [m]
 DEG = np.pi / 180.0  # [rad]
 MM_PER_MIN = 1e-3 / 60.0  # [m/s]
 SCALES = {"_mm": MM, "_um": UM, "_deg": DEG}  # by the end of a key
+# beside the SI units themselves
+SCALED_UNITS = {"mm": ("m", MM), "um": ("m", UM), "deg": ("rad", DEG), "urad": ("rad", 1e-6)}
+PLAIN_UNITS = ("m", "rad", "s", "kg", "N", "Nm", "degC", "K", "turn", "1")
 
 
 def from_mm(value: ArrayLike) -> Array:
@@ -53,3 +59,30 @@ def _rounded(value: ArrayLike | None, scale: float, decimals: int) -> object:
         return [_rounded(v, scale, decimals) for v in np.asarray(value)]
     number = float(np.asarray(value))
     return None if np.isnan(number) else round(number / scale, decimals) + 0.0
+
+
+def si_unit(unit: str) -> tuple[str, float]:
+    """Return the SI unit of a unit such as ``urad/Nm``, and the factor to it: ``rad/Nm``, 1e-6.
+
+    Raises:
+        ValueError: a part of it is no unit that is known here.
+    """
+    first, rest = _split(unit)
+    known = [*PLAIN_UNITS, *SCALED_UNITS]
+    for word, allowed in [(first, known), *((w, list(PLAIN_UNITS)) for w in re.split("[/·]", rest)[1:])]:
+        if word not in allowed:
+            raise ValueError(f"'{word}' is no unit{did_you_mean(word, allowed)} (allowed: {', '.join(allowed)})")
+    word, factor = SCALED_UNITS.get(first, (first, 1.0))
+    return word + rest, factor
+
+
+def file_unit(unit: str) -> str:
+    """Return the unit in which files give a value of the SI ``unit``: mm and deg, but um and urad per something."""
+    first, rest = _split(unit)
+    shown = {"m": "um", "rad": "urad"} if rest else {"m": "mm", "rad": "deg"}
+    return shown.get(first, first) + rest
+
+
+def _split(unit: str) -> tuple[str, str]:
+    first = re.split("[/·]", unit)[0]
+    return first, unit[len(first) :]

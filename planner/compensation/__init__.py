@@ -1,1 +1,3 @@
-"""Compensation."""
+"""Targets and programs corrected for the identified robot."""
+
+__all__ = ["compensated_file", "rotations", "targets"]

@@ -1,1 +1,12 @@
-"""Design."""
+"""Which poses are measured: candidates, observability, selection with a certificate, discrimination of rivals."""
+
+__all__ = [
+    "bayesian_design",
+    "candidates",
+    "discrimination",
+    "free_parameters",
+    "observability",
+    "pose_selection",
+    "selection",
+    "undeclared_errors",
+]

@@ -19,7 +19,7 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.parameters import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.frames import place_points, place_poses
+from planner.gauges.placement.frames import are_collinear, place_points, place_poses
 from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
@@ -27,7 +27,6 @@ from planner.runs.reference_readings import ReferenceReadings
 from planner.runs.run import Readings, Run, Samples
 
 NESTS = 3  # that a frame takes
-FLAT = 0.05  # share of their spread by which the nests must leave one line
 
 
 @register_gauge
@@ -161,9 +160,3 @@ class PoseTracker(Tracker):
         assert r.rotation is not None
         probe = place_poses(p_BF, R_BF, r.position, r.rotation, run.samples.place, points_of(run), p_FM)
         return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
-
-
-def are_collinear(p: Array) -> bool:
-    """Tell whether points (n, 3) lie nearly on one line."""
-    size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
-    return bool(size[1] < FLAT * size[0])

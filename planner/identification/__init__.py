@@ -1,1 +1,16 @@
-"""Identification."""
+"""Placement of the gauge, fit, covariance, validation, diagnostics of the residual."""
+
+__all__ = [
+    "calibrated_robot",
+    "calibration",
+    "covariance",
+    "cross_validation",
+    "estimates",
+    "identifiable_parameters",
+    "least_squares",
+    "pipeline",
+    "problem",
+    "residual_table",
+    "run_setup",
+    "stages",
+]

@@ -1,1 +1,3 @@
-"""Kinematics."""
+"""The chain of elementary transforms and its forward pass, robots by DH, MDH and URDF, bodies, inverse kinematics."""
+
+__all__ = ["bar_geometry", "bodies", "chain", "inverse_kinematics", "robot", "robot_reader", "robot_writer"]

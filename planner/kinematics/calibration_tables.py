@@ -1,6 +1,5 @@
 """What a calibration adds to ``robot.toml``: effects beyond geometry, the loads they go with, what was nominal."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +9,10 @@ from pydantic import Field, field_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import StrictModel
-from planner.common.units import DEG, MM, UM, from_deg, from_mm, read_only
+from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
 from planner.kinematics.bodies import Vector
 from planner.kinematics.chain import Transform
 from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect
-
-# beside the SI units themselves
-SCALED_UNITS = {"mm": ("m", MM), "um": ("m", UM), "deg": ("rad", DEG), "urad": ("rad", 1e-6)}
-PLAIN_UNITS = ("m", "rad", "s", "kg", "N", "Nm", "degC", "K", "turn", "1")
 
 
 class RobotEffectTable(StrictModel):
@@ -43,33 +38,6 @@ class LoadsTable(StrictModel):
     payload_kg: Annotated[float, Field(ge=0)] = 0.0
     com_mm: Vector = (0.0, 0.0, 0.0)
     base_rpy_deg: Vector = (0.0, 0.0, 0.0)
-
-
-def si_unit(unit: str) -> tuple[str, float]:
-    """Return the SI unit of a unit such as ``urad/Nm``, and the factor to it: ``rad/Nm``, 1e-6.
-
-    Raises:
-        ValueError: a part of it is no unit that is known here.
-    """
-    first, rest = _split(unit)
-    known = [*PLAIN_UNITS, *SCALED_UNITS]
-    for word, allowed in [(first, known), *((w, list(PLAIN_UNITS)) for w in re.split("[/·]", rest)[1:])]:
-        if word not in allowed:
-            raise ValueError(f"'{word}' is no unit{did_you_mean(word, allowed)} (allowed: {', '.join(allowed)})")
-    word, factor = SCALED_UNITS.get(first, (first, 1.0))
-    return word + rest, factor
-
-
-def file_unit(unit: str) -> str:
-    """Return the unit in which files give a value of the SI ``unit``: mm and deg, but um and urad per something."""
-    first, rest = _split(unit)
-    shown = {"m": "um", "rad": "urad"} if rest else {"m": "mm", "rad": "deg"}
-    return shown.get(first, first) + rest
-
-
-def _split(unit: str) -> tuple[str, str]:
-    first = re.split("[/·]", unit)[0]
-    return first, unit[len(first) :]
 
 
 def effects_from_tables(

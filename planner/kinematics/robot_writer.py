@@ -8,8 +8,8 @@ from pathlib import Path
 import tomli_w
 
 from planner.common.schema import read_toml
-from planner.common.units import DEG, MM, Array, to_deg, to_mm
-from planner.kinematics.calibration_tables import file_unit, nominal_key, si_unit
+from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
+from planner.kinematics.calibration_tables import nominal_key
 from planner.kinematics.robot import Loads, Robot, RobotEffect
 from planner.kinematics.robot_reader import RobotDescription
 from planner.kinematics.urdf import read_urdf, write_urdf

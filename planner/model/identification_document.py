@@ -18,8 +18,7 @@ from pydantic import (
 from pydantic_core.core_schema import any_schema
 
 from planner.common.schema import read_json, validate
-from planner.common.units import DEG, MM, Array
-from planner.kinematics.calibration_tables import file_unit, si_unit
+from planner.common.units import DEG, MM, Array, file_unit, si_unit
 
 Vector = tuple[float, float, float]
 KEYS = {

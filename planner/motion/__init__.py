@@ -1,1 +1,3 @@
-"""Motion."""
+"""Collision, path, tour and timing."""
+
+__all__ = ["collision", "path", "timing", "tour"]

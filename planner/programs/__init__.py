@@ -1,1 +1,3 @@
-"""Programs."""
+"""Neutral moves, the dialects of the controllers, and their programs read back."""
+
+__all__ = ["dialect", "instructions", "languages", "program_files", "rendering"]

@@ -1,6 +1,6 @@
 """Write a program in a dialect, read it back, verify it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
@@ -38,6 +38,15 @@ def program_notes(program: Program, dialect_name: str) -> tuple[str, ...]:
     """
     dialect = load_dialect(dialect_name)
     return operator_cautions(program, dialect, lower_program(program, dialect))
+
+
+def shared_notes(programs: Mapping[str, Program]) -> tuple[str, ...]:
+    """Return the notes of a session's programs, one a dialect; what several share is said once."""
+    said: dict[str, list[str]] = {}
+    for name, program in programs.items():
+        for text in program_notes(program, name):
+            said.setdefault(text, []).append(name)
+    return tuple(f"{', '.join(names)}: {text}" for text, names in said.items())
 
 
 def read_back(dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:

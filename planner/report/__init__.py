@@ -1,1 +1,17 @@
-"""Report."""
+"""Pages, charts and 3D views."""
+
+__all__ = [
+    "accuracy_report",
+    "calibration_charts",
+    "calibration_data",
+    "calibration_report",
+    "chart",
+    "circular_plan_report",
+    "circular_report",
+    "formatting",
+    "loaded_report",
+    "matplotlib_backend",
+    "plan_charts",
+    "plan_data",
+    "plan_report",
+]

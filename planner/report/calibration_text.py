@@ -4,9 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from planner.common.units import Array
+from planner.common.units import Array, file_unit, si_unit
 from planner.identification.calibration import Calibration
-from planner.kinematics.calibration_tables import file_unit, si_unit
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps

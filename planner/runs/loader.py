@@ -12,9 +12,9 @@ from planner.common.units import Array, read_only
 from planner.runs.joint_motion import check_order, looks_continuous, number_sessions, session_numbers
 from planner.runs.quantities import check_jumps, joint_angles, reading_kind, readings_of
 from planner.runs.rests import average_rests, marks_rests
-from planner.runs.run import IntArray, Readings, Run, Samples
+from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
-from planner.runs.table import RunTable, read_table, sort_names
+from planner.runs.table import RunTable, read_table
 
 MEASURES = ("static", "continuous")
 UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joined run without a word

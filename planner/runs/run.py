@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 
 IntArray = np.ndarray  # of integers
 
@@ -143,3 +143,15 @@ class Run:
     def take(self, which: slice | IntArray) -> "Run":
         """Return the run with only the samples at ``which`` (a slice, indices, or a mask)."""
         return replace(self, samples=self.samples.take(which), readings=self.readings.take(which))
+
+
+def index_names(values: Sequence[str]) -> tuple[IntArray, tuple[str, ...]]:
+    """Return the index of each name (n,) in the sorted names (numbers by value), and these."""
+    names = sort_names(set(values))
+    place = {name: i for i, name in enumerate(names)}
+    return read_only([place[v] for v in values], np.int64), names
+
+
+def sort_names(names: set[str]) -> tuple[str, ...]:
+    """Return names in an order of their own: whole numbers by value, then the others by letters."""
+    return tuple(sorted(names, key=lambda n: (0, int(n), n) if n.lstrip("-").isdecimal() else (1, 0, n)))

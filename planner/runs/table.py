@@ -10,7 +10,7 @@ import polars as pl
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, spellings, split_key
-from planner.runs.run import IntArray
+from planner.runs.run import IntArray, index_names
 from planner.runs.text import NOTES, RowSource, check_finite, check_whole, notes_in, parse_rows, read_lines, split_head
 
 ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}
@@ -83,18 +83,6 @@ class RunTable:
     def names(self, key: str, otherwise: str = "") -> tuple[IntArray, tuple[str, ...]]:
         """Return a column of names as indices (n,) into them, and these; one for all where it is not there."""
         return index_names(self.frame[key].to_list() if self.has(key) else [otherwise] * self.frame.height)
-
-
-def index_names(values: Sequence[str]) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the index of each name (n,) in the sorted names (numbers by value), and these."""
-    names = sort_names(set(values))
-    place = {name: i for i, name in enumerate(names)}
-    return read_only([place[v] for v in values], np.int64), names
-
-
-def sort_names(names: set[str]) -> tuple[str, ...]:
-    """Return names in an order of their own: whole numbers by value, then the others by letters."""
-    return tuple(sorted(names, key=lambda n: (0, int(n), n) if n.lstrip("-").isdecimal() else (1, 0, n)))
 
 
 def read_table(path: Path, n_joints: int) -> RunTable:

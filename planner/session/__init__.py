@@ -1,1 +1,16 @@
-"""Session."""
+"""The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
+
+__all__ = [
+    "bar_poses",
+    "course",
+    "document",
+    "mount",
+    "neutral_program",
+    "options",
+    "plan_record",
+    "plan_types",
+    "planned_session",
+    "planning",
+    "point_poses",
+    "release",
+]

@@ -1,6 +1,6 @@
 """What a person must know of a planned session: its programs, its bar lengths, and which effects it tells apart."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +12,6 @@ from planner.design.discrimination.power import UNSURE, Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
-from planner.programs.instructions import Program
-from planner.programs.program_files import program_notes
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
 from planner.session.course import is_continuous
@@ -27,15 +25,6 @@ MUCH = 1.5  # times worse that the index may be before a person is told
 def session_notes(cell: Cell) -> tuple[str, ...]:
     """Return what of a session is not as a person might have asked for it."""
     return (*_repeat_notes(cell), *_speed_notes(cell))
-
-
-def shared_notes(programs: Mapping[str, Program]) -> tuple[str, ...]:
-    """Return the notes of a session's programs, one a dialect; what several share is said once."""
-    said: dict[str, list[str]] = {}
-    for name, program in programs.items():
-        for text in program_notes(program, name):
-            said.setdefault(text, []).append(name)
-    return tuple(f"{', '.join(names)}: {text}" for text, names in said.items())
 
 
 def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:

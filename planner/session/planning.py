@@ -16,9 +16,10 @@ from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_curves import BackgroundCurve
+from planner.programs.program_files import shared_notes
 from planner.session.approaches import TourStop
 from planner.session.neutral_program import assemble_programs, session_program, write_programs
-from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes, shared_notes
+from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_hash
 from planner.session.plan_types import Drive, Plan

@@ -1,1 +1,3 @@
-"""Simulation."""
+"""Runs of robots with known errors."""
+
+__all__ = ["measurement", "truth"]

@@ -12,12 +12,11 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import StrictModel, read_toml
-from planner.common.units import DEG, MM, UM, Array, read_only
+from planner.common.units import DEG, MM, UM, Array, read_only, si_unit
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect
 from planner.effects.parameters import Parameter
-from planner.kinematics.calibration_tables import si_unit
 from planner.model.model import Model
 from planner.runs.run import Samples
 

@@ -1,1 +1,3 @@
-"""Tracing."""
+"""From the residual of a fit to named effects."""
+
+__all__ = ["trace"]

@@ -1,1 +1,13 @@
-"""Workflow."""
+"""One function a command."""
+
+__all__ = [
+    "accuracy",
+    "both_bars",
+    "circle_evaluation",
+    "compensation",
+    "identification",
+    "loaded_places",
+    "plan_reading",
+    "plan_results",
+    "planning",
+]

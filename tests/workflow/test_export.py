@@ -8,9 +8,10 @@ import pytest
 
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
+from planner.programs.program_files import shared_notes
 from planner.session.course import Waypoints, round_angles, time_course
 from planner.session.neutral_program import assemble_programs, session_program
-from planner.session.notes import bar_notes, session_notes, shared_notes
+from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_types import Drive, Visit
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.writing import cell_text, write_program_as

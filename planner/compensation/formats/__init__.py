@@ -1,1 +1,1 @@
-"""Formats."""
+"""The formats of programs and lists of targets that are corrected, a file each."""

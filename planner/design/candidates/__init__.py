@@ -1,1 +1,3 @@
-"""Candidates."""
+"""Poses that the cell allows: the pool that the selection draws from."""
+
+__all__ = ["balls", "pool"]

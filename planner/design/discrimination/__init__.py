@@ -1,1 +1,3 @@
-"""Discrimination."""
+"""Poses that tell apart effects that a first run left as rivals."""
+
+__all__ = ["findings", "power", "selection"]

@@ -1,1 +1,3 @@
-"""Observability."""
+"""What poses show: information, observability indices, identifiable parameters, and sentences about the rest."""
+
+__all__ = ["explanations", "identifiability", "information"]

@@ -25,6 +25,8 @@ from planner.gauges.placement.solver import (
     robust_scale,
 )
 
+FLAT = 0.05  # share of their spread by which points must leave one line
+
 
 @dataclass(frozen=True)
 class FrameProblem:
@@ -234,3 +236,9 @@ def find_outliers(problem: FrameProblem, state: Array, chunk: int = 20000) -> tu
     parts = [problem.take(np.arange(k, min(n, k + chunk))).evaluate(state)[0][0] for k in range(0, n, chunk)]
     error = np.linalg.norm(np.concatenate(parts), axis=1)
     return error, error > outlier_limit(d) * robust_scale(error, d)[0]
+
+
+def are_collinear(p: Array) -> bool:
+    """Tell whether points (n, 3) lie nearly on one line."""
+    size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    return bool(size[1] < FLAT * size[0])

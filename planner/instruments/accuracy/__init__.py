@@ -1,1 +1,3 @@
-"""Accuracy."""
+"""How accurate a robot is: by repeated centrings, or by the run of a tracker."""
+
+__all__ = ["precision", "results", "validation"]

@@ -8,8 +8,8 @@ from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, to_mm
+from planner.gauges.placement.frames import are_collinear
 from planner.gauges.placement.rotations import registration, skew
-from planner.gauges.tracker import are_collinear
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot import Robot
 from planner.model.model import Model

@@ -12,8 +12,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.units import from_deg, from_mm, read_only
 from planner.instruments.centring.path import PlannedPath
-from planner.runs.run import Readings, Run, Samples
-from planner.runs.table import index_names
+from planner.runs.run import Readings, Run, Samples, index_names
 from planner.runs.writer import run_text
 
 SCHEMA = "edbb-centring-journal/1"

@@ -24,10 +24,10 @@ from planner.instruments.circular.program import circle_program
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
+from planner.programs.program_files import shared_notes
 from planner.session.course import round_angles
 from planner.session.mount import check_home
 from planner.session.neutral_program import assemble_programs, write_programs
-from planner.session.notes import shared_notes
 from planner.session.options import PlanOptions
 from planner.session.release import ReleasedPath, blend_way, release_path
 

@@ -1,1 +1,3 @@
-"""Collision."""
+"""Distances between the bodies of a cell, by two engines."""
+
+__all__ = ["engines", "pieces", "scene"]

@@ -1,1 +1,3 @@
-"""Path."""
+"""Paths between poses that are proven free along their whole length."""
+
+__all__ = ["connection", "constraints", "roadmap", "verdict"]

@@ -1,1 +1,3 @@
-"""Timing."""
+"""The path over time, within the limits of the joints and the tool."""
+
+__all__ = ["limits", "trajectory"]
