@@ -1,0 +1,155 @@
+"""How good a calibrated robot is everywhere: true tool errors over the workspace, beside what the fit states of them.
+
+The arm, its hidden effects and the readings come from ``tests.generator``, which shares no code with the planner. The
+tool is compared at joint states anywhere above the floor, after one rigid alignment of the base, as a cell aligns its
+work pieces.
+"""
+
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import tests.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.identification.pipeline import identify
+from planner.kinematics.robot_reader import load_robot
+from planner.runs.loader import load_runs
+from planner.tracing.trace import trace
+from tests.generator.arm import Arm
+from tests.generator.benches import BENCHES
+from tests.generator.catalogue import KINDS, motions
+from tests.generator.course import course
+from tests.generator.kinds import Effect
+from tests.generator.scene import total
+from tests.generator.truth import draw_truth
+
+STATES = 500
+# what moves the tool at a joint state by itself, inside and outside the catalogue, and largest amplitude [rad] of gears
+INSIDE = ("joint-compliance", "encoder-once", "encoder-twice", "reducer-ripple", "backlash-torque", "link-bending")
+OUTSIDE = ("gear-uneven", "hose-drag", "link-twist", "soft-floor-xy", "wobble", "sawtooth")
+GEAR = (5e-5, 3e-4)
+SOFT = (1e-4, 1e-3)  # [rad] at the joint's reference torque
+
+
+@dataclass(frozen=True)
+class Task:
+    """Gauge, name of the plan, joint angles (n, N) as tuples, how many effects are hidden, whether outside, seed."""
+
+    gauge: str
+    plan: str
+    q: tuple[tuple[float, ...], ...]
+    hidden: int
+    outside: bool
+    seed: int
+    arm: str = "comau-nj130"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Mean errors of the tool [m]: nominal, least squares of geometry, released; rms and what is stated of it."""
+
+    task: Task
+    nominal: float = 0.0
+    geometry: float = 0.0
+    released: float = 0.0
+    rms: float = 0.0
+    stated: float = 0.0
+    seconds: float = 0.0
+    warned: bool = False
+    effects: tuple[Effect, ...] = ()
+    found: tuple[str, ...] = ()
+    failed: str = ""
+
+
+def hidden_effects(arm: Arm, rng: np.random.Generator, count: int, outside: bool) -> list[Effect]:
+    """Draw effects of random kind, joint and size; no two alike."""
+    out: dict[tuple[str, int], Effect] = {}
+    while len(out) < count:
+        kind = KINDS[str(rng.choice(OUTSIDE if outside and not out else INSIDE))]
+        joint = int(rng.choice(kind.places(arm)))
+        inner = tuple(sorted((k, float(v)) for k, v in kind.inner(rng, arm, joint).items()))
+        scale = 1 / arm.reference_torque(joint) if kind.unit == "rad/Nm" else 1.0
+        size = float(np.exp(rng.uniform(*np.log(SOFT if kind.unit == "rad/Nm" else GEAR)))) * scale
+        out.setdefault((kind.name, joint), Effect(kind.name, joint, size, inner))
+    return list(out.values())
+
+
+def try_task(task: Task) -> Outcome:
+    """Make the run, identify it, and judge the robots over the workspace."""
+    arm, bench = Arm.from_toml(task.arm), BENCHES[task.arm]
+    rng = np.random.default_rng([task.seed, 8])
+    truth = draw_truth(arm, task.seed, hidden_effects(arm, rng, task.hidden, task.outside))
+    made = runs.measured(arm, bench, task.gauge, np.array(task.q), truth, task.seed)
+    q = states_anywhere(arm, bench, rng)
+    true = true_tool(arm, bench, made.truth, q)
+    geometry: dict[str, float] = {}
+
+    def tracer(stage, context, say):
+        geometry.update(zip(stage.fit.model.names, stage.fit.errors, strict=True))
+        return trace(stage, context, say)
+
+    with tempfile.TemporaryDirectory() as folder:
+        files = made.write(Path(folder))
+        cell = load_cell(str(files[1]), planning=False)
+        run = load_runs([files[0]], cell.robot.n_joints)
+        start = time.process_time()
+        found = identify(run, cell, tracer=tracer)
+        seconds = time.process_time() - start
+        if not geometry:  # too few readings to trace
+            geometry.update(zip(found.fit.model.names, found.fit.errors, strict=True))
+        released = released_tool(found, bench, Path(folder), q)
+    off = distance(released, true)
+    return Outcome(
+        task,
+        distance(arm_tool(arm, bench, {}, q), true).mean(),
+        distance(arm_tool(arm, bench, geometry, q), true).mean(),
+        off.mean(),
+        float(np.sqrt((off**2).mean())),
+        found.workspace_error,
+        seconds,
+        any("workspace" in w or "anywhere" in w for w in found.warnings),
+        truth.effects,
+        tuple(f"{f.effect}, {f.on}" for f in found.findings),
+    )
+
+
+def states_anywhere(arm: Arm, bench, rng: np.random.Generator) -> np.ndarray:
+    """Draw joint states (STATES, N) uniformly within the limits, at most a turn about home, the tool above the floor."""
+    home = np.radians(bench.home_deg)
+    lower, upper = np.maximum(arm.lower, home - np.pi), np.minimum(arm.upper, home + np.pi)
+    q = rng.uniform(lower, upper, (4 * STATES, arm.n_joints))
+    return q[arm_tool(arm, bench, {}, q)[:, 2] > 0][:STATES]
+
+
+def arm_tool(arm: Arm, bench, errors: dict[str, float], q: np.ndarray) -> np.ndarray:
+    """Return the tool point (n, 3) [m] of the arm with geometric errors and errors ``map_x`` … of the tool."""
+    R, p = arm.flange(q, {k: v for k, v in errors.items() if k in arm.names})
+    return p + R @ (bench.tool + [errors.get(f"map_{x}", 0.0) for x in "xyz"])
+
+
+def true_tool(arm: Arm, bench, truth, q: np.ndarray) -> np.ndarray:
+    """Return where the true arm's tool is, effects included, (n, 3) [m]."""
+    scene = course(arm, bench, "tracker", q, truth, np.random.default_rng(0), frozenset())
+    return scene.points(total(truth.of_arm(arm), motions(scene, truth.effects)))
+
+
+def released_tool(found, bench, folder: Path, q: np.ndarray) -> np.ndarray:
+    """Return the tool of the robot file that is written, (n, 3) [m], with the tool point that was fitted."""
+    (folder / "out").mkdir()
+    for name, text in calibrated_files(found):
+        (folder / "out" / name).write_text(text)
+    p, R = CalibratedRobot(load_robot(folder / "out" / "robot.toml")).flange(q)
+    fitted = dict(zip(found.fit.model.names, found.fit.errors, strict=True))
+    return p + R @ (bench.tool + [fitted.get(f"map_{x}", 0.0) for x in "xyz"])
+
+
+def distance(x: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Return the distances (n,) [m] between two sets of points once one is moved rigidly onto the other."""
+    a, b = x - x.mean(axis=0), true - true.mean(axis=0)
+    U, _, Vt = np.linalg.svd(a.T @ b)
+    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return np.linalg.norm(a @ R - b, axis=1)
