@@ -17,7 +17,6 @@ import numpy as np
 
 from tests.blind.workspace import Outcome, Task, try_task
 from tests.generator.arm import Arm
-from tests.generator.benches import BENCHES
 from tests.generator.runs import edbb_static, tracker
 
 HIDDEN = ((0, False), (1, False), (3, False), (6, False), (1, True), (3, True))
