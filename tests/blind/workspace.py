@@ -118,7 +118,7 @@ def try_task(task: Task) -> Outcome:
 
 
 def states_anywhere(arm: Arm, bench, rng: np.random.Generator) -> np.ndarray:
-    """Draw joint states (STATES, N) uniformly within the limits, at most a turn about home, the tool above the floor."""
+    """Draw joint states (STATES, N) within the limits, at most a turn about home, the tool above the floor."""
     home = np.radians(bench.home_deg)
     lower, upper = np.maximum(arm.lower, home - np.pi), np.minimum(arm.upper, home + np.pi)
     q = rng.uniform(lower, upper, (4 * STATES, arm.n_joints))

@@ -1,8 +1,8 @@
 """``python -m tests.blind.workspace_table PLAN [PLAN ...] [--arms 12] [--gauge edbb] [--workers 1]``.
 
-Each PLAN is a folder with a ``plan.json`` of a static session of the Comau NJ-130 (``edbb plan``), or ``random:N`` for N
-poses at random. Every arm is measured with no, one, three and six hidden effects of the catalogue, and with one effect
-that is in no catalogue, alone and beside two others. Errors are means over joint states anywhere [mm].
+Each PLAN is a folder with a ``plan.json`` of a static session of the Comau NJ-130 (``edbb plan``), or ``random:N`` for
+N poses at random. Every arm is measured with no, one, three and six hidden effects of the catalogue, and with one
+effect that is in no catalogue, alone and beside two others. Errors are means over joint states anywhere [mm].
 """
 
 import argparse
