@@ -9,6 +9,7 @@ from planner.design.bayesian_design import select_bayesian_poses
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
+from planner.design.fixtures.addition import add_fixtures, describe_added_fixtures
 from planner.design.pose_selection import (
     PoseChoice,
     refine_poses,
@@ -44,8 +45,12 @@ class BarPoses:
         self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None
 
     def draw(self, stages: Stages) -> None:
-        """Settle the mount poses and draw the candidates, those that a path joins to them."""
+        """Settle fixtures and mount poses, and draw the candidates, those that a path joins to them."""
         seed = self.options.seed
+        if self.options.fixtures is not None:
+            with stages.stage("fixtures"):
+                self.cell = add_fixtures(self.cell, self.options.fixtures, seed, stages.say)
+            self.notes += describe_added_fixtures(self.cell)
         with stages.stage("candidates") as progress:
             self.cell = with_mounts(self.cell, seed)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)

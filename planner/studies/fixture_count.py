@@ -8,11 +8,11 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, read_only
+from planner.design.fixtures.places import move_fixture, reach_poses
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, find_identifiable
 from planner.design.observability.information import find_rule, r_factor
 from planner.model.model import Model
 from planner.studies.fixture_places import CANDIDATES, FixtureMap, FixturePlace
-from planner.studies.fixture_reach import move_fixture, reach_poses
 
 MOST = 3  # fixtures that are tried
 ASIDE = 0.1  # [m] from the tool point to the second one that is imagined beside it

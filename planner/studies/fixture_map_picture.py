@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Rectangle
 
 from planner.common.units import MM
+from planner.design.fixtures.places import Status
 from planner.design.observability.information import INDEX_RULES
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.studies.fixture_places import FixtureMap, FixturePlace
-from planner.studies.fixture_reach import Status
 from planner.studies.summary import describe_best_place, format_number
 
 STATUS_LOOKS: dict[Status, tuple[str, str, str]] = {

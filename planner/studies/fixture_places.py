@@ -1,7 +1,6 @@
 """The index over a grid of fixture places: level with the fixture, and in the upright plane through it and axis 1."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -10,27 +9,23 @@ from planner.common.errors import NoSolutionError
 from planner.common.progress import Progress
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet
+from planner.design.fixtures.places import FixtureReach, GridPlace, Status, move_fixture, place_grid, reach_poses
 from planner.design.observability.identifiability import STRUCTURAL, find_identifiable
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
-from planner.studies.fixture_reach import FixtureReach, Status, move_fixture, reach_poses
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
 ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up
 ENOUGH = 3  # candidates a parameter below which a place is not judged
 THINNED = 200  # candidates from which pruning takes one away at a time; before, a twelfth at once
-Plane = Literal["level", "upright", "present"]
 
 
 @dataclass(frozen=True)
-class FixturePlace:
-    """One place of the fixture.
+class FixturePlace(GridPlace):
+    """One place of the fixture, judged.
 
     Attributes:
-        plane: which of the two grids; ``present`` for where the fixture stands now.
-        p_BX: the place in the base frame, (3,) [m].
-        along, up: coordinates in its plane's picture [m].
         status: whether it can be used, and if not, why.
         candidates: how many poses it was judged by.
         rank: how many parameters are seen from there.
@@ -38,11 +33,7 @@ class FixturePlace:
         information: triangular factor of all its rows, each divided by the root of their number, (P, P).
     """
 
-    plane: Plane
-    p_BX: Array
-    along: float
-    up: float
-    status: Status
+    status: Status = "usable"
     candidates: int = 0
     rank: int = 0
     value: float = float("nan")
@@ -105,17 +96,16 @@ def map_fixture_places(
         NoSolutionError: the present place itself leaves too few candidates to be judged.
     """
     start = cell.fixtures[0].p_BX
-    far = _tool_reach(cell)
     model = Model.from_cell(move_fixture(cell, start))
     here = _present_reach(cell, pool, seed)
     rows = model.jacobian(here.q)
     noise = float(np.median(model.noise(here.q)))
     kept = find_identifiable(rows, model.names, model.prior, range(len(model.names)), noise).kept
     poses = max(poses, len(kept))
-    half, places = place_grid(cell, across, up)
+    grid = place_grid(cell, across, up)
     out: list[FixturePlace] = []
-    for place in places:
-        say("fixture places", len(out), len(places))
+    for place in grid.places:
+        say("fixture places", len(out), len(grid.places))
         there = move_fixture(cell, place.p_BX)
         found = here if place.plane == "present" else reach_poses(cell, place.p_BX, CANDIDATES, seed)
         out.append(_judge_place(place, there, found, kept, index, poses))
@@ -124,7 +114,7 @@ def map_fixture_places(
             f"fixture {cell.fixtures[0].name} leaves {len(here.q)} candidates for {len(kept)} parameters and {poses} "
             "poses, too few to compare it with other places: widen the cones, the cable's budget or the clearance"
         )
-    return FixtureMap(index, poses, far, half, kept, model.names, read_only(model.prior), tuple(out))
+    return FixtureMap(index, poses, grid.reach, grid.half, kept, model.names, read_only(model.prior), tuple(out))
 
 
 def _present_reach(cell: Cell, pool: PoseSet, seed: int) -> FixtureReach:
@@ -134,43 +124,14 @@ def _present_reach(cell: Cell, pool: PoseSet, seed: int) -> FixtureReach:
     return here if len(here.q) >= len(own) else FixtureReach(read_only(own), "usable")
 
 
-def _tool_reach(cell: Cell) -> float:
-    """Largest distance of the tool point from axis 1 near the fixture's height, of many states, rounded to 5 cm [m]."""
-    rng = np.random.default_rng(0)
-    q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (20_000, cell.robot.n_joints))
-    return float(np.ceil(np.linalg.norm(cell.map_position(q)[:, :2], axis=1).max() / 0.05) * 0.05)
-
-
-def place_grid(cell: Cell, across: int, up: int) -> tuple[tuple[float, float], list[FixturePlace]]:
-    """Half sizes (2,) [m] of a grid's cells, and its places: the present one, those level with it, the upright ones."""
-    far = _tool_reach(cell)
-    start = cell.fixtures[0].p_BX
-    outward = start[:2] / max(float(np.linalg.norm(start[:2])), 1e-9)
-    places = [FixturePlace("present", start, float(np.linalg.norm(start[:2])), float(start[2]), "usable")]
-    for x in np.linspace(-far, far, across):
-        for y in np.linspace(-far, far, across):
-            if np.hypot(x, y) <= far:
-                places.append(FixturePlace("level", read_only([x, y, start[2]]), float(x), float(y), "usable"))
-    low, high = _grid_heights(cell, far)
-    for r in np.linspace(0.0, far, across)[1:]:
-        for z in np.linspace(low, high, up):
-            places.append(FixturePlace("upright", read_only([*(outward * r), z]), float(r), float(z), "usable"))
-    return (far / (across - 1), (high - low) / (up - 1) / 2), places
-
-
-def _grid_heights(cell: Cell, far: float) -> tuple[float, float]:
-    """From just above the floor, or the base if there is none, to nine tenths of the reach [m]."""
-    low = cell.base.floor if cell.base.floor is not None else min(0.0, float(cell.fixtures[0].p_BX[2]))
-    return low + 0.05, max(low + 0.5, 0.9 * far)
-
-
 def _judge_place(
-    place: FixturePlace, cell: Cell, found: FixtureReach, kept: tuple[int, ...], index: str, poses: int
+    place: GridPlace, cell: Cell, found: FixtureReach, kept: tuple[int, ...], index: str, poses: int
 ) -> FixturePlace:
     count = len(found.q)
+    judged = FixturePlace(**vars(place), candidates=count)
     if found.status != "usable" or count < max(poses, ENOUGH * len(kept)):
         status: Status = "few" if found.status == "usable" else found.status
-        return replace(place, status=status, candidates=count)
+        return replace(judged, status=status)
     model = Model.from_cell(cell)
     rows = model.jacobian(found.q)
     noise = float(np.median(model.noise(found.q)))
@@ -179,8 +140,8 @@ def _judge_place(
     mu = np.linalg.svd(r_factor(own * model.prior[list(kept)]), compute_uv=False)
     blind = mu[-1] <= STRUCTURAL * mu[0]
     factor = read_only(r_factor(rows) / np.sqrt(rows[..., 0].size))
-    told = replace(place, candidates=count, rank=rank, information=factor)
-    return replace(told, status="blind") if blind else replace(told, value=pruned_index(own, index, poses))
+    judged = replace(judged, rank=rank, information=factor)
+    return replace(judged, status="blind") if blind else replace(judged, value=pruned_index(own, index, poses))
 
 
 def pruned_index(rows: Array, index: str, poses: int) -> float:

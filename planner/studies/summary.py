@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from planner.common.units import MM, UM, Array
+from planner.design.fixtures.places import find_stands
 from planner.design.observability.explanations import join_names
 from planner.design.observability.information import INDEX_RULES
 from planner.studies.basis import StudyBasis
 from planner.studies.fixture_count import FixtureCount
 from planner.studies.fixture_places import FixtureMap
-from planner.studies.fixture_reach import find_stands
 
 SCHEMA = "edbb-study/1"
 CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little

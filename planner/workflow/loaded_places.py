@@ -1,31 +1,24 @@
 """``study_places()``: where loaded circles tell the compliances apart, and a cell that drives them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import draft_folder, move_all, write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
-from planner.common.schema import validate
-from planner.common.units import Array, from_deg, from_mm, to_mm
+from planner.instruments.loaded.circle_candidates import with_circles
+from planner.instruments.loaded.common_fit import CommonFit, UnloadedPoses, predict_common_fit
+from planner.instruments.loaded.place_results import describe_places, places_content, places_csv
+from planner.instruments.loaded.place_selection import CirclePlaceChoice, study_circle_places
 from planner.instruments.loaded.results import share_text
-from planner.session.document import read_plan
-from planner.studies.compliance_design.circle_candidates import CirclePlace, own_circle
-from planner.studies.compliance_design.common_fit import CommonFit, predict_common_fit
-from planner.studies.compliance_design.place_selection import CirclePlaceChoice, study_circle_places
-from planner.studies.compliance_design.results import describe_places, places_content, places_csv, places_text
 from planner.workflow.writing import cell_text
 
 MOST = 6
-FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,18 @@ class CirclePlacesResult(Result):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
-        return write_places(self.cell, self.found, self.count, Path(folder), self.stages, self.both)
+        # plotting: other commands start quicker without
+        from planner.report.loaded_places_charts import draw_places
+        from planner.report.matplotlib_backend import chart_png
+
+        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
+            write_text(draft / "places.json", self.to_json())
+            write_text(draft / "places.csv", places_csv(self.found))
+            write_text(draft / "cell.toml", cell_text(with_circles(self.cell, self.found.best(self.count)), draft))
+            (draft / "pictures").mkdir()
+            for picture in draw_places(self.found, self.count):
+                write_bytes(draft / "pictures" / f"{picture.name}.png", chart_png(picture))
+            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -81,107 +85,5 @@ def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | 
         found = study_circle_places(where, max(count, MOST), seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
-    both = None if plan is None else predict_beside_plan(where, found, count, plan)
+    both = None if plan is None else predict_common_fit(UnloadedPoses.read(plan), where, found.best(count))
     return CirclePlacesResult(where, found, count, both, stages)
-
-
-@dataclass(frozen=True)
-class UnloadedPoses:
-    """Poses of a plan without load: its cell, controller angles q (n, N) [rad], fixture of each (n,) int."""
-
-    cell: Cell
-    q: Array
-    fixture: np.ndarray
-
-
-def load_unloaded_poses(plan: Path) -> UnloadedPoses:
-    """Read what a plan without load measures for the fit: mounting and validation poses left out.
-
-    Raises:
-        InputError: the plan or its cell.toml is wrong, or they do not belong together.
-    """
-    poses = [p for p in read_plan(plan).poses if p.role in FITTED]
-    if not poses:
-        raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
-    free = load_cell(str(plan.parent / "cell.toml"))
-    places = [(f.name, free.point_name(k)) for k, f in enumerate(free.fixtures)]
-    unknown = sorted({(p.fixture, p.point) for p in poses} - set(places))
-    if unknown:
-        name, point = unknown[0]
-        where = f"'{name}'" + (f", tool point '{point}'" if point else "")
-        raise InputError(f"{plan}: measures at fixture {where}, which {free.path} does not have")
-    which = np.array([places.index((p.fixture, p.point)) for p in poses])
-    return UnloadedPoses(free, from_deg([p.q_deg for p in poses]), which)
-
-
-def predict_beside_plan(cell: Cell, found: CirclePlaceChoice, count: int, plan: Path) -> CommonFit:
-    """Predict what the best ``count`` circles and the poses of a plan without load know in one fit.
-
-    Raises:
-        InputError: the plan or its cell.toml is wrong, or of another robot.
-    """
-    free = load_unloaded_poses(plan)
-    return predict_common_fit(
-        free.cell, free.q, free.fixture, cell, [found.pool[int(i)] for i in found.sets[count - 1]]
-    )
-
-
-def write_places(
-    cell: Cell, found: CirclePlaceChoice, count: int, folder: Path, stages: Stages, both: CommonFit | None = None
-) -> list[Path]:
-    """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best ``count`` circles."""
-    from planner.report.matplotlib_backend import chart_png as picture_png
-
-    # plotting: other commands start quicker without
-    from planner.studies.compliance_design.pictures import draw_places as place_pictures
-
-    with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "places.json", places_text(found, cell.robot.name, both))
-        write_text(draft / "places.csv", places_csv(found))
-        write_text(draft / "cell.toml", cell_text(with_places(cell, found, count), draft))
-        (draft / "pictures").mkdir()
-        for picture in place_pictures(found, count):
-            write_bytes(draft / "pictures" / f"{picture.name}.png", picture_png(picture))
-        return move_all(draft, folder)
-
-
-def with_places(cell: Cell, found: CirclePlaceChoice, count: int) -> Cell:
-    """Return the cell with the fixtures and circles of the best set of ``count`` places."""
-    return with_circles(cell, [found.pool[int(i)] for i in found.sets[count - 1]])
-
-
-def with_circles(cell: Cell, places: Sequence[CirclePlace]) -> Cell:
-    """Return the cell with fixtures and circles P1 … at these places, each driven and loaded as the cell's own."""
-    content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-    own = own_circle(cell)
-    fixture, circle = content["fixtures"][own.fixture], content["circles"][0]
-    fixture.pop("mount_deg", None)
-    circle.pop("start_deg", None)
-    names = [f"P{k + 1}" for k in range(len(places))]
-    content["fixtures"] = [
-        {**fixture, "name": n, "position_mm": _mm(p.p_BX), "axis": np.round(p.axis_B, 6).tolist()}
-        for n, p in zip(names, places, strict=True)
-    ]
-    content["circles"] = [
-        {**circle, "name": n, "fixture": n, "plane": p.plane, "centre_mm": _mm(p.centre), "tool_axis": _tool_axis(p)}
-        for n, p in zip(names, places, strict=True)
-    ]
-    fixtures = [
-        replace(cell.fixtures[own.fixture], name=n, p_BX=from_mm(_mm(p.p_BX)), axis_B=p.axis_B, mount=None)
-        for n, p in zip(names, places, strict=True)
-    ]
-    circles = [
-        replace(own, name=n, fixture=k, plane=p.plane, p_BC=from_mm(_mm(p.centre)), start=0.0, axis_B=-p.axis_B)
-        for k, (n, p) in enumerate(zip(names, places, strict=True))
-    ]
-    file = validate(content, CellFile, str(cell.path))
-    return replace(cell, file=file, fixtures=tuple(fixtures), circles=tuple(circles))
-
-
-def _tool_axis(place: CirclePlace) -> list[float]:
-    """Direction of the tool that was looked at: against the circle's normal."""
-    return [float(v) for v in np.round(-place.axis_B, 6) + 0.0]
-
-
-def _mm(point: np.ndarray) -> list[float]:
-    return [float(v) for v in np.round(to_mm(point), 3)]

@@ -1,7 +1,6 @@
 """``plan()``: the plan of a cell, whatever its gauge."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from planner.cell.cell import Cell
@@ -70,11 +69,4 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
     if not cell.gauge.is_attached:
         check_point_options(cell, options)
         return plan_session(PointPoses(cell, options), options, stages)
-    if options.fixtures is None:
-        return plan_session(BarPoses(cell, options), options, stages)
-    from planner.studies.fixture_addition import add_fixtures, describe_added_fixtures
-
-    with stages.stage("fixtures"):
-        cell = add_fixtures(cell, options.fixtures, options.seed, stages.say)
-    made = plan_session(BarPoses(cell, options), options, stages)
-    return replace(made, notes=(*describe_added_fixtures(cell), *made.notes))
+    return plan_session(BarPoses(cell, options), options, stages)

@@ -14,16 +14,17 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.design.selection.d_optimal import augment_design
-from planner.session.options import PlanOptions
-from planner.studies.compliance_design.circle_candidates import find_circle_places
-from planner.studies.compliance_design.common_fit import (
+from planner.instruments.loaded.both_bars import collision_free_places
+from planner.instruments.loaded.circle_candidates import find_circle_places
+from planner.instruments.loaded.common_fit import (
+    UnloadedPoses,
     has_same_tool,
     predict_common_fit,
     select_circles_beside,
 )
-from planner.studies.compliance_design.results import common_fit_content, describe_common_fit
-from planner.workflow.both_bars import collision_free_places, fit_cell, plan_both, write_both
-from planner.workflow.loaded_places import load_unloaded_poses
+from planner.instruments.loaded.place_results import common_fit_content, describe_common_fit
+from planner.session.options import PlanOptions
+from planner.workflow.both_bars import fit_cell, plan_both
 
 FREE = "abb-irb6700/edbb"
 FEW = {"loads_N = [125, 250, 375, 500, 625]": "loads_N = [125, 625]", "repeats = 5": "repeats = 1",
@@ -71,7 +72,7 @@ def done(folder, few_places):
 
 
 def test_only_poses_that_are_fitted_count(folder):
-    free = load_unloaded_poses(folder / "plan.json")
+    free = UnloadedPoses.read(folder / "plan.json")
     assert len(free.q) == len(json.loads((folder / "plan.json").read_text())["poses"]) - 2
 
 
@@ -88,13 +89,10 @@ def test_the_set_is_as_good_as_brute_force():
 
 @pytest.mark.long
 def test_the_place_adds_more_than_others_do(folder):
-    free, cell = load_unloaded_poses(folder / "plan.json"), load_cell(shared.CELL)
+    free, cell = UnloadedPoses.read(folder / "plan.json"), load_cell(shared.CELL)
     pool = find_circle_places(cell, steps=(3, 2))
-    (chosen,) = select_circles_beside(free.cell, free.q, free.fixture, cell, pool, 1)
-    worth = [
-        np.log(predict_common_fit(free.cell, free.q, free.fixture, cell, [c]).both[-6:]).sum()
-        for c in (pool[chosen], *pool)
-    ]
+    (chosen,) = select_circles_beside(free, cell, pool, 1)
+    worth = [np.log(predict_common_fit(free, cell, [c]).both[-6:]).sum() for c in (pool[chosen], *pool)]
     assert worth[0] < np.quantile(worth, 0.35)  # of compliances alone; the choice looks at geometry too
 
 
@@ -123,13 +121,13 @@ def test_the_way_that_was_looked_at_is_driven(done, folder):
     """Another turn of the tool about its axis would be another lever for the last joints."""
     cell, free = load_cell(str(folder / "loaded.toml")), done.free
     pool = collision_free_places(cell, find_circle_places(cell, steps=(3, 2)))
-    chosen = select_circles_beside(free.cell, free.q, free.fixture, cell, pool, 1)
-    looked_at = predict_common_fit(free.cell, free.q, free.fixture, cell, [pool[int(i)] for i in chosen])
+    chosen = select_circles_beside(free, cell, pool, 1)
+    looked_at = predict_common_fit(free, cell, [pool[int(i)] for i in chosen])
     np.testing.assert_allclose(done.known.both, looked_at.both, rtol=0.05)
 
 
 def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
-    write_both(done, tmp_path / "out", quiet())
+    done.write(tmp_path / "out")
     out = tmp_path / "out"
     content = json.loads((out / "both.json").read_text())
     assert content["schema"] == "edbb-both/1"

@@ -12,13 +12,13 @@ import tests.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
+from planner.instruments.loaded.circle_candidates import find_own_place
+from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
 from planner.instruments.loaded.joint_fit import SAMPLE_SPACING, at_rest, fit_jointly
+from planner.instruments.loaded.place_selection import planned_curves
 from planner.model.model import Model
 from planner.runs.loader import join_runs
 from planner.runs.run import Readings, Run, Samples
-from planner.studies.compliance_design.circle_candidates import find_own_place
-from planner.studies.compliance_design.common_fit import predict_common_fit
-from planner.studies.compliance_design.place_selection import planned_curves
 
 SEEDS, ANGLES, REPEATS = 20, 24, 5
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.3010, 0.8995, 0.9007])
@@ -150,7 +150,7 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
     """Standard deviations of a fit whose noise is as declared, beside those predicted for its poses and circle."""
     shipped, rng = load_cell(shared.CELL), np.random.default_rng(11)
     place, q = find_own_place(shipped), clean()[0]
-    curves = planned_curves(shipped, setup_of(shipped), place)
+    curves = planned_curves(setup_of(shipped), place)
     _, K, A = curves.length.shape
     turn = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A] / REPEATS
     around, force = curves.q.reshape(-1, 6), curves.force.ravel()
@@ -170,7 +170,7 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
         (np.repeat(turn[None], K, axis=0),) * 2,
     )
     other = replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),), circles=())
-    known = predict_common_fit(other, q, np.zeros(len(q), int), shipped, [place])
+    known = predict_common_fit(UnloadedPoses(other, q, np.zeros(len(q), int)), shipped, [place])
     std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
     ratio = [std[n] / (b * p) for n, b, p in zip(known.names, known.both, known.prior, strict=True) if n in NAMES[:5]]
     assert len(ratio) == 5

@@ -13,18 +13,18 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
+from planner.instruments.loaded.circle_candidates import find_circle_places, find_own_place, with_circles
+from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
 from planner.instruments.loaded.compliance import fit_compliances
 from planner.instruments.loaded.curves import average_curves
-from planner.studies.compliance_design.circle_candidates import find_circle_places, find_own_place
-from planner.studies.compliance_design.common_fit import predict_common_fit
-from planner.studies.compliance_design.place_selection import (
+from planner.instruments.loaded.place_results import places_content, places_csv
+from planner.instruments.loaded.place_selection import (
     predict_compliance,
     predict_information,
     promised_turn_noise,
     select_circle_places,
 )
-from planner.studies.compliance_design.results import places_content, places_csv
-from planner.workflow.loaded_places import study_places, with_places, write_places
+from planner.workflow.loaded_places import CirclePlacesResult, study_places
 
 BINS = 36
 
@@ -85,7 +85,7 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
     )
     both[-1, -1] += 1 / setup.place_prior[0] ** 2
     dense = both[:6, :6] - np.outer(both[:6, 6], both[6, :6]) / both[6, 6]
-    ours = predict_information(cell, setup, own)
+    ours = predict_information(setup, own)
     size = np.sqrt(np.diag(dense))
     np.testing.assert_allclose(ours / np.outer(size, size), dense / np.outer(size, size), atol=0.012)
 
@@ -105,16 +105,16 @@ def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     )
     found = fit_compliances(shared.setup(run), [curves]).compliances
     setup = setup_of(cell)
-    promised = predict_compliance(predict_information(cell, setup, own) * np.outer(found.prior, found.prior))
+    promised = predict_compliance(predict_information(setup, own) * np.outer(found.prior, found.prior))
     np.testing.assert_allclose(found.std / found.prior, promised.std, rtol=0.03)
 
 
 def test_candidates_stand_within_limits_and_on_their_circles(cell, pool):
     assert len(pool) > 20
-    assert {c.plane for c in pool} == {"XY", "XZ", "YZ"}
+    assert {c.circle.plane for c in pool} == {"XY", "XZ", "YZ"}
     for c in pool[:: len(pool) // 8]:
         x = cell.map_position(c.q)
-        np.testing.assert_allclose(np.linalg.norm(x - c.centre, axis=1), 0.125, atol=1e-7)
+        np.testing.assert_allclose(np.linalg.norm(x - c.circle.p_BC, axis=1), 0.125, atol=1e-7)
         length = np.linalg.norm(x - c.p_BX, axis=1)
         np.testing.assert_allclose(length, length[0], atol=1e-7)
         assert np.all((c.q > cell.robot.q_lower) & (c.q < cell.robot.q_upper))
@@ -138,14 +138,14 @@ def test_more_places_know_more_and_four_know_every_joint(places):
 
 
 def test_files_and_the_cell_that_drives_them(cell, places, tmp_path):
-    write_places(cell, places, 3, tmp_path / "out", Stages(lambda *_: None))
+    CirclePlacesResult(cell, places, 3).write(tmp_path / "out")
     content = json.loads((tmp_path / "out" / "places.json").read_text())
     assert content["schema"] == "edbb-places/1"
     assert len(content["sets"][2]["places"]) == 3
     chosen = load_cell(str(tmp_path / "out" / "cell.toml"))
     assert [c.name for c in chosen.circles] == [f.name for f in chosen.fixtures] == ["P1", "P2", "P3"]
     for circle, fixture, i in zip(chosen.circles, chosen.fixtures, places.sets[2], strict=True):
-        np.testing.assert_allclose(circle.p_BC, places.pool[i].centre, atol=1e-6)
+        np.testing.assert_allclose(circle.p_BC, places.pool[i].circle.p_BC, atol=1e-6)
         np.testing.assert_allclose(fixture.p_BX, places.pool[i].p_BX, atol=1e-6)
         assert circle.loads == cell.circles[0].loads
     assert places_csv(places).count("\n") == len(places.pool) + 1
@@ -159,7 +159,7 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
     targets = fixture + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.3, 0.6, (60, 1))
     q = world.reach(shared.arm(), targets, rng)
     free = replace(cell, fixtures=(replace(cell.fixtures[0], name="E", p_BX=fixture),))
-    both = predict_common_fit(free, q, np.zeros(len(q), int), cell, [places.pool[i] for i in places.sets[0]])
+    both = predict_common_fit(UnloadedPoses(free, q, np.zeros(len(q), int)), cell, places.best(1))
     rows = both.of("compliance")
     assert len(rows) == 6
     assert all(together <= min(unloaded, loaded) * 1.001 for _, unloaded, loaded, together in rows)
@@ -186,4 +186,4 @@ def test_more_places_than_there_are(monkeypatch, places, cell):
     monkeypatch.setattr("planner.workflow.loaded_places.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
         study_places(shared.CELL, 5, 0, Stages(lambda *_: None))
-    assert len(with_places(cell, places, 2).file.circles) == 2
+    assert len(with_circles(cell, places.best(2)).file.circles) == 2

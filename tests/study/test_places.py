@@ -9,12 +9,12 @@ from planner.cell.reading import load_cell
 from planner.cell.workspace import Workspace
 from planner.common.units import read_only
 from planner.design.candidates.pool import draw_candidates
+from planner.design.fixtures.places import find_stands, is_blocked, move_fixture, reach_poses
 from planner.design.selection.pruning import prune_poses
 from planner.kinematics.bodies import capsule_between
 from planner.model.model import Model
 from planner.studies.fixture_count import combine_places, count_fixtures
 from planner.studies.fixture_places import map_fixture_places
-from planner.studies.fixture_reach import find_stands, is_blocked, move_fixture, reach_poses
 
 
 @pytest.fixture(scope="module")

@@ -119,7 +119,8 @@ def find_arm_paths(cell: Cell, circle: Circle, seed: int = 0) -> ArmPaths:
     if not inside.any():
         raise NoSolutionError(_explain_unreached(circle, angle[0], over))
     start, R = held_at[inside], turned[inside]
-    q, reached = _follow_circle(cell, circle, angle, start, R)
+    x = np.broadcast_to(circle.points(angle), (len(start), len(angle), 3))
+    q, reached = follow_poses(cell, start, x, np.array([orientations(circle, angle, r) for r in R]))
     margins = _margins(cell, circle, q)  # (m, k, columns)
     margins[np.arange(len(angle)) >= reached[:, None]] = -np.inf
     whole = (margins > 0.0).all(axis=(1, 2))
@@ -179,21 +180,29 @@ def _remove_turns(cell: Cell, q: Array) -> Array:
     return q
 
 
-def _follow_circle(cell: Cell, circle: Circle, angle: Array, start: Array, R: Array) -> tuple[Array, np.ndarray]:
-    """Follow all start poses (m, N) round; return q (m, k, N) [rad] and at how many places (m,) each stands."""
-    x, m = circle.points(angle), len(start)
-    q = np.repeat(start[:, None], len(angle), axis=1)
+def follow_poses(cell: Cell, start: Array, x: Array, R: Array) -> tuple[Array, np.ndarray]:
+    """Follow tool poses from start to start, each step from where the two before it point.
+
+    Args:
+        cell: the cell.
+        start: controller angles of the first poses, (m, N) [rad].
+        x, R: positions (m, k, 3) [m] and orientations (m, k, 3, 3) of the tool.
+
+    Returns:
+        q (m, k, N) [rad], and at how many of its poses (m,) each stands without a leap.
+    """
+    m, k = x.shape[:2]
+    q = np.repeat(start[:, None], k, axis=1)
     reached, alive = np.ones(m, dtype=int), np.arange(m)
-    for k in range(1, len(angle)):
-        last = q[alive, k - 1]
-        guess = last if k == 1 else 2 * last - q[alive, k - 2]
-        wanted = np.concatenate([orientations(circle, angle[k : k + 1], r) for r in R[alive]])
-        q[alive, k], good = solve_pose_ik(cell.chain, cell.robot, guess, np.tile(x[k], (len(alive), 1)), wanted, FOLLOW)
-        good &= np.abs(q[alive, k] - last).max(axis=1) < LARGEST_STEP
-        alive = alive[good]
-        reached[alive] = k + 1
+    for i in range(1, k):
         if not len(alive):
             break
+        last = q[alive, i - 1]
+        guess = last if i == 1 else 2 * last - q[alive, i - 2]
+        q[alive, i], good = solve_pose_ik(cell.chain, cell.robot, guess, x[alive, i], R[alive, i], FOLLOW)
+        good &= np.abs(q[alive, i] - last).max(axis=1) < LARGEST_STEP
+        alive = alive[good]
+        reached[alive] = i + 1
     return q, reached
 
 

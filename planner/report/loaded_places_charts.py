@@ -3,10 +3,10 @@
 import numpy as np
 
 from planner.common.units import Array, to_mm
+from planner.instruments.loaded.common_fit import CommonFit
+from planner.instruments.loaded.place_selection import CirclePlaceChoice
 from planner.report.chart import GREY, JOINTS, RED, SKY, Chart, Panel, ReferenceLine, Series
 from planner.report.formatting import digits
-from planner.studies.compliance_design.common_fit import CommonFit
-from planner.studies.compliance_design.place_selection import CirclePlaceChoice
 
 SHARE = "standard deviation / prior size"
 
@@ -38,14 +38,14 @@ def _decade(values: Array) -> float:
 def draw_centres(found: CirclePlaceChoice, count: int) -> Chart:
     """Centres of the circles, in the upright plane through axis 1, a panel for each plane of the circle."""
     chosen = {int(i): str(k + 1) for k, i in enumerate(found.sets[count - 1])}
-    centre = np.array([to_mm(c.centre) for c in found.pool])
+    centre = np.array([to_mm(c.circle.p_BC) for c in found.pool])
     at = np.stack([np.hypot(centre[:, 0], centre[:, 1]), centre[:, 2]], axis=1)
     pad = 0.08 * np.ptp(at, axis=0) + 50.0
     (left, low), (right, high) = (at.min(axis=0) - pad).tolist(), (at.max(axis=0) + pad).tolist()
     labels, x_range, y_range = ("distance from axis 1 (mm)", "height (mm)"), (left, right), (low, high)
     panels = []
     for plane in ("XY", "XZ", "YZ"):
-        own = [i for i, c in enumerate(found.pool) if c.plane == plane]
+        own = [i for i, c in enumerate(found.pool) if c.circle.plane == plane]
         series = [_centre_points(at[own], GREY, 6.0, plane)]
         marked = [i for i in own if i in chosen]
         if marked:

@@ -4,7 +4,8 @@ Turning everything about axis 1 changes no torque of the bar, so the centres lie
 the one in which the cell's own circle has its centre.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,8 +13,12 @@ from scipy.stats import qmc
 
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CirclePlane
+from planner.cell.file import CellFile
+from planner.cell.reading import cell_of
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.units import MM, Array, read_only
+from planner.common.schema import validate
+from planner.common.units import MM, Array, read_only, to_mm
+from planner.instruments.circular.configurations import follow_poses
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
@@ -22,28 +27,34 @@ STEPS = (7, 6)  # of the grid in distance from axis 1, and in height
 NEAREST, FURTHEST, TOP = 0.35, 0.85, 0.75  # of the reach
 SEEDS = 3  # log2 of the arm positions from which a start is looked for
 SPINS = 4  # turns of the tool about its own axis
-SEARCH, FOLLOW = 40, 8  # rounds for a start, and from one angle to the next
-LEAP = 0.6  # [rad] no joint moves more from one angle to the next
+SEARCH = 40  # rounds for a start
 ROOM = 0.03  # [rad] from limits and cones; of a singularity
-PLANES: dict[CirclePlane, tuple[int, int]] = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
+PLANES: tuple[CirclePlane, ...] = ("XY", "XZ", "YZ")
 
 
 @dataclass(frozen=True)
 class CirclePlace:
-    """A circle that the arm can drive.
+    """A circle that the arm can drive, loaded and repeated as the cell's own.
 
     Attributes:
-        plane: ``XY``, ``XZ`` or ``YZ``; side: 1 where the bar leans against its normal, −1 along it.
-        centre: (3,) [m]; p_BX: the fixture's ball (3,) [m]; axis_B: of its ball joint (3,).
-        q: controller angles round the circle, (B, N) [rad].
+        circle: where it lies.
+        p_BX: the fixture's ball (3,) [m].
+        q: controller angles round the circle, from angle 0 on, (B, N) [rad].
     """
 
-    plane: CirclePlane
-    side: int
-    centre: Array
+    circle: Circle
     p_BX: Array
-    axis_B: Array
     q: Array
+
+    @property
+    def side(self) -> int:
+        """1 where the circle lies ahead of its fixture along its normal, −1 behind."""
+        return 1 if (self.circle.p_BC - self.p_BX) @ self.circle.normal >= 0 else -1
+
+    @property
+    def axis_B(self) -> Array:
+        """Axis of the fixture's ball joint, towards the circle (3,)."""
+        return self.side * self.circle.normal
 
 
 def find_circle_places(cell: Cell, seed: int = 0, steps: tuple[int, int] = STEPS) -> tuple[CirclePlace, ...]:
@@ -56,8 +67,13 @@ def find_circle_places(cell: Cell, seed: int = 0, steps: tuple[int, int] = STEPS
         NoSolutionError: no circle can be followed anywhere.
     """
     circle = own_circle(cell)
-    grid = [(plane, side, c) for c in _centre_grid(cell, circle, steps) for plane in PLANES for side in (1, -1)]
-    found = _follow_circles(cell, circle, grid, seed)
+    grid = [
+        (replace(circle, plane=plane, p_BC=read_only(c)), side)
+        for c in _centre_grid(cell, circle, steps)
+        for plane in PLANES
+        for side in (1, -1)
+    ]
+    found = _follow_circles(cell, grid, abs(_centre_height(cell, circle)), seed)
     if not found:
         raise NoSolutionError(
             f"{cell.path}: none of {len(grid)} circles of radius {circle.radius / MM:.0f} mm can be followed within "
@@ -74,8 +90,8 @@ def find_own_place(cell: Cell, seed: int = 0) -> CirclePlace:
         NoSolutionError: the arm cannot follow it.
     """
     circle = own_circle(cell)
-    side = 1 if _centre_height(cell, circle) >= 0 else -1
-    found = _follow_circles(cell, circle, [(circle.plane, side, circle.p_BC)], seed)
+    height = _centre_height(cell, circle)
+    found = _follow_circles(cell, [(circle, 1 if height >= 0 else -1)], abs(height), seed)
     if not found:
         raise NoSolutionError(
             f"{cell.path}: circle {circle.name} cannot be followed within joint limits and cones from its fixture"
@@ -114,43 +130,23 @@ def _centre_grid(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Arr
     return out
 
 
-def _follow_circles(
-    cell: Cell, circle: Circle, grid: list[tuple[CirclePlane, int, Array]], seed: int
-) -> list[CirclePlace]:
-    """Circles that can be followed, each in its roomiest way."""
-    normals = np.array([side * np.cross(*np.eye(3)[list(PLANES[plane])]) for plane, side, _ in grid])
-    centre = np.array([c for _, _, c in grid])
-    p_BX = centre - abs(_centre_height(cell, circle)) * normals
+def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, seed: int) -> list[CirclePlace]:
+    """Circles that can be followed, each in its roomiest way; the fixture lies ``height`` [m] off each on one side."""
+    normals = np.array([side * circle.normal for circle, side in grid])
+    p_BX = np.array([circle.p_BC for circle, _ in grid]) - height * normals
     theta = np.arange(ANGLES) * 2 * np.pi / ANGLES
-    round_ = np.array([_circle_points(plane, circle.radius, theta) for plane, _, _ in grid]) + centre[:, None]
-    which, q, R = _find_starts(cell, round_[:, 0], normals, seed)
-    course = np.repeat(q[:, None], ANGLES, axis=1)
-    alive = np.arange(len(which))
-    for k in range(1, ANGLES if len(alive) else 0):
-        course[alive, k], good = solve_pose_ik(
-            cell.chain, cell.robot, course[alive, k - 1], round_[which[alive], k], R[alive], FOLLOW
-        )
-        good &= np.abs(course[alive, k] - course[alive, k - 1]).max(axis=1) < LEAP
-        alive = alive[good]
-        if not len(alive):
-            break
-    room = np.array([_smallest_margin(cell, course[m], p_BX[which[m]], normals[which[m]]) for m in alive])
+    x = np.array([circle.points(theta) for circle, _ in grid])
+    which, start, R = _find_starts(cell, x[:, 0], normals, seed)
+    q, reached = follow_poses(cell, start, x[which], np.repeat(R[:, None], ANGLES, axis=1))
+    whole = np.flatnonzero(reached == ANGLES)
+    room = np.array([_smallest_margin(cell, q[m], p_BX[which[m]], normals[which[m]]) for m in whole])
     out = []
-    for k, (plane, side, c) in enumerate(grid):
-        own = np.flatnonzero((which[alive] == k) & (room > ROOM))
+    for k, (circle, _) in enumerate(grid):
+        own = np.flatnonzero((which[whole] == k) & (room > ROOM))
         if len(own):
-            best = alive[own[int(np.argmax(np.round(room[own], 6)))]]
-            out.append(
-                CirclePlace(
-                    plane, side, read_only(c), read_only(p_BX[k]), read_only(normals[k]), read_only(course[best])
-                )
-            )
+            best = whole[own[int(np.argmax(np.round(room[own], 6)))]]
+            out.append(CirclePlace(circle, read_only(p_BX[k]), read_only(q[best])))
     return out
-
-
-def _circle_points(plane: CirclePlane, radius: float, theta: Array) -> Array:
-    first, second = np.eye(3)[list(PLANES[plane])]
-    return np.asarray(radius * (np.cos(theta)[:, None] * first + np.sin(theta)[:, None] * second))
 
 
 def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.ndarray, Array, Array]:
@@ -181,3 +177,23 @@ def _smallest_margin(cell: Cell, q: Array, p_BX: Array, axis_B: Array) -> float:
             smallest_singular_value(cell.chain, cell.robot, q).min(),
         )
     )
+
+
+def with_circles(cell: Cell, places: Sequence[CirclePlace]) -> Cell:
+    """Return the cell with fixtures and circles P1 … at these places, each driven and loaded as the cell's own."""
+    content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    fixture, circle = content["fixtures"][own_circle(cell).fixture], content["circles"][0]
+    fixture.pop("mount_deg", None)
+    circle.pop("start_deg", None)
+    content["fixtures"], content["circles"] = [], []
+    for k, p in enumerate(places):
+        name, axis = f"P{k + 1}", p.axis_B + 0.0
+        content["fixtures"].append({**fixture, "name": name, "position_mm": _mm(p.p_BX), "axis": axis.tolist()})
+        where = {"plane": p.circle.plane, "centre_mm": _mm(p.circle.p_BC), "tool_axis": (0.0 - axis).tolist()}
+        content["circles"].append({**circle, "name": name, "fixture": name, **where})
+    there = cell_of(validate(content, CellFile, str(cell.path)), cell.path, cell.name)
+    return replace(cell, file=there.file, fixtures=there.fixtures, circles=there.circles)
+
+
+def _mm(point: Array) -> list[float]:
+    return [float(v) for v in np.round(to_mm(point), 3)]

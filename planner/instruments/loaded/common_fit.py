@@ -2,23 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only
+from planner.common.units import Array, from_deg, read_only
 from planner.design.observability.information import predict_covariance
 from planner.design.selection.d_optimal import augment_design
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
+from planner.instruments.loaded.circle_candidates import CirclePlace
 from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_torques
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
+from planner.instruments.loaded.place_selection import TYPICAL_SHARE, planned_curves
 from planner.model.model import Model
 from planner.runs.run import Samples
-from planner.studies.compliance_design.circle_candidates import CirclePlace
-from planner.studies.compliance_design.place_selection import TYPICAL_SHARE, planned_curves
+from planner.session.document import read_plan
+from planner.session.plan_types import Plan
+from planner.session.planned_session import place_names
+
+FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 
 @dataclass(frozen=True)
@@ -42,10 +49,45 @@ class FitRows:
         return out
 
 
-def unloaded_rows(cell: Cell, q: Array, fixture: np.ndarray) -> FitRows:
-    """Return the rows of poses without load, q (n, N) [rad], and which fixture (n,) int holds the bar."""
-    setup = setup_of(cell)
-    model = Model.of(setup, cell.plan.free).plus(compliance_parameters(setup))
+@dataclass(frozen=True)
+class UnloadedPoses:
+    """Poses of a bar without load: its cell, controller angles q (n, N) [rad], fixture of each (n,) int."""
+
+    cell: Cell
+    q: Array
+    fixture: np.ndarray
+
+    @classmethod
+    def of(cls, plan: Plan) -> "UnloadedPoses":
+        """Return what a plan measures for the fit: mounting and validation poses left out."""
+        visits = [v for d in plan.drives for v in d.visits if v.role in FITTED]
+        return cls(plan.cell, np.array([v.q for v in visits]), np.array([v.fixture for v in visits]))
+
+    @classmethod
+    def read(cls, plan: Path) -> "UnloadedPoses":
+        """Read the same from the file of a plan.
+
+        Raises:
+            InputError: the plan or its cell.toml is wrong, or they do not belong together.
+        """
+        poses = [p for p in read_plan(plan).poses if p.role in FITTED]
+        if not poses:
+            raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
+        cell = load_cell(str(plan.parent / "cell.toml"))
+        places = place_names(cell)
+        unknown = sorted({(p.fixture, p.point) for p in poses} - set(places))
+        if unknown:
+            name, point = unknown[0]
+            where = f"'{name}'" + (f", tool point '{point}'" if point else "")
+            raise InputError(f"{plan}: measures at fixture {where}, which {cell.path} does not have")
+        which = np.array([places.index((p.fixture, p.point)) for p in poses])
+        return cls(cell, from_deg([p.q_deg for p in poses]), which)
+
+
+def unloaded_rows(free: UnloadedPoses) -> FitRows:
+    """Return the rows of poses without load."""
+    setup, q, fixture = setup_of(free.cell), free.q, free.fixture
+    model = Model.of(setup, free.cell.plan.free).plus(compliance_parameters(setup))
     rows = model.rows(setup.visits(q, fixture))[:, 0] / model.noise(q, fixture)[:, None]
     return _name_rows(model, rows, "unloaded ", True)
 
@@ -57,7 +99,7 @@ def loaded_rows(cell: Cell, places: Sequence[CirclePlace], shared_tool: bool) ->
     p_BX, prior = np.array([p.p_BX for p in places]), np.repeat(setup.place_prior[:1], len(places))
     setup = replace(setup, p_BX=p_BX, place_names=names, place_prior=prior)
     model = Model.of(setup, cell.plan.free).plus(compliance_parameters(setup))
-    rows = np.concatenate([_circle_rows(cell, model, k, c) for k, c in enumerate(places)])
+    rows = np.concatenate([_circle_rows(model, k, c) for k, c in enumerate(places)])
     return _name_rows(model, rows, "loaded ", shared_tool)
 
 
@@ -69,13 +111,13 @@ def _name_rows(model: Model, rows: Array, whose: str, shared_tool: bool) -> FitR
     return FitRows(names, tuple(p.unit for p in model.parameters), model.prior, rows)
 
 
-def _circle_rows(cell: Cell, model: Model, k: int, place: CirclePlace) -> Array:
+def _circle_rows(model: Model, k: int, place: CirclePlace) -> Array:
     """Rows (n, P) of one circle, every load and sense, in standard deviations; the k-th of the model's places.
 
     They are those of the common fit, about joints that yield as is typical: the fixture's place turns the load, and
     what all loads have in common carries the error of a pose.
     """
-    curves = planned_curves(cell, model.setup, place)
+    curves = planned_curves(model.setup, place)
     D, K, A = curves.length.shape
     apart = np.fft.irfft(curves.noise, A)[(np.arange(A)[:, None] - np.arange(A)) % A]
     samples = Samples(curves.q.reshape(D * K * A, -1), np.full(D * K * A, k), force=curves.force.ravel())
@@ -114,25 +156,22 @@ class CommonFit:
         return tuple(row for row in rows if row[0].startswith(start))
 
 
-def predict_common_fit(
-    free_cell: Cell, q: Array, fixture: np.ndarray, cell: Cell, places: Sequence[CirclePlace]
-) -> CommonFit:
+def predict_common_fit(free: UnloadedPoses, cell: Cell, places: Sequence[CirclePlace]) -> CommonFit:
     """Predict what unloaded poses and loaded circles know, each alone and together.
 
     Each gauge has its own fixtures and zero; the tool point is common where both cells have the same, geometry and
     compliances are.
 
     Args:
-        free_cell: cell of the poses without load.
-        q: controller angles of its poses, (n, N) [rad]; fixture: which holds the bar, (n,) int.
+        free: the poses without load.
         cell: with the loaded circle; places: where it is driven.
 
     Raises:
         InputError: the cells have different robots.
     """
-    check_robots(free_cell, cell)
-    first = unloaded_rows(free_cell, q, fixture)
-    second = loaded_rows(cell, places, has_same_tool(free_cell, cell))
+    check_robots(free.cell, cell)
+    first = unloaded_rows(free)
+    second = loaded_rows(cell, places, has_same_tool(free.cell, cell))
     names = (*first.names, *(n for n in second.names if n not in first.names))
     common = [k for k, n in enumerate(names) if n in first.names and n in second.names]
     one, other = first.on(names), second.on(names)
@@ -168,9 +207,7 @@ def has_same_tool(free_cell: Cell, cell: Cell) -> bool:
 
 
 @on_one_thread
-def select_circles_beside(
-    free_cell: Cell, q: Array, fixture: np.ndarray, cell: Cell, pool: Sequence[CirclePlace], count: int
-) -> np.ndarray:
+def select_circles_beside(free: UnloadedPoses, cell: Cell, pool: Sequence[CirclePlace], count: int) -> np.ndarray:
     """Return the positions in the pool, (count,), of the circles that one fit with the poses gains most from.
 
     The determinant of the information of geometry, compliances, tool point and zeros is what grows most: greedily, then
@@ -179,9 +216,9 @@ def select_circles_beside(
     Raises:
         InputError: the cells have different robots.
     """
-    check_robots(free_cell, cell)
-    first = unloaded_rows(free_cell, q, fixture)
-    parts = [loaded_rows(cell, [c], has_same_tool(free_cell, cell)) for c in pool]
+    check_robots(free.cell, cell)
+    first = unloaded_rows(free)
+    parts = [loaded_rows(cell, [c], has_same_tool(free.cell, cell)) for c in pool]
     names = (*first.names, *(n for n in parts[0].names if n not in first.names and not _is_fixture_of_place(n)))
     rows = first.on(names)
     blocks = np.array([_shared_information(p, names) for p in parts])

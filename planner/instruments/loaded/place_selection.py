@@ -11,15 +11,14 @@ from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
-from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
-from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
-from planner.model.model import Model
-from planner.studies.compliance_design.circle_candidates import (
+from planner.instruments.loaded.circle_candidates import (
     CirclePlace,
     find_circle_places,
     find_own_place,
-    own_circle,
 )
+from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
+from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
+from planner.model.model import Model
 
 SMOOTH = 8  # harmonics over which the arm's repeatability along a circle is spread
 TYPICAL_SHARE = 0.5  # part of its prior size by which each joint is taken to yield, for what the fixture's height does
@@ -57,6 +56,10 @@ class CirclePlaceChoice:
     sets: tuple[np.ndarray, ...]
     known: tuple[PredictedCompliance, ...]
 
+    def best(self, count: int) -> list[CirclePlace]:
+        """Return the best set of ``count`` places."""
+        return [self.pool[int(i)] for i in self.sets[count - 1]]
+
 
 def select_circle_places(
     cell: Cell, pool: Sequence[CirclePlace], own: CirclePlace, most: int, seed: int = 0
@@ -65,7 +68,7 @@ def select_circle_places(
     setup = setup_of(cell)
     stiff = compliance_parameters(setup)
     prior = np.array([p.prior for p in stiff])
-    information = np.array([predict_information(cell, setup, c) for c in pool]) * np.outer(prior, prior)
+    information = np.array([predict_information(setup, c) for c in pool]) * np.outer(prior, prior)
     rows = np.array([_information_root(block) for block in information])
     sets = tuple(detmax(rows, k, seed=seed) for k in range(1, min(most, len(pool)) + 1))
     return CirclePlaceChoice(
@@ -73,32 +76,32 @@ def select_circle_places(
         read_only(prior),
         tuple(pool),
         read_only(information),
-        predict_compliance(predict_information(cell, setup, own) * np.outer(prior, prior)),
+        predict_compliance(predict_information(setup, own) * np.outer(prior, prior)),
         sets,
         tuple(predict_compliance(information[s].sum(axis=0)) for s in sets),
     )
 
 
-def predict_information(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> Array:
+def predict_information(setup: MeasurementSetup, place: CirclePlace) -> Array:
     """Information of the compliances by one circle driven as the cell's own, (N, N) [(Nm/rad)²].
 
     It is the one that the evaluation finds, with the noise that gauge and repeatability promise.
     """
-    circle = own_circle(cell)
-    curves = planned_curves(cell, setup, place)
+    circle = place.circle
+    curves = planned_curves(setup, place)
     there = replace(setup, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=setup.place_prior[:1])
     model = Model(there, tuple(compliance_parameters(setup)))
     waves = harmonics_of(model, curves, TYPICAL_SHARE * model.prior)
     return waves.told(curves.noise, float(setup.place_prior[circle.fixture])).information
 
 
-def planned_curves(cell: Cell, setup: MeasurementSetup, place: CirclePlace) -> AveragedCurves:
+def planned_curves(setup: MeasurementSetup, place: CirclePlace) -> AveragedCurves:
     """Return the curves that a circle would give, without their readings."""
-    circle = own_circle(cell)
+    circle = place.circle
     D, K, B = len(circle.directions), len(circle.loads), len(place.q)
     loads, shape = np.array(circle.loads), (D, K, B)
-    axes = np.stack([*(np.eye(3)["XYZ".index(a)] for a in circle.plane), place.axis_B])
-    where = DrivenCircle(circle.name, 0, place.centre, read_only(axes), circle.radius, place.p_BX)
+    axes = np.stack([*circle.axes, place.axis_B])
+    where = DrivenCircle(circle.name, 0, circle.p_BC, read_only(axes), circle.radius, place.p_BX)
     there = replace(setup, p_BX=place.p_BX[None])
     return AveragedCurves(
         circle=where,

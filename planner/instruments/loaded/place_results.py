@@ -1,20 +1,19 @@
 """Results of the study of places for loaded circles and of the common fit: JSON, table and sentences."""
 
-import json
 from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
 
 from planner.common.units import to_deg, to_mm
-from planner.instruments.loaded.results import share_text
-from planner.studies.compliance_design.circle_candidates import CirclePlace
-from planner.studies.compliance_design.common_fit import CommonFit
-from planner.studies.compliance_design.place_selection import (
+from planner.instruments.loaded.circle_candidates import CirclePlace
+from planner.instruments.loaded.common_fit import CommonFit
+from planner.instruments.loaded.place_selection import (
     CirclePlaceChoice,
     PredictedCompliance,
     predict_compliance,
 )
+from planner.instruments.loaded.results import share_text
 
 GOOD = 0.15  # of the prior size: more places are said to be worth it until the worst joint is known so well
 
@@ -50,21 +49,20 @@ def _rounded(value: float) -> float:
 
 
 def _place_content(c: CirclePlace) -> dict[str, object]:
-    places = {"centre_mm": (to_mm(c.centre), 2), "fixture_mm": (to_mm(c.p_BX), 2), "start_deg": (to_deg(c.q[0]), 3)}
-    return {"plane": c.plane, "side": c.side} | {k: np.round(v, n).tolist() for k, (v, n) in places.items()}
-
-
-def places_text(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> str:
-    """Return ``places.json``."""
-    return json.dumps(places_content(found, robot, both), indent=1, ensure_ascii=False) + "\n"
+    places = {
+        "centre_mm": (to_mm(c.circle.p_BC), 2),
+        "fixture_mm": (to_mm(c.p_BX), 2),
+        "start_deg": (to_deg(c.q[0]), 3),
+    }
+    return {"plane": c.circle.plane, "side": c.side} | {k: np.round(v, n).tolist() for k, (v, n) in places.items()}
 
 
 def places_csv(found: CirclePlaceChoice) -> str:
     """Return a row for every candidate: where it is, and how well its circle alone knows each compliance."""
     single = np.array([predict_compliance(block).std for block in found.information])
-    centre = np.array([to_mm(c.centre) for c in found.pool])
+    centre = np.array([to_mm(c.circle.p_BC) for c in found.pool])
     data: dict[str, object] = {
-        "plane": [c.plane for c in found.pool],
+        "plane": [c.circle.plane for c in found.pool],
         "side": [c.side for c in found.pool],
         **{f"centre_{a}_mm": np.round(centre[:, k], 1) for k, a in enumerate("xyz")},
         **{f"{n}_share_of_prior": np.round(single[:, k], 4) for k, n in enumerate(found.names)},
