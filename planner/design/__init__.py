@@ -4,6 +4,7 @@ __all__ = [
     "bayesian_design",
     "candidates",
     "discrimination",
+    "fixtures",
     "free_parameters",
     "observability",
     "pose_selection",

@@ -8,7 +8,7 @@ __all__ = [
     "chart",
     "circular_plan_report",
     "circular_report",
-    "formatting",
+    "loaded_places_charts",
     "loaded_report",
     "matplotlib_backend",
     "plan_charts",

@@ -1,3 +1,3 @@
-"""Observability offline: maps, curves, fixtures, places of loaded circles."""
+"""Observability of a bar and its fixtures offline: maps, curves, numbers of fixtures."""
 
-__all__ = ["cell_study", "compliance_design", "fixture_addition"]
+__all__ = ["cell_study"]

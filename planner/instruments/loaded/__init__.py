@@ -1,3 +1,15 @@
 """Circles under the load of a bar: the compliance of the joints."""
 
-__all__ = ["circle", "compliance", "equilibrium", "evaluation", "joint_fit", "results", "types"]
+__all__ = [
+    "both_bars",
+    "circle",
+    "circle_candidates",
+    "common_fit",
+    "equilibrium",
+    "evaluation",
+    "joint_fit",
+    "place_results",
+    "place_selection",
+    "results",
+    "types",
+]
