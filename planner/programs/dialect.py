@@ -158,7 +158,10 @@ class ReaderWords(StrictModel):
 
     ``family`` names a file of ``planner.programs.readback``; the rest are regular expressions that the
     G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so
-    that a dwell inside it is not taken for one of the program's. ``passive`` are the other known blocks.
+    that a dwell inside it is not taken for one of the program's; ``with_motion``: G words that may stand beside a move.
+    ``passive`` is, for every family, the whole list of what a program may hold beside moves, speeds, dwells and the
+    lines of this file (header, footer, pause, wait, sync, select): a program with anything else is not released.
+    ``{output}`` and ``{input}`` in it are the cell's own; remarks and quoted text are blank when it is compared.
     """
 
     family: Literal["gcode", "krl", "rapid", "pdl2"]
@@ -169,6 +172,7 @@ class ReaderWords(StrictModel):
     exact: Pattern = ""
     blended: Pattern = ""
     centre: Pattern = ""
+    with_motion: Pattern = "G9[34]|G53"
     passive: tuple[Pattern, ...] = ()
 
 

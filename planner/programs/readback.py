@@ -4,6 +4,7 @@ import re
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
+from planner.programs.instructions import Program
 from planner.programs.languages import gcode, krl, pdl2, rapid
 from planner.programs.languages.execution import Execution, ReadBack
 
@@ -15,18 +16,21 @@ EXECUTIONS: dict[str, type[Execution]] = {
 }
 
 
-def read_texts(dialect: Dialect, texts: tuple[str, ...], only_known: bool = False) -> ReadBack:
+def read_texts(
+    dialect: Dialect, texts: tuple[str, ...], program: Program | None = None, only_known: bool = True
+) -> ReadBack:
     """Return what the files ``texts`` make the robot do; the first is the one that is started.
 
     Args:
         dialect: the dialect that they are written in.
         texts: of the files.
+        program: what they were written for; only its own tool, base, load and signals are known then.
         only_known: refuse a statement that the reader does not know, instead of passing it over.
 
     Raises:
         InputError: a line that is not of the language, or no plan_id, or two different ones.
     """
-    execution = EXECUTIONS[dialect.reading.family](dialect)
+    execution = EXECUTIONS[dialect.reading.family](dialect, program)
     execution.run(texts)
     if only_known and execution.unknown:
         unknown = execution.unknown[0]

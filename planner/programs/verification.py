@@ -23,10 +23,11 @@ def check_program(program: Program, dialect: Dialect, texts: tuple[str, ...]) ->
 
     Raises:
         ProgramMismatchError: a joint angle off by more than the printed resolution; a move, dwell or pulse
-            too many or too few; a corner rounded more, or a leg driven faster, than planned; another plan_id.
+            too many or too few; a statement that is not on the dialect's list; a corner rounded more, or a leg
+            driven faster, than planned; another plan_id.
     """
     try:
-        found = read_texts(dialect, texts)
+        found = read_texts(dialect, texts, program)
     except InputError as err:
         raise ProgramMismatchError(f"the program is not released, it cannot be read back: {err}") from err
     for complaint in _complaints(program, dialect, found):

@@ -1,11 +1,12 @@
 """Settings of a centring (``edbb-centring/1``), completed by what the cell says."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
 
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, StrictModel, read_toml
@@ -13,6 +14,18 @@ from planner.common.units import Array
 from planner.kinematics.bodies import Vector
 
 Matrix = tuple[Vector, Vector, Vector]
+ToolNumber = Annotated[int, Field(ge=1, le=128)]  # of KUKA's TOOL_DATA and BASE_DATA
+BaseNumber = Annotated[int, Field(ge=0, le=128)]
+KRL_WORDS = "def|end|deffct|endfct|loop|halt|wait|brake|resume|return|switch|global|interrupt|trigger|centre"
+
+
+def _controller_name(text: str) -> str:
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,23}", text) and not re.fullmatch(KRL_WORDS, text, re.IGNORECASE):
+        return text
+    raise ValueError("a program is called by 1 to 24 letters, digits and underscores, and by no word of KRL")
+
+
+ProgramName = Annotated[str, AfterValidator(_controller_name)]
 
 
 class HeadSettings(StrictModel):
@@ -63,9 +76,9 @@ class MoveSettings(StrictModel):
 class RobotSettings(StrictModel):
     """``[robot]``: the controller. ``plate_rpy_deg`` turns the plate's axes in the controller's base."""
 
-    program: str = "EDBB_CENTRE"
-    tool: PositiveInt = 1
-    base: Annotated[int, Field(ge=0)] = 0
+    program: ProgramName = "EDBB_CENTRE"
+    tool: ToolNumber = 1
+    base: BaseNumber = 0
     ptp_percent: Annotated[int, Field(ge=1, le=100)] = 10
     touch_percent: Annotated[int, Field(ge=1, le=10)] = 1  # to a ball and away from it
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 5.0
@@ -112,8 +125,8 @@ class _CellArtifact(PartialModel):
 
 
 class _CellController(PartialModel):
-    tool: int | None = None
-    base: int | None = None
+    tool: ToolNumber | None = None
+    base: BaseNumber | None = None
 
 
 class CentringCellPart(PartialModel):

@@ -1,7 +1,7 @@
 """What a program makes the robot do, noted while its statements are run."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,17 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.programs.dialect import Dialect
-from planner.programs.languages.statements import Pulse, Statement, Waiting, parse_fixed
+from planner.programs.instructions import Program
+from planner.programs.languages.known import known_statements
+from planner.programs.languages.statements import (
+    Call,
+    Pulse,
+    Routine,
+    RoutineEnd,
+    Statement,
+    Waiting,
+    parse_fixed,
+)
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,7 @@ class ReadBack:
     centrings: tuple[tuple[int, int, int], ...] = ()
     """Calls of the centring routine: after how many moves, at which ball and which pose."""
     unknown: tuple[Statement, ...] = ()
-    """Statements that the reader does not know and has passed over."""
+    """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
 
 
 class Execution(ABC):
@@ -39,8 +49,8 @@ class Execution(ABC):
     A subclass remembers what the controller does between statements, as far as it decides what a move does.
     """
 
-    def __init__(self, dialect: Dialect) -> None:
-        self.dialect = dialect
+    def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
+        self.dialect, self.program = dialect, program
         self.moves: list[tuple[list[float], float | None, float]] = []
         self.dwells: list[float] = []
         self.syncs = 0
@@ -48,27 +58,41 @@ class Execution(ABC):
         self.unknown: list[Statement] = []
 
     @abstractmethod
-    def statements(self, texts: Sequence[str]) -> Iterator[Statement]:
-        """Yield the statements of the files ``texts`` in the order in which the controller runs them."""
+    def parse(self, texts: Sequence[str]) -> Iterable[Statement]:
+        """Return every statement of the files ``texts``, run or not."""
+
+    @abstractmethod
+    def order(self, statements: Sequence[Statement]) -> Iterator[Statement]:
+        """Yield statements in the order in which the controller runs them."""
 
     @abstractmethod
     def execute(self, statement: Statement) -> bool:
-        """Take in one statement, and return whether it is known.
+        """Take in one statement, and return whether it decides how the robot moves.
 
         Raises:
             InputError: a motion that is not a joint move as this family writes it.
         """
 
     def run(self, texts: Sequence[str]) -> None:
-        """Note what the program in the files ``texts`` does."""
-        for statement in self.statements(texts):
+        """Note what the program in ``texts`` does, and every statement that is not on the list of known ones."""
+        statements = list(self.parse(texts))
+        understood = set[int]()
+        for statement in self.order(statements):
             match statement:
                 case Waiting(number=number, unit=unit):
                     self.dwell(parse_fixed(number, statement.text) * unit)
+                    understood.add(id(statement))
                 case Pulse():
                     self.syncs += 1
-                case _ if not self.execute(statement):
-                    self.unknown.append(statement)
+                case _ if self.execute(statement):
+                    understood.add(id(statement))
+        known = known_statements(self.dialect, self.parse, self.program)
+        routines = {s.name for s in statements if isinstance(s, Routine)}
+        for statement in statements:
+            structure = isinstance(statement, Routine | RoutineEnd)
+            called = isinstance(statement, Call) and statement.name in routines
+            if not (structure or called or id(statement) in understood or known(statement)):
+                self.unknown.append(statement)
 
     def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
         """Note a joint move; all moves must drive the same number of axes."""

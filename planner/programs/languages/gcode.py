@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
+from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
 from planner.programs.languages.statements import PlacedNumber, Statement, parse_fixed
 from planner.programs.languages.text import NUMBER, Lines, mask_comments
@@ -57,17 +58,23 @@ def _words(code: str, start: int) -> tuple[tuple[str, PlacedNumber], ...] | None
 class GcodeExecution(Execution):
     """The modal state of an interpreter, as far as joint paths need it; its words come from ``[reading]``."""
 
-    def __init__(self, dialect: Dialect) -> None:
-        super().__init__(dialect)
+    def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
+        super().__init__(dialect, program)
+        reading = dialect.reading
+        self.beside = "|".join(filter(None, (reading.motion, reading.exact, reading.with_motion)))
         self.axes = [axis.rstrip("=") for axis in dialect.axes]
         self.blend: float | None = 0.0  # rounding as the machine likes, until a block says otherwise
         self.feed: float | None = None
         self.in_pulse = False
 
-    def statements(self, texts: Sequence[str]) -> Iterator[Statement]:
-        """Yield the statements of the one file, to its end."""
+    def parse(self, texts: Sequence[str]) -> Iterator[Statement]:
+        """Yield the blocks of the one file."""
+        return parse(texts[0], self.dialect)
+
+    def order(self, statements: Sequence[Statement]) -> Iterator[Statement]:
+        """Yield the blocks one after the other, to the end of the program."""
         ended = False
-        for block in parse(texts[0], self.dialect):
+        for block in statements:
             if ended:
                 raise InputError(f"line {block.line}: '{block.text}' stands behind the end of the program")
             ended = re.fullmatch("M0?2|M30", block.text) is not None
@@ -76,7 +83,7 @@ class GcodeExecution(Execution):
             raise InputError("the program has no end (M2 or M30)")
 
     def execute(self, statement: Statement) -> bool:
-        """Take in one block and return whether it is known.
+        """Take in one block and return whether it decides how the robot moves.
 
         Raises:
             InputError: a motion that is not understood.
@@ -85,9 +92,11 @@ class GcodeExecution(Execution):
         if re.match(patterns.sync, said):
             self.syncs += 1
             self.in_pulse = bool(patterns.pulse_end)
-        elif patterns.pulse_end and re.match(patterns.pulse_end, said):
+            return False  # whether it is the right output, the list of known statements tells
+        if patterns.pulse_end and re.match(patterns.pulse_end, said):
             self.in_pulse = False
-        elif dwell := re.fullmatch(patterns.dwell, said):
+            return False
+        if dwell := re.fullmatch(patterns.dwell, said):
             if not self.in_pulse:
                 self.dwell(parse_fixed(dwell["seconds"], f"line {statement.line}"))
         elif isinstance(statement, Block) and re.search(rf"(^|\s){patterns.motion}(\s|$)", said):
@@ -97,7 +106,7 @@ class GcodeExecution(Execution):
         elif patterns.blended and (rounding := re.fullmatch(patterns.blended, said)):
             self.blend = parse_fixed(rounding["value"], f"line {statement.line}")
         else:
-            return any(re.fullmatch(pattern, said) for pattern in ("M0?2|M30", *patterns.passive))
+            return re.fullmatch("M0?2|M30", said) is not None
         return True
 
     def _move(self, block: Block) -> None:
@@ -112,7 +121,7 @@ class GcodeExecution(Execution):
                 self.feed = parse_fixed(number.text, where)
             elif name in self.axes and name not in found:
                 found[name] = parse_fixed(number.text, where)
-            elif name != "G":
+            elif name != "G" or not re.fullmatch(self.beside, f"G{number.text}"):
                 raise InputError(f"{where}: the word '{name}{number.text}' is unknown or stands twice")
         if list(found) != self.axes[: len(found)]:
             raise InputError(f"{where}: axes {list(found)} are not the first of {self.axes}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
+from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
@@ -138,16 +139,20 @@ def _value(text: str) -> float:
 class KrlExecution(Execution):
     """The system variables that a PTP move takes its speed and its rounding from."""
 
-    def __init__(self, dialect: Dialect) -> None:
-        super().__init__(dialect)
+    def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
+        super().__init__(dialect, program)
         self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "VEL_PTP": 100.0}
 
-    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements of all files."""
+        return (statement for text in texts for statement in parse(text))
+
+    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements from the first DEF of the first file on."""
-        return st.run_order(statement for text in texts for statement in parse(text))
+        return st.run_order(statements)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        """Take in a move or what decides how it is driven; motions other than joint moves raise InputError."""
         centring = self.dialect.reading.centre
         match statement:
             case KrlMove():
@@ -160,8 +165,9 @@ class KrlExecution(Execution):
                 self.values[f"{name}.{part}".rstrip(".")] = _percentage(value, statement.text)
             case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
                 self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
-                return True
-        return type(statement) not in (st.Statement, st.Call)
+            case _:
+                return False
+        return True
 
 
 def _percentage(text: str, statement: str) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
+from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
@@ -99,22 +100,28 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
 class Pdl2Execution(Execution):
     """The predefined variables that a joint move takes its speed and its rounding from."""
 
-    def __init__(self, dialect: Dialect) -> None:
-        super().__init__(dialect)
+    def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
+        super().__init__(dialect, program)
         self.arm_percent = 100.0
 
-    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements of the one file."""
+        return parse(texts[0])
+
+    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements of the program's own body."""
-        return st.run_order(parse(texts[0]), MAIN)
+        return st.run_order(statements, MAIN)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
+        """Take in a move or what decides how it is driven; motions other than joint moves raise InputError."""
         match statement:
             case Pdl2Move():
                 self._move(statement)
             case st.Assignment(name="$ARM_SPD_OVR", value=value):
                 self.arm_percent = st.parse_fixed(value, statement.text)
-        return type(statement) not in (st.Statement, st.Call)
+            case _:
+                return False
+        return True
 
     def _move(self, move: Pdl2Move) -> None:
         clauses = re.fullmatch(r"(?:ADVANCE)?(?:,?\s*WITH (.*))?", move.rest, re.DOTALL)

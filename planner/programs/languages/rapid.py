@@ -112,15 +112,20 @@ def _arguments(text: str, start: int) -> Iterator[Argument]:
 class RapidExecution(Execution):
     """Every MoveAbsJ says its own speed and zone; nothing is remembered."""
 
-    def statements(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
+        """Yield the statements of the one file."""
+        return parse(texts[0])
+
+    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements from PROC main on."""
-        return st.run_order(parse(texts[0]), "main")
+        return st.run_order(statements, "main")
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in one statement and return whether it is known; motions other than joint moves raise InputError."""
-        if isinstance(statement, RapidMove):
-            self.move(*_joint_move(statement))
-        return type(statement) not in (st.Statement, st.Call)
+        """Take in a move; motions other than joint moves raise InputError."""
+        if not isinstance(statement, RapidMove):
+            return False
+        self.move(*_joint_move(statement))
+        return True
 
 
 def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
