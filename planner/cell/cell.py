@@ -7,8 +7,9 @@ from typing import Literal
 import numpy as np
 
 from planner.cell.circles import Circle
-from planner.cell.file import Aim, CellFile
+from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
+from planner.common.choices import Aim
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body

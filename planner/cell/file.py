@@ -18,6 +18,7 @@ from pydantic import (
 
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
+from planner.common.choices import Aim
 from planner.common.schema import StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
 
@@ -92,7 +93,6 @@ class TrackerFile(PlacedFile):
 
 
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
-Aim = Literal["index", "tracing"]
 APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 

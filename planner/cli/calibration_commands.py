@@ -19,7 +19,6 @@ from planner.cli.terminal import (
     give_file,
     print_notes,
 )
-from planner.common.units import DEG
 
 
 def simulate_command(
@@ -159,6 +158,7 @@ def loaded_command(
     as_json: Json = False,
 ) -> None:
     """Evaluate circles driven under load: joint compliances, and the circle as it would be without load."""
+    from planner.common.units import DEG
     from planner.instruments.loaded.evaluation import LoadedOptions
     from planner.workflow.circle_evaluation import evaluate_loaded
 

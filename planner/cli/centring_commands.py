@@ -1,19 +1,20 @@
 """The command at the cell: centre."""
 
+from __future__ import annotations
+
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from planner.cli.terminal import Json, errors, print_json
 from planner.common.errors import InputError
-from planner.instruments.centring.indicators import open_indicators
-from planner.instruments.centring.protocols import find_protocol
-from planner.instruments.centring.robot_link import open_link, write_centring_program
-from planner.instruments.centring.session import CentringBench, CentringSession, open_session, run_session
-from planner.instruments.centring.settings import CentringSettings, read_settings
-from planner.instruments.centring.stop import StopRequest, stop_on_signals
+
+if TYPE_CHECKING:
+    from planner.instruments.centring.session import CentringSession
+    from planner.instruments.centring.settings import CentringSettings
+    from planner.instruments.centring.stop import StopRequest
 
 
 def centre_command(
@@ -40,6 +41,11 @@ def centre_command(
     as_json: Json = False,
 ) -> None:
     """Centre the head of three indicators on the balls of a plan, pose by pose, and record the run."""
+    from planner.instruments.centring.robot_link import write_centring_program
+    from planner.instruments.centring.session import open_session
+    from planner.instruments.centring.settings import read_settings
+    from planner.instruments.centring.stop import StopRequest
+
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
         for path in write_centring_program(settings.robot, program):
@@ -61,6 +67,12 @@ def centre_command(
 def _run(
     session: CentringSession, robot: str, ports: list[str], settings: CentringSettings, stop: StopRequest, follow: bool
 ) -> None:
+    from planner.instruments.centring.indicators import open_indicators
+    from planner.instruments.centring.protocols import find_protocol
+    from planner.instruments.centring.robot_link import open_link
+    from planner.instruments.centring.session import CentringBench, run_session
+    from planner.instruments.centring.stop import stop_on_signals
+
     with ExitStack() as opened:
         opened.enter_context(stop_on_signals(stop))
         head = open_indicators(ports, find_protocol(settings.head.protocol), settings.head, stop)

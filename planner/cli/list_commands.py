@@ -1,19 +1,18 @@
 """The commands that list what comes with the planner: robots with their cells, and robot languages."""
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.cell.reading import shipped_cells
 from planner.cli.terminal import Json, print_json
-from planner.kinematics.robot_reader import list_robots, load_robot
-from planner.programs.dialect import dialects
 
 WIDE = Console(width=120)
 
 
 def robots_command(as_json: Json = False) -> None:
     """List the robots and cells that come with the planner."""
+    from planner.cell.reading import shipped_cells
+    from planner.kinematics.robot_reader import list_robots, load_robot
+
     robots = {name: load_robot(name) for name in list_robots()}
     cells = {name: [c for c in shipped_cells() if c.startswith(f"{name}/")] for name in robots}
     if as_json:
@@ -33,6 +32,8 @@ def robots_command(as_json: Json = False) -> None:
 
 def dialects_command(as_json: Json = False) -> None:
     """List the robot languages that programs can be written in."""
+    from planner.programs.dialect import dialects
+
     if as_json:
         print_json(
             [
@@ -53,5 +54,5 @@ def dialects_command(as_json: Json = False) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(i.name, i.title, axes, f"{np.power(10.0, -i.decimals):g}°", i.blend.kind, i.logging)
+        table.add_row(i.name, i.title, axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
     WIDE.print(table)

@@ -6,11 +6,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from planner.cell.file import Aim
 from planner.cli.terminal import (
     CellArgument,
     Dialects,
-    Index,
     Json,
     Output,
     OutputFile,
@@ -19,6 +17,7 @@ from planner.cli.terminal import (
     errors,
     give,
 )
+from planner.common.choices import Aim, IndexName
 from planner.common.errors import InputError
 
 
@@ -28,7 +27,7 @@ def plan_command(
     poses: Annotated[
         int | None, typer.Option(min=1, help="number of poses (default: where the index curve bends)")
     ] = None,
-    index: Annotated[Index | None, typer.Option(help="observability index to select by")] = None,
+    index: Annotated[IndexName | None, typer.Option(help="observability index to select by")] = None,
     seed: Seed = 0,
     dialect: Dialects = None,
     tsp: Annotated[Literal["auto", "exact", "concorde"], typer.Option(help="tour solver")] = "auto",
@@ -68,7 +67,7 @@ def plan_command(
 def study_command(
     cell: CellArgument,
     output: Output,
-    index: Annotated[Index | None, typer.Option(help="observability index")] = None,
+    index: Annotated[IndexName | None, typer.Option(help="observability index")] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

@@ -5,7 +5,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -18,7 +18,6 @@ from planner.common.result import Result
 
 errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
-Index = Literal["O1", "O2", "O3", "O4", "O5"]
 CELL = "a cell file, or robot/cell for a shipped one"
 CellArgument = Annotated[str, typer.Argument(metavar="CELL", help=CELL)]
 CellOption = Annotated[str, typer.Option(metavar="CELL", help=CELL)]

@@ -1,15 +1,23 @@
 """The robot that everything else works with, in SI units."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+else:
+    pin = LazyModule("pinocchio")
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,7 @@ class Robot:
     nominal_transforms: tuple[Transform, ...] = ()
 
     @cached_property
-    def nominal(self) -> "Robot":
+    def nominal(self) -> Robot:
         """The robot that the controller believes in: without what a calibration changed; most robots are their own."""
         if not self.nominal_transforms and not self.effects:
             return self

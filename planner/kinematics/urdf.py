@@ -1,20 +1,28 @@
 """Reads and writes URDF files: the chain from the root to a tip link, and the same file with corrected joint
 origins."""
 
+from __future__ import annotations
+
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError, did_you_mean
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, frame_transforms
 from planner.kinematics.robot import LinkMass, elementary_placement
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+else:
+    pin = LazyModule("pinocchio")
 
 TURN = 2 * np.pi
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from planner.common.errors import InputError
 from planner.common.units import Array
@@ -140,6 +139,8 @@ def _widths(t: Array, least: float) -> tuple[int, int]:
 def _largest_change(q: Array, width: int) -> Array:
     """Return the largest change of a joint in each window of ``width`` samples, (n − width + 1,) [rad]."""
     inside = slice(width // 2, width // 2 + len(q) - width + 1)
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
     high, low = maximum_filter1d(q, width, axis=0)[inside], minimum_filter1d(q, width, axis=0)[inside]
     return np.asarray((high - low).max(axis=1))
 

@@ -1,13 +1,15 @@
 """Two logs of one run, the gauge's and the controller's, brought together by time or by pose."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
-from scipy.interpolate import CubicHermiteSpline
 
 from planner.common.errors import InputError
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array
 from planner.runs.columns import NAMES, WHOLE, split_key
 from planner.runs.joint_motion import DENSE
@@ -15,6 +17,11 @@ from planner.runs.quantities import check_jumps, has_reading
 from planner.runs.run import IntArray
 from planner.runs.table import RunTable
 from planner.runs.text import first_row
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 
 def rising_edges(t: Array, mark: Array) -> Array:
@@ -161,6 +168,8 @@ def _column_at(axes: RunTable, key: str, t_axes: Array, t: Array) -> pl.Series:
     values = axes.array(key)
     if stem not in SMOOTH or len(values) < 3:
         return pl.Series(key, np.interp(t, t_axes, values))
+    from scipy.interpolate import CubicHermiteSpline
+
     return pl.Series(key, CubicHermiteSpline(t_axes, values, np.gradient(values, t_axes, edge_order=2))(t))
 
 

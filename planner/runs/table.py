@@ -1,17 +1,25 @@
 """A file of a run as a table in SI units, before it is known what was measured."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 
 from planner.common.errors import InputError
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array, read_only
 from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, spellings, split_key
 from planner.runs.run import IntArray, index_names
 from planner.runs.text import NOTES, RowSource, check_finite, check_whole, notes_in, parse_rows, read_lines, split_head
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}
 MAY_BE_BLANK = frozenset({"pose"})  # between two poses there is none

@@ -1,16 +1,24 @@
 """The text of a run's file: the lines above its columns, its rows as numbers and names, and where each row stands."""
 
+from __future__ import annotations
+
 import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 
 from planner.common.errors import InputError
+from planner.common.lazy_modules import LazyModule
 from planner.runs.run import IntArray
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks")  # what comment lines may say
 
@@ -45,7 +53,7 @@ class RowSource:
         headers: Mapping[str, str],
         comment: str = "#",
         separator: str = ",",
-    ) -> "RowSource":
+    ) -> RowSource:
         """Return the rows of a text: its lines after the first ``skip``, without blanks and comments."""
         rows = [
             (number, line)
@@ -64,7 +72,7 @@ class RowSource:
         """Return ``"run.csv, line 12"`` for row 0, 1, …"""
         return f"{self.file}, {'row' if self.file.lower().endswith('.parquet') else 'line'} {self.lines[row]}"
 
-    def take(self, rows: IntArray) -> "RowSource":
+    def take(self, rows: IntArray) -> RowSource:
         """Return the source of the rows at ``rows`` alone."""
         return replace(self, lines=self.lines[rows], texts=[self.texts[i] for i in rows] if self.texts else ())
 

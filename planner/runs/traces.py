@@ -1,14 +1,17 @@
 """Traces of controllers and gauges brought into one run by a column map."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 
 from planner.common.errors import InputError, did_you_mean
+from planner.common.lazy_modules import LazyModule
 from planner.common.schema import read_toml
 from planner.runs.column_map import ColumnMap, TraceMap
 from planner.runs.columns import NAMES, RunColumn
@@ -17,6 +20,11 @@ from planner.runs.run import Run
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table, table_in_si
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
 

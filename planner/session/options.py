@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.cell.cell import Cell
-from planner.cell.file import Aim
+from planner.common.choices import Aim
 from planner.common.errors import InputError
 from planner.motion.tour.solve import Method, require_concorde
 from planner.programs.dialect import load_dialect

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
@@ -84,6 +83,7 @@ def _sample_values(effect: Effect) -> list[float | None]:
 
 def _noncentrality(size: int, tried: int) -> float:
     """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
+    from scipy.optimize import brentq
     from scipy.stats import chi2, ncx2  # costs most of a second
 
     needed = float(chi2.isf(np.exp(LOG_SIGNIFICANCE) / tried, size))

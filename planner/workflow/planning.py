@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from planner.cell.cell import Cell
-from planner.cell.file import Aim
 from planner.cell.reading import load_cell
+from planner.common.choices import Aim
 from planner.common.progress import Progress, Stages, no_progress
 from planner.design.free_parameters import check_effects
 from planner.instruments.circular.planning import plan_circles

@@ -1,17 +1,20 @@
 """Writes a finished plan into its folder: all of it, or nothing."""
 
+from __future__ import annotations
+
 import json
 import shutil
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 import tomli_w
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder, document_text, draft_folder, move_all, write_text
+from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
 from planner.instruments.circular.plan import CircularPlan, circular_content
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
@@ -19,6 +22,11 @@ from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 SAMPLE = 0.05  # [s] of trajectory.csv
 

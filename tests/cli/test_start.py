@@ -30,6 +30,13 @@ def test_commands_that_only_list_load_no_library_of_planning_or_fitting(words):
     assert done.stdout.splitlines()[-1].split() == ["loaded:"]
 
 
+def test_the_help_of_a_command_loads_no_library_of_numbers():
+    code = "import sys; from planner.cli.app import VERBS, load_command; [load_command(verb) for verb in VERBS]; "
+    code += f"print(*sorted({HEAVY | {'numpy', 'pydantic', 'pinocchio', 'scipy'}} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 def test_every_verb_is_there_and_is_called():
     for name, (module, function, line) in VERBS.items():
         command = getattr(import_module(f"planner.cli.{module}"), function)

@@ -6,14 +6,12 @@ triangular factor R of the rows (J = Q R) is found in pieces, so that the condit
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from planner.common.choices import IndexName
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import Array, read_only
-
-IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
 
 
 def _o1(mu: Array, poses: int) -> Array:

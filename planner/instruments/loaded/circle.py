@@ -1,7 +1,6 @@
 """The circle that was driven, and the sine that a centre beside the bar's fixed ball leaves (EDBB paper, eq. 9)."""
 
 import numpy as np
-from scipy.optimize import fminbound
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
@@ -100,6 +99,8 @@ def paper_offset(theta: Array, y: Array) -> CentringOffset:
     For each b the rest is linear, so only b is searched, all over its range (separable least squares, Golub and
     Pereyra 1973); a first guess as in the paper can end in another minimum.
     """
+    from scipy.optimize import fminbound
+
     grid = np.arange(LOWEST, HIGHEST + STEP / 2, STEP)
     rms = np.array([_offset_at(float(b), theta, y).rms for b in grid])
     best = float(grid[int(np.argmin(rms))])

@@ -1,17 +1,25 @@
 """The timed tour: planning, exact evaluation, limits check and table."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
 from numpy.typing import ArrayLike
 
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array, read_only, to_deg, to_mm
 from planner.motion.timing.curve import Corners, PathCurve, build_curve, closest_passages, round_corners
 from planner.motion.timing.limits import Index, Limits, Mask, TimingRequest, ToolJacobian, ToolPosition, check_request
 from planner.motion.timing.phases import Phases, stand_still, time_steps
 from planner.motion.timing.profile import choose_speeds, cut_stretches
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = LazyModule("polars")
 
 
 @dataclass(frozen=True)

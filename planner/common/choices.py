@@ -1,0 +1,9 @@
+"""What a person chooses among, named alike in cell files, on the command line and in Python."""
+
+from typing import Literal
+
+Aim = Literal["index", "tracing"]
+"""Poses by the observability index, or by the error that is left once hidden effects are traced."""
+
+IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
+"""Observability index by which poses are selected."""
