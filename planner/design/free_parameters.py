@@ -74,16 +74,23 @@ def preference_order(model: Model) -> list[int]:
 
     A bar's as they stand. Where a frame takes up how the arm's first rows stand, the rows nearest to the tool are
     kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
+    Of a robot from a URDF, whose frames have six errors each, joint zeros come first and lengths before angles: the
+    user can set the zeros in the controller.
     """
     order = range(len(model.parameters))
-    if not model.setup.gauge.frees_base:
+    from_urdf = model.setup.robot.convention == "urdf"
+    if not model.setup.gauge.frees_base and not from_urdf:
         return list(order)
     kinds = [p.group for p in model.parameters]
     last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]
-    inwards = [k for k in reversed(order) if kinds[k] == "geometry" and k not in last]
+    rows = [k for k in order if kinds[k] == "geometry" and k not in last]
+    if model.setup.gauge.frees_base:
+        rows.reverse()
+    if from_urdf:
+        rows.sort(key=lambda k: (not model.names[k].startswith("theta"), model.parameters[k].unit != "m"))
     return [
         *(k for k in order if kinds[k] == "gauge"),
-        *inwards,
+        *rows,
         *last,
         *(k for k in order if kinds[k] not in ("gauge", "geometry")),
     ]

@@ -26,7 +26,7 @@ def tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
 
 
 def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
-    """Errors of the robot's own transforms; fixed turns that only align an axis are no errors of their own.
+    """Errors of the robot's own transforms; transforms that are ``fixed`` have none.
 
     The last joint's angle comes last: a point on the last axis cannot see it.
     """
@@ -34,7 +34,7 @@ def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
     out: list[Parameter] = []
     last: list[Parameter] = []
     for k, t in enumerate(robot.transforms):
-        if t.name.startswith("aligned_") or t.name.endswith("_flange"):
+        if t.fixed:
             continue
         if t.joint is not None:
             what = f"zero of joint {t.joint + 1}"

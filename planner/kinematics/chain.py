@@ -24,6 +24,7 @@ class Transform:
         axis: 0, 1 or 2 for x, y or z.
         nominal: constant part of its value, m or rad.
         joint: index of the joint whose angle is added to the value, or ``None``.
+        fixed: whether it has no error of its own, because other transforms have it.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Transform:
     axis: int
     nominal: float
     joint: int | None = None
+    fixed: bool = False
 
     @property
     def unit(self) -> str:
@@ -196,7 +198,21 @@ def is_near_parallel(convention: str, i: int, n: int, alpha: float) -> bool:
 
 
 def frame_transforms(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Transform]:
-    """A full frame: Tx Ty Tz Rz(yaw) Ry(pitch) Rx(roll), the URDF origin [m, rad]."""
+    """A frame without errors of its own: Tx Ty Tz Rz(yaw) Ry(pitch) Rx(roll), the URDF origin [m, rad]."""
+    moves = [Transform(f"{'xyz'[k]}{suffix}", "translation", k, float(xyz[k]), fixed=True) for k in range(3)]
+    return moves + fixed_turns("r", suffix, rpy)
+
+
+def fixed_turns(name: str, suffix: str, rpy: np.ndarray) -> list[Transform]:
+    """Rz(yaw) Ry(pitch) Rx(roll) without errors of their own."""
+    return [Transform(f"{name}{'xyz'[k]}{suffix}", "rotation", k, float(rpy[k]), fixed=True) for k in (2, 1, 0)]
+
+
+def frame_with_errors(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Transform]:
+    """A URDF origin and its errors: Tx Ty Tz, the fixed turns, then small turns about x, y and z [m, rad].
+
+    The errors turn about the axes of the frame itself, where they are zero, so that none is lost at a pitch of ±90°.
+    """
     moves = [Transform(f"{'xyz'[k]}{suffix}", "translation", k, float(xyz[k])) for k in range(3)]
-    turns = [Transform(f"r{'xyz'[k]}{suffix}", "rotation", k, float(rpy[k])) for k in (2, 1, 0)]
-    return moves + turns
+    errors = [Transform(f"r{'xyz'[k]}{suffix}", "rotation", k, 0.0) for k in range(3)]
+    return [*moves, *fixed_turns("origin_r", suffix, rpy), *errors]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
-from planner.kinematics.chain import Transform, frame_transforms
+from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
 from planner.kinematics.robot import LinkMass, elementary_placement
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         xyz, rpy = _read_origin(joint)
         child = links[str(_find_child(joint, "child").get("link"))]
         if kind == "fixed":
-            transforms += frame_transforms(f"_{name}", xyz, rpy)
+            transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))
             carried = carried @ _pose_matrix(xyz, rpy)
             bodies += [(len(revolute), b) for b in _read_bodies(path, child, carried)]
@@ -112,18 +112,20 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
 
 
 def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:
-    """Return the transforms of joint i: its origin, and a turn about x, y or z; other axes are turned to z and back."""
+    """Return the transforms of joint i: its origin, and a turn about x, y or z; other axes are turned to z and back.
+
+    A small turn of the origin about the joint's own axis is the error of the joint's zero, and has no name beside it.
+    """
     axis = axis / np.linalg.norm(axis)
     k = int(np.argmax(np.abs(axis)))
-    rows = frame_transforms(str(i), xyz, rpy)
+    rows = frame_with_errors(str(i), xyz, rpy)
+    origin, errors = rows[:-3], rows[-3:]
     if abs(axis[k]) > 1 - 1e-9:
-        return [*rows, Transform(f"theta{i}", "rotation", k, 0.0, i - 1)], int(np.sign(axis[k]))
-    yaw, pitch, _ = Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")
-    roll = Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")[2]
-    turns = [("aligned_z", 2, yaw), ("aligned_y", 1, pitch), ("aligned_x", 0, roll)]
-    there = [Transform(f"{n}{i}", "rotation", a, float(v)) for n, a, v in turns]
-    back = [Transform(f"{n}{i}_back", "rotation", a, -float(v)) for n, a, v in reversed(turns)]
-    return [*rows, *there, Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
+        across = [e for e in errors if e.axis != k]
+        return [*origin, *across, Transform(f"theta{i}", "rotation", k, 0.0, i - 1)], int(np.sign(axis[k]))
+    there = fixed_turns("aligned_", str(i), Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")[::-1])
+    back = [replace(t, name=f"{t.name}_back", nominal=-t.nominal) for t in reversed(there)]
+    return [*origin, *there, *errors[:2], Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
 
 
 def _only_leaf(path: Path, links: dict[str, ET.Element], by_child: dict[str, ET.Element]) -> str:
