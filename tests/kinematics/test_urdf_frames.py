@@ -42,7 +42,7 @@ def joint(name, kind, parent, child, T, axis):
 
 
 def identified(folder, drawn, y, q, fresh):
-    """Least squares of the tool positions ``y``: names kept, residual (n, 3) and predicted change at ``fresh`` (m, 3)."""
+    """Fit tool positions ``y``: names kept, residual (n, 3) and predicted change at ``fresh`` (m, 3)."""
     (folder / "six.urdf").write_text(urdf(drawn))
     setup = setup_at_flange(load_robot("six.urdf", folder, tip="tip"))
     object.__setattr__(setup, "p_FM", TOOL[None])
