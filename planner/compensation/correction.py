@@ -76,7 +76,7 @@ def correct_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) ->
         calibrated: the robot as it is; its flange may depend on q in any smooth way (compliance, gear errors).
         q: controller angles of the targets, (n, N) [rad].
 
-    Robots with seven joints make the least-norm step; with five, position and the flange's z axis are kept.
+    Robots with more than six joints make the least-norm step; with five, position and the flange's z axis are kept.
     """
     p, R = nominal.flange(q)
     q_new, iterations = solve_flange_ik(robot, calibrated, q, p, R)

@@ -35,7 +35,7 @@ SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
 
 @dataclass(frozen=True)
-class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False):
+class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="speed"):
     """φ = ±½ by the sign of a joint's speed."""
 
     joint: int
@@ -50,7 +50,7 @@ class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False):
 
 
 @dataclass(frozen=True)
-class ApproachDirection(BasisFunction, key="approach:JOINT", static=False):
+class ApproachDirection(BasisFunction, key="approach:JOINT", static=False, column="direction"):
     """φ = ±½ by the side from which a joint was last approached."""
 
     joint: int
@@ -80,7 +80,7 @@ class TorqueSign(BasisFunction, key="torque-sign:JOINT", loads=True):
 
 
 @dataclass(frozen=True)
-class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False):
+class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False, column="reversals"):
     """φ = −½ … ½: friction on a spring goes from one side to the other over ``width`` [rad] of travel.
 
     The play operator (Visintin 1994, Differential Models of Hysteresis, ch. III), run from each sample's last few
@@ -103,7 +103,7 @@ class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False):
 
 
 @dataclass(frozen=True)
-class SpeedLag(BasisFunction, key="behind:JOINT", static=False):
+class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
     """φ = −speed [rad/s] of a joint: the arm stands where it was read a lag ago, sense of the kinematic row."""
 
     joint: int
@@ -118,7 +118,7 @@ class SpeedLag(BasisFunction, key="behind:JOINT", static=False):
 
 
 @dataclass(frozen=True)
-class SettlingError(BasisFunction, key="unsettled:JOINT", static=False):
+class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="q_cmd"):
     """φ = commanded − read angle [rad] of a joint, sense of the kinematic row."""
 
     joint: int

@@ -44,6 +44,7 @@ class BasisFunction(ABC):
         needs_loads: whether it needs to know how the base stands and what the tool weighs.
         of_gauge: whether it belongs to the gauge, not to the robot.
         of_run: whether it depends on the clock or the sessions of one run and means nothing for another.
+        column: of the samples, without which it has no value; empty where angles and loads are enough.
         plot_label: of what it is drawn against, if that is the function itself times ``plot_factor``; JOINT stands for
             its joint.
         uncorrected: what a corrected program leaves as it is where the function is not static.
@@ -54,15 +55,24 @@ class BasisFunction(ABC):
     needs_loads: ClassVar[bool] = False
     of_gauge: ClassVar[bool] = False
     of_run: ClassVar[bool] = False
+    column: ClassVar[str] = ""
     plot_label: ClassVar[str] = ""
     plot_factor: ClassVar[float] = 1.0
     uncorrected: ClassVar[str] = ""
 
     def __init_subclass__(
-        cls, key: str = "", *, static: bool = True, loads: bool = False, gauge: bool = False, run: bool = False
+        cls,
+        key: str = "",
+        *,
+        static: bool = True,
+        loads: bool = False,
+        gauge: bool = False,
+        run: bool = False,
+        column: str = "",
     ) -> None:
         super().__init_subclass__()
         cls.pattern, cls.is_static, cls.needs_loads, cls.of_gauge, cls.of_run = key, static, loads, gauge, run
+        cls.column = column
         if key:
             FUNCTIONS.append(cls)
 

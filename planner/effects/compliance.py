@@ -1,13 +1,13 @@
 """Compliance of joints, links, base and tool under weight, payload and the pull of the bar, and wrong masses."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
-from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.basis import BasisFunction, EffectVariable, Times
 from planner.effects.catalogue import register
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Place, Role, joint_place
@@ -104,7 +104,7 @@ class WeightTorque(BasisFunction, key="weight:JOINT:LINK", loads=True):
 
 
 @dataclass(frozen=True)
-class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True):
+class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True, column="payload"):
     """φ = torque [Nm] of the logged payload alone about a joint."""
 
     joint: int
@@ -117,7 +117,7 @@ class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True):
 
 
 @dataclass(frozen=True)
-class DriveTorque(BasisFunction, key="drive:JOINT", static=False):
+class DriveTorque(BasisFunction, key="drive:JOINT", static=False, column="torque"):
     """φ = torque [Nm] against which a joint's drive holds, as logged, in the sense of the kinematic row."""
 
     joint: int
@@ -161,8 +161,11 @@ def joint_compliance(run: Excitation) -> Iterator[Effect]:
         loads += [(f"compliance{i + 1}_link{k + 1}", WeightTorque(i, k)) for k in unknown if k >= i]
         what = f"compliance of joint {i + 1}"
         parameters = [p for name, phi in loads for p in _compliance(run, i, phi, name, what)]
-        size = ", {size}" if len(parameters) == 1 else "; how much a newton metre only the links' masses tell"
-        sentence = f"joint {i + 1}: gives way under load{size}"
+        more = ""
+        if any(k >= i for k in unknown):
+            parameters = [_at_largest(run, p) for p in parameters]
+            more = " under the run's largest load (how much a newton metre only the links' masses tell)"
+        sentence = f"joint {i + 1}: gives way under load, {{size}}{more}"
         yield from _effect(JOINT_COMPLIANCE, joint_place(i), parameters, sentence, TRICAL, Role.COMPLIANCE)
 
 
@@ -215,7 +218,9 @@ def tool_compliance(run: Excitation) -> Iterator[Effect]:
     """Flange, adapter or tool bends under what it carries; of unknown weight, that hangs at the measured point."""
     station = run.setup.robot.n_joints + 1
     parameters = _transverse_tilts(run, station, "tool_bending", "tool") or [
-        p for axis in (0, 1) for p in _tilt(run, station, axis, TipMoment(axis), "tool_bending", "tool")
+        _at_largest(run, p)
+        for axis in (0, 1)
+        for p in _tilt(run, station, axis, TipMoment(axis), "tool_bending", "tool")
     ]
     sentence = "flange, adapter or tool bends under its load, {size}"
     yield from _effect("tool compliance", Place("tool"), parameters, sentence, "estimated")
@@ -267,6 +272,16 @@ def _compliance(run: Excitation, joint: int, phi: BasisFunction, name: str, what
     if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
         return []
     return [Parameter(name, "rad/Nm", USUAL_TURN / size, what, transform_move(run.rotation(joint), phi))]
+
+
+def _at_largest(run: Excitation, p: Parameter) -> Parameter:
+    """Return the parameter as the turn [rad] under the run's largest load, where no mass makes newton metres of it."""
+    moves = tuple(replace(m, phi=_by_size(m.phi, USUAL_TURN / p.prior)) for m in p.moves)
+    return replace(p, unit="rad", prior=USUAL_TURN, moves=moves)
+
+
+def _by_size(phi: BasisFunction, size: float) -> BasisFunction:
+    return replace(phi, by=Times(1 / size, phi.by)) if isinstance(phi, StationTwist) else Times(1 / size, phi)
 
 
 def _transverse_tilts(run: Excitation, station: int, label: str, what: str) -> list[Parameter]:

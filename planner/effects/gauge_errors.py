@@ -57,7 +57,7 @@ class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=
 
 
 @dataclass(frozen=True)
-class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True):
+class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True, column="temperature"):
     """φ = (T − about)·L [K m]: thermal growth of the bar or of its scale."""
 
     about: float
@@ -70,7 +70,7 @@ class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True)
 
 
 @dataclass(frozen=True)
-class LengthLag(BasisFunction, key="length-lag", static=False, gauge=True):
+class LengthLag(BasisFunction, key="length-lag", static=False, gauge=True, column="speed"):
     """φ = −dL/dt [m/s]: a reading that comes late shows what was."""
 
     plot_label = "speed of the length (mm/s)"
@@ -141,7 +141,7 @@ class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
 
 
 @dataclass(frozen=True)
-class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge=True):
+class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge=True, column="temperature"):
     """φ = (T − about) times the component of ``GaugeRay`` [K m]."""
 
     axis: int
@@ -154,7 +154,7 @@ class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge
 
 
 @dataclass(frozen=True)
-class PointLag(BasisFunction, key="point-lag:AXIS", static=False, gauge=True):
+class PointLag(BasisFunction, key="point-lag:AXIS", static=False, gauge=True, column="speed"):
     """φ = −velocity of the point along an axis of the base [m/s]: a tracker whose clock runs late."""
 
     axis: int

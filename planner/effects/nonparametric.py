@@ -45,7 +45,8 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
     """
     step = FULL_TURN / min(FULL_TURN, PERIOD_OVER_RANGE * float(np.ptp(q[:, joint])))
     frequencies = step * np.arange(1, max(2, int(QUICKEST_MODELLED * quickest / step) + 1))
-    size = np.exp(-0.5 * (frequencies / quickest) ** 2)
+    # less the first one's exponent: of a joint that hardly moves every wave is far beyond the quickest
+    size = np.exp(-0.5 * (frequencies**2 - frequencies[0] ** 2) / quickest**2)
     size *= CURVE_SIZE / np.sqrt((size**2).sum())
     rotation = _rotations(setup)[joint]
     parameters = tuple(

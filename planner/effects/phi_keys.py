@@ -60,6 +60,11 @@ def depends_on_run(key: str) -> bool:
     return any(f.of_run for f in functions_in(key))
 
 
+def columns_of(key: str) -> tuple[str, ...]:
+    """Return the columns of the samples that ``key`` needs; raises as :func:`functions_in`."""
+    return tuple(f.column for f in functions_in(key) if f.column)
+
+
 def belongs_to_gauge(key: str) -> bool:
     """Tell whether ``key`` stands for a function of the gauge; raises as :func:`functions_in`."""
     return any(f.of_gauge for f in functions_in(key))

@@ -25,7 +25,7 @@ def against_session(phi: BasisFunction, c: Context) -> EffectVariable:
 
 
 @dataclass(frozen=True)
-class InSession(BasisFunction, key="session:INDEX", static=False, run=True):
+class InSession(BasisFunction, key="session:INDEX", static=False, run=True, column="session"):
     """φ = 1 in one session, else 0."""
 
     session: int
@@ -38,7 +38,7 @@ class InSession(BasisFunction, key="session:INDEX", static=False, run=True):
 
 
 @dataclass(frozen=True)
-class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, gauge=True, run=True):
+class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, gauge=True, run=True, column="session"):
     """φ = 1 at one place in one session, else 0: where a fixture stands after it was mounted anew."""
 
     place: int

@@ -37,7 +37,7 @@ def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
 
 
 @dataclass(frozen=True)
-class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False):
+class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="temperature"):
     """φ = temperature − about [K]."""
 
     about: float
@@ -51,7 +51,7 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False):
 
 
 @dataclass(frozen=True)
-class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True):
+class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, column="t"):
     """φ = time since ``start`` [s]."""
 
     start: float
@@ -65,7 +65,7 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True):
 
 
 @dataclass(frozen=True)
-class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True):
+class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True, column="t"):
     """φ = 1 − exp(−(t − start)/τ): one body that warms up to a new balance (Newton's law of cooling)."""
 
     start: float

@@ -40,6 +40,7 @@ LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off 
 TRACEABLE_READINGS = 20  # readings beyond the parameters, below which nothing is traced
 LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
+ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to a pose
 NAMED_OUTLIERS = 5  # outliers that a warning names
 
 
@@ -71,6 +72,16 @@ def find_problems(table: tuple[Estimate, ...], stages: Sequence[FittedStage], fo
 def too_few_text(spare: int) -> str:
     """Say why nothing was traced."""
     return f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought"
+
+
+def approach_warnings(traced: TracingResult) -> list[str]:
+    """Return a warning if a finding rests on directions of approach that the run did not log."""
+    if by_rows := [f.name for f in traced.findings if f.effect in ROW_EFFECTS]:
+        return [
+            f"{', '.join(by_rows)}: no direction of approach was logged (direction1 ...), so the arm was taken to "
+            "have gone straight from row to row"
+        ]
+    return []
 
 
 def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
@@ -233,6 +244,8 @@ def _noise_floor(run: Run, residual: Array) -> float | None:
     if run.continuous:
         return None
     group = number_poses(run.samples.q) * len(run.places) + run.samples.place
+    if run.samples.point is not None:
+        group = group * len(run.points) + run.samples.point
     _, group = np.unique(group, return_inverse=True)
     count = np.bincount(group)
     spare = int((count - 1).sum())

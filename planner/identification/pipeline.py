@@ -7,12 +7,12 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
-from planner.identification.assessment import TRACEABLE_READINGS, assess_fit, too_few_text
+from planner.identification.assessment import TRACEABLE_READINGS, approach_warnings, assess_fit, too_few_text
 from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
-from planner.identification.run_setup import add_motion, check_pull, locate_gauge, setup_for_run
+from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
 from planner.identification.stages import (
     SPARE_READINGS,
     FitContext,
@@ -52,7 +52,8 @@ def identify(
         NoSolutionError: the fit does not come to rest.
     """
     settings = settings or FitSettings()
-    run = add_motion(run)
+    approaches = run.samples.direction is not None
+    run = number_samples(run)
     validation = None if validation is None else add_motion(validation)
     say("placing the gauge")
     setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
@@ -76,6 +77,7 @@ def identify(
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
     if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
+        notes += [] if approaches else approach_warnings(traced)
         return assess_fit([*stages, *more], free, context, cell, validation, traced, notes)
     if tracer is not None:
         notes.append(too_few_text(context.spare(free.model)))

@@ -7,8 +7,9 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
+from planner.common.units import Array
 from planner.gauges.run_places import LOCATED_SIGMA, index_in_cell
-from planner.runs.joint_motion import joint_speeds, last_reversals
+from planner.runs.joint_motion import joint_speeds, last_reversals, session_numbers
 from planner.runs.run import Run, Samples
 
 REVERSAL_SAMPLES = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
@@ -65,14 +66,45 @@ def locate_gauge(setup: MeasurementSetup, run: Run) -> MeasurementSetup:
     return setup.gauge.place(setup, run, known)
 
 
+def number_samples(run: Run) -> Run:
+    """Return the run with how the joints moved, and every sample's number: parts of it then keep what came before."""
+    if run.samples.number is not None:
+        return run
+    run = add_motion(run)
+    return replace(run, samples=replace(run.samples, number=np.arange(len(run))))
+
+
 def add_motion(run: Run) -> Run:
-    """Return the run with the joints' speeds, where they can be told, and the lengths beside the angles."""
+    """Return the run with the joints' speeds, where they can be told, and the lengths beside the angles.
+
+    Of poses at rest without logged approaches the rows are taken for the way that the arm went.
+    """
     samples = run.samples
+    if samples.number is not None:
+        return run
     moving = run.continuous and samples.t is not None and len(run) > 2
     speed = joint_speeds(samples) if moving else None
-    followed = moving or (not run.continuous and _direct(samples))
+    followed = moving or (not run.continuous and (samples.direction is None or _direct(samples)))
     turned = last_reversals(samples.q) if followed and len(run) <= REVERSAL_SAMPLES else None
-    return replace(run, samples=replace(samples, speed=speed, length=run.readings.length, reversals=turned))
+    direction = samples.direction
+    if direction is None and not run.continuous:
+        direction = directions_by_row(samples)
+    changed = replace(samples, speed=speed, length=run.readings.length, reversals=turned, direction=direction)
+    return replace(run, samples=changed)
+
+
+def directions_by_row(samples: Samples) -> Array:
+    """Return the sign of each joint's last move (n, N) if the arm went from row to row; 0 where none is known.
+
+    A session begins without any: nobody knows where the arm came from.
+    """
+    n, session = len(samples), session_numbers(samples)
+    way = np.diff(samples.q, axis=0, prepend=samples.q[:1])
+    way[np.diff(session, prepend=session[:1]) != 0] = 0.0
+    way[np.abs(way) <= JOINT_MOVED] = 0.0
+    first = np.maximum.accumulate(np.where(np.diff(session, prepend=-1) != 0, np.arange(n), 0))
+    last = np.maximum.accumulate(np.where(way != 0, np.arange(n)[:, None], 0))  # row of each joint's last move
+    return np.asarray(np.where(last >= first[:, None], np.sign(np.take_along_axis(way, last, axis=0)), 0.0))
 
 
 def _direct(samples: Samples) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.effects.basis import ONE, Times
 from planner.effects.parameters import ParameterMove
-from planner.effects.phi_keys import depends_on_run
+from planner.effects.phi_keys import columns_of, depends_on_run
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge
@@ -22,7 +22,7 @@ def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
     ``bare`` is the setup of that run with nothing placed yet.
     """
     setup = found.model.setup
-    model = _timeless(found)
+    model = _timeless(found, run)
     if not new_frames(setup, run):
         problem = FitProblem.of(model, _renamed(run, setup))
         return Metrics.of(problem.residual(np.zeros(0)))
@@ -37,12 +37,16 @@ def new_frames(setup: MeasurementSetup, run: Run) -> bool:
     return setup.gauge.needs_new_frames(setup, run)
 
 
-def _timeless(found: Fit) -> Model:
-    """Fix the fitted model; what hangs on the run's own clock or sessions stands at its mean over the run."""
+def _timeless(found: Fit, run: Run) -> Model:
+    """Fix the fitted model; what hangs on the fitted run's own clock or sessions stands at its mean over that run.
+
+    So does what hangs on a column that ``run``, which is to be judged, does not have.
+    """
     model = found.model.fixing(found.errors)
 
     def standing(move: ParameterMove) -> ParameterMove:
-        if not depends_on_run(move.phi.key):
+        key = move.phi.key
+        if not depends_on_run(key) and all(getattr(run.samples, c) is not None for c in columns_of(key)):
             return move
         return replace(move, phi=Times(float(np.mean(found.problem.context.value(move.phi))), ONE))
 

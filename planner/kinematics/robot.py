@@ -76,7 +76,7 @@ class Priors:
 
 @dataclass(frozen=True)
 class Robot:
-    """A revolute chain of five to seven joints.
+    """A revolute chain of five joints or more.
 
     Attributes:
         name: short name, as cell files use it.

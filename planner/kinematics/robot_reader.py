@@ -23,6 +23,7 @@ from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_nea
 from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.urdf import UrdfChain, UrdfJoint, read_urdf
 
+FEWEST_JOINTS = 5
 SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
 
 
@@ -208,8 +209,8 @@ def _from_urdf(file: RobotDescription, path: Path) -> Robot:
 
 
 def _check_count(path: Path, n: int) -> None:
-    if not 5 <= n <= 7:
-        raise InputError(f"{path}: {n} joints found; revolute chains of 5 to 7 joints are supported")
+    if n < FEWEST_JOINTS:
+        raise InputError(f"{path}: {n} joints found; revolute chains of {FEWEST_JOINTS} joints and more are supported")
 
 
 def _build_robot(

@@ -16,8 +16,9 @@ def looks_continuous(t: Array | None, q: Array) -> bool:
     """Return whether samples follow each other closely in time (n,) [s] and in joint angles (n, N) [rad]."""
     if t is None or len(t) < 3:
         return False
-    step = np.median(np.abs(np.diff(t)))
-    return bool(step < DENSE and np.median(np.abs(np.diff(q, axis=0)).max(axis=1)) < SMALL_STEP)
+    step, way = np.abs(np.diff(t)), np.abs(np.diff(q, axis=0)).max(axis=1)
+    on = step > 0.0  # several targets read at one pose bear one time
+    return bool(on.any() and np.median(step[on]) < DENSE and np.median(way[on]) < SMALL_STEP)
 
 
 def number_sessions(t: Array | None, given: Array | None, n: int) -> tuple[IntArray, IntArray]:

@@ -29,6 +29,7 @@ class Samples:
         direction: sign of each axis' last approach, (n, N).
         length: as the bar showed it, (n,) [m].
         reversals: angles at each joint's last reversals, (n, N, M) [rad], the latest last.
+        number: of each sample in the run as it was measured, from 0, (n,) int.
         speed: of the controller angles where the run is continuous, (n, N) [rad/s].
         file: index of the file that a sample was read from, (n,) int; ``line``: its line there (row of a Parquet file).
     """
@@ -49,6 +50,7 @@ class Samples:
     speed: Array | None = None
     length: Array | None = None
     reversals: Array | None = None
+    number: IntArray | None = None
     file: IntArray | None = None
     line: IntArray | None = None
 

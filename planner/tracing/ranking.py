@@ -32,7 +32,7 @@ def scores_beside(
 def with_link_masses(test: ScoreTest, score: EffectScore) -> EffectScore:
     """Score a compliance again, beside the parts by which each mass on it may be off (ridge regression)."""
     parameters, joint = score.effect.make(score.value), score.effect.place.joint
-    if not score.effect.has(Role.COMPLIANCE) or score.gain <= 0 or len(parameters) > 1 or joint is None:
+    if not score.effect.has(Role.COMPLIANCE) or score.gain <= 0 or joint is None or score.effect.unit != "rad/Nm":
         return score
     size = float(score.along[0] / score.information[0, 0]) * parameters[0].prior
     masses = link_mass_parameters(test.problem.model, [(joint, size)])

@@ -164,7 +164,11 @@ class SearchState:
 
 def _link_masses(base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]) -> list[Parameter]:
     """Masses other than stated, as the compliances that are known so far show them."""
-    compliances = [(f.effect.place.joint, errors.get(f.parameters[0].name, 0.0)) for f in _compliances(effects)]
+    compliances = [
+        (f.effect.place.joint, errors.get(f.parameters[0].name, 0.0))
+        for f in _compliances(effects)
+        if f.effect.unit == "rad/Nm"  # else masses are unknown, and what they do is fitted link by link
+    ]
     return link_mass_parameters(base, [(i, round(c, 12)) for i, c in compliances if i is not None and c])
 
 

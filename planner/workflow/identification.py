@@ -19,6 +19,7 @@ from planner.identification.calibration import Calibration
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
+from planner.identification.run_setup import number_samples
 from planner.instruments.accuracy.precision import check_mastering
 from planner.model.identification_document import Metrics
 from planner.runs.loader import load_runs
@@ -178,7 +179,7 @@ def identify_runs(
         if plan is not None:
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
-            run, kept_out = _split_by_plan(run, path, document, where.robot.name)
+            run, kept_out = _split_by_plan(number_samples(run), path, document, where.robot.name)
             other = other or kept_out
         for each in (run, other):
             if each is not None:
