@@ -60,7 +60,9 @@ def test_a_validation_run_without_the_column_of_an_effect_is_judged():
     w = world()
     run = number_samples(w.run)
     k = w.model.setup.chain.joint_places[2]
-    extra = Parameter("hysteresis3", "rad", 1e-4, "", transform_move(int(k), Hysteresis(2, 0.05)), "hysteresis, joint 3")
+    extra = Parameter(
+        "hysteresis3", "rad", 1e-4, "", transform_move(int(k), Hysteresis(2, 0.05)), "hysteresis, joint 3"
+    )
     found = fit(FitProblem.of(w.model.plus([extra]), run))
     bare = setup_for_run(w.cell, run)
     few = replace(w.run.take(np.arange(0, len(run), 9)))
