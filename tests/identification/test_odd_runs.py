@@ -86,5 +86,5 @@ def test_compliance_without_masses_is_a_turn():
     offered = catalogue(replace(setup, robot=bare, tool_mass=0.0), Samples(q, np.zeros(60, dtype=int)))
     kinds = {"joint compliance", "tool compliance"}
     assert {e.unit for e in offered if e.kind in kinds} == {"rad"}
-    context_turn = [e for e in offered if e.name == "joint compliance, joint 2"][0].make()
+    context_turn = next(e for e in offered if e.name == "joint compliance, joint 2").make()
     assert all(p.prior == pytest.approx(3e-4) for p in context_turn)
