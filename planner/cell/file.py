@@ -19,22 +19,8 @@ from pydantic import (
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import Aim
-from planner.common.schema import StrictModel
+from planner.common.schema import OptionalKeys, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
-
-
-class OptionalKeys(StrictModel):
-    """A section with keys that came later: they are written only where they are set, so that older cells stay alike."""
-
-    LATER: ClassVar[tuple[str, ...]] = ()
-
-    @model_serializer(mode="wrap")
-    def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
-        return self._set_keys(handler(self))
-
-    def _set_keys(self, out: dict[str, object]) -> dict[str, object]:
-        fields = type(self).model_fields
-        return {k: v for k, v in out.items() if k not in self.LATER or getattr(self, k) != fields[k].default}
 
 
 class IndicatorHeadFile(StrictModel):
@@ -92,6 +78,8 @@ class TrackerFile(PlacedFile):
     nests: tuple[NestFile, ...] = ()
 
 
+Number = Annotated[int, Field(ge=0, le=9999)]
+Signal = Annotated[int, Field(ge=1, le=9999)]
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
 APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
@@ -228,11 +216,11 @@ class BaseFile(StrictModel):
 class ControllerFile(StrictModel):
     """``[controller]``: numbers to select, signals to use, and whether the controller already corrects itself."""
 
-    tool: NonNegativeInt | None = None
-    base: NonNegativeInt | None = None
-    load: NonNegativeInt | None = None
-    sync_output: PositiveInt | None = None
-    gauge_input: PositiveInt | None = None
+    tool: Number | None = None
+    base: Number | None = None
+    load: Number | None = None
+    sync_output: Signal | None = None
+    gauge_input: Signal | None = None
     log_axes: bool = True
     accuracy_model: Literal["off", "on"] = "off"
     dialects: tuple[str, ...] = ("din66025",)

@@ -5,11 +5,12 @@ import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, get_args
+from typing import TYPE_CHECKING, ClassVar, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from planner.common.errors import InputError, did_you_mean
+from planner.common.reading import MOST_TOML, read_utf8
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -163,6 +164,20 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+class OptionalKeys(StrictModel):
+    """A section with keys that came later: they are written only where they are set, so that older cells stay alike."""
+
+    LATER: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return self._set_keys(handler(self))
+
+    def _set_keys(self, out: dict[str, object]) -> dict[str, object]:
+        fields = type(self).model_fields
+        return {k: v for k, v in out.items() if k not in self.LATER or getattr(self, k) != fields[k].default}
+
+
 SchemaModel = TypeVar("SchemaModel", bound=BaseModel)
 
 
@@ -186,9 +201,9 @@ def read_json(path: Path) -> object:
 
 def _parse(path: Path, language: str, parse: Callable[[str], object]) -> object:
     try:
-        return parse(path.read_text(encoding="utf-8"))
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+        return parse(read_utf8(path, MOST_TOML))
+    except RecursionError as err:
+        raise InputError(f"{path}: is nested too deeply for {language}") from err
     except ValueError as err:
         raise InputError(f"{path}: is not valid {language}: {err}") from err
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.reading import read_bytes
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shapes, shape_of
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
@@ -92,10 +93,7 @@ def compensate_file(
 
 def _read(path: Path) -> tuple[str, str]:
     """Return the text and the encoding that gives the same bytes back."""
-    try:
-        data = path.read_bytes()
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    data = read_bytes(path)
     if b"\0" in data:
         raise InputError(f"{path}: holds zero bytes and is no text; UTF-8 and Latin-1 are allowed")
     try:

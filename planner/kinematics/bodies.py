@@ -2,17 +2,19 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.schema import StrictModel
-from planner.common.units import Array, from_deg, from_mm, read_only
+from planner.common.schema import OptionalKeys
+from planner.common.units import MM, Array, from_deg, from_mm, read_only
 
 Vector = tuple[float, float, float]
+SizeMm = Annotated[float, Field(gt=0, le=1e6)]  # a kilometre: nothing in a cell is larger
+Scale = Annotated[float, Field(gt=0, le=1e4)]
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,8 @@ def rotation_from_z(direction: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(axis / norm * np.arctan2(norm, cosine)).as_matrix())
 
 
-class BodyFile(StrictModel):
-    """A shape as a cell or robot file gives it."""
+class BodyFile(OptionalKeys):
+    """A shape as a cell or robot file gives it; ``unit``: of a mesh's numbers, before ``scale``."""
 
     name: str | None = None
     kind: Literal["capsule", "sphere", "box", "mesh"]
@@ -66,10 +68,12 @@ class BodyFile(StrictModel):
     to_mm: Vector | None = None
     at_mm: Vector | None = None
     rpy_deg: Vector = (0.0, 0.0, 0.0)
-    radius_mm: PositiveFloat | None = None
-    size_mm: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
+    radius_mm: SizeMm | None = None
+    size_mm: tuple[SizeMm, SizeMm, SizeMm] | None = None
     file: str | None = None
-    scale: Vector = (1.0, 1.0, 1.0)
+    unit: Literal["m", "mm"] = "m"
+    scale: tuple[Scale, Scale, Scale] = (1.0, 1.0, 1.0)
+    LATER: ClassVar[tuple[str, ...]] = ("unit",)
 
     @model_validator(mode="after")
     def _complete(self) -> "BodyFile":
@@ -103,7 +107,8 @@ class BodyFile(StrictModel):
             path = (where / str(self.file)).resolve()
             if not path.is_file():
                 raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
-            return Body(name, "mesh", (), read_only(T), path, self.scale)
+            x, y, z = (s * (MM if self.unit == "mm" else 1.0) for s in self.scale)
+            return Body(name, "mesh", (), read_only(T), path, (x, y, z))
         size = (self.radius_mm,) if self.kind == "sphere" else self.size_mm
         return Body(name, self.kind, tuple(float(v) for v in from_mm(size)), read_only(T))  # type: ignore[arg-type]
 

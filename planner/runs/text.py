@@ -13,6 +13,7 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
+from planner.common.reading import read_bytes
 from planner.runs.run import IntArray
 
 if TYPE_CHECKING:
@@ -91,11 +92,9 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     Raises:
         InputError: it cannot be read, or is in another encoding.
     """
+    data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
     try:
-        data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
         text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
     except UnicodeDecodeError as err:
         if encoding is not None:
             raise InputError(f"{path}: the text is not {encoding}, as the map says ({err})") from err

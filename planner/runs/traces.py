@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import regex
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import LazyModule
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 else:
     pl = LazyModule("polars")
 
+LINE_SECONDS = 2.0  # in which a sound pattern is through with any line
 PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
 
 
@@ -72,7 +74,14 @@ def _numbers(trace: TraceMap) -> frozenset[str]:
 
 def _read_matches(file: str, lines: list[str], trace: TraceMap) -> tuple[RowSource, pl.DataFrame]:
     """Read the lines that the map's pattern matches."""
-    found = [(number, match) for number, line in enumerate(lines, 1) if (match := re.search(trace.pattern or "", line))]
+    pattern = regex.compile(trace.pattern or "")
+    try:
+        found = [(k, match) for k, line in enumerate(lines, 1) if (match := pattern.search(line, timeout=LINE_SECONDS))]
+    except TimeoutError as err:
+        raise InputError(
+            f"{file}: the map's pattern {trace.pattern!r} needs over {LINE_SECONDS:g} s for a line: repeats in "
+            "repeats, such as (a+)+, take endless time"
+        ) from err
     if not found:
         raise InputError(f"{file}: no line of {len(lines)} matches the map's pattern {trace.pattern!r}")
     source = RowSource(file, np.array([number for number, _ in found]))

@@ -8,6 +8,7 @@ from planner.common.choices import Aim
 from planner.common.errors import InputError
 from planner.motion.tour.solve import Method, require_concorde
 from planner.programs.dialect import load_dialect
+from planner.session.first_checks import check_cell
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,10 @@ class PlanOptions:
         return wanted
 
     def known_dialects(self, cell: Cell) -> tuple[str, ...]:
-        """The dialects to write; an unknown one, or a solver that is not there, is told before a minute's work.
+        """The dialects to write; what is wrong with them, the cell or the solver is told before a minute's work.
 
         Raises:
-            InputError: there is no such dialect.
+            InputError: there is no such dialect, or the cell is wrong (see :mod:`planner.session.first_checks`).
             MissingProgramError: Concorde was asked for and is not there.
         """
         if self.tsp == "concorde":
@@ -46,6 +47,7 @@ class PlanOptions:
         dialects = self.dialects or cell.controller.dialects
         for name in dialects:
             _ = load_dialect(name)
+        check_cell(cell, dialects)
         return dialects
 
 

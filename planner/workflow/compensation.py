@@ -12,6 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.files import write_text
+from planner.common.reading import read_bytes
 from planner.common.result import Result
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
@@ -128,7 +129,4 @@ def _frame(option: str, text: str | None) -> Array | None:
 
 
 def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    return read_bytes(path).decode("utf-8", errors="replace")

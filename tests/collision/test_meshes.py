@@ -24,10 +24,10 @@ FACES = [
 ]
 
 
-def stl(path):
+def stl(path, scale=1.0):
     lines = ["solid box"]
     for face in FACES:
-        a, b, c = CORNERS[list(face)]
+        a, b, c = scale * CORNERS[list(face)]
         n = np.cross(b - a, c - a)
         n /= np.linalg.norm(n)
         lines += [f"facet normal {n[0]} {n[1]} {n[2]}", "outer loop"]

@@ -177,7 +177,7 @@ MAPS = {
         'schema = "edbb-map/1"\nseperator = ";"' + TAIL,
         "unknown key 'seperator'; did you mean \"separator\"",
     ),
-    "encoding": ('schema = "edbb-map/1"\nencoding = "latin-99"' + TAIL, "is no encoding; utf-8, latin-1"),
+    "encoding": ('schema = "edbb-map/1"\nencoding = "latin-99"' + TAIL, "is no encoding of text; utf-8, latin-1"),
     "neither": ('schema = "edbb-map/1"\n', r"either \[columns\] or a pattern is needed"),
     "same signs": ('schema = "edbb-map/1"\ndecimal = ","' + TAIL, "separator and decimal are both ','"),
     "unit missing": (

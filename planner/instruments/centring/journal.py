@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from planner.common.errors import InputError
 from planner.common.files import write_text
+from planner.common.reading import read_bytes
 from planner.common.units import from_deg, from_mm, read_only
 from planner.instruments.centring.path import PlannedPath
 from planner.runs.run import Readings, Run, Samples, index_names
@@ -131,10 +132,7 @@ def run_of(head: JournalHead, rows: list[JournalRow], name: str) -> Run:
 
 def _resume_journal(output: Path, path: Path, way: PlannedPath) -> Journal:
     """Read a journal; a last line that was cut off by a power failure is taken out of it."""
-    try:
-        lines = path.read_bytes().split(b"\n")
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+    lines = read_bytes(path).split(b"\n")
     whole, torn = lines[:-1], lines[-1]
     try:
         head = JournalHead.model_validate_json(whole[0] if whole else b"")

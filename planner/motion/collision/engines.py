@@ -45,9 +45,9 @@ class CollisionWorld:
 
     @classmethod
     def from_cell(cls, cell: Cell, fixture: int = 0) -> "CollisionWorld":
-        """Build the world; pairs of links that overlap at every sampled state are taken for design, not collision."""
+        """Build the world without the pairs that :meth:`always_touching` names."""
         world = cls(build_scene(cell, fixture))
-        return cls(world.scene.without(world._always_overlapping()))
+        return cls(world.scene.without(world.always_touching()))
 
     def without_bar(self) -> "CollisionWorld":
         """Return the world of the robot that travels without the bar."""
@@ -97,13 +97,16 @@ class CollisionWorld:
     def _pool(self) -> pin.GeometryPool:
         return pin.GeometryPool(self.model, self._geometry, available_threads())
 
-    def _always_overlapping(self) -> set[int]:
-        """Positions of pairs of links that overlap at every one of a set of random states."""
+    def always_touching(self) -> set[int]:
+        """Positions of pairs that are closer than the clearance at every one of a set of random states, by design.
+
+        Only bodies of links next but one to each other, and those of link 1 and the floor, may be so: what else always
+        touches is a collision.
+        """
         robot, rng = self.cell.robot, np.random.default_rng(0)
         q = np.vstack([self.cell.home, rng.uniform(robot.q_lower, robot.q_upper, (OVERLAP_SAMPLES, robot.n_joints))])
         touching = (self.distances(q) < self.cell.motion.clearance).all(axis=0)
-        pieces = self.scene.pieces
-        return {int(k) for k in np.flatnonzero(touching) if not any(pieces[i].of_bar for i in self.scene.pairs[k])}
+        return {int(k) for k in np.flatnonzero(touching) if self.scene.touches_by_design(int(k))}
 
 
 def _build_pin_models(scene: Scene) -> tuple[pin.Model, pin.GeometryModel]:

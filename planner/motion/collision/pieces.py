@@ -8,6 +8,7 @@ import fcl
 import numpy as np
 
 from planner.common.errors import InputError
+from planner.common.reading import check_readable
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 
@@ -20,7 +21,7 @@ def coal_shape(body: Body) -> coal.CollisionGeometry:
         return coal.Sphere(*body.size)
     if body.kind == "box":
         return coal.Box(*body.size)
-    return _load_mesh(body)
+    return load_mesh(body)
 
 
 def fcl_shape(body: Body) -> fcl.CollisionGeometry:
@@ -41,16 +42,35 @@ def fcl_shape(body: Body) -> fcl.CollisionGeometry:
 
 def mesh_vertices(body: Body) -> tuple[Array, np.ndarray]:
     """Return vertices (m, 3) [m] and triangles (t, 3) of a mesh body."""
-    mesh = _load_mesh(body)
+    mesh = load_mesh(body)
     triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
     return np.array(mesh.vertices()), np.array([[t[0], t[1], t[2]] for t in triangles])
 
 
-def _load_mesh(body: Body) -> coal.BVHModelBase:
+MOST_TRIANGLES = 50_000  # of one mesh: with 200 000 the second engine takes a second a state
+MOST_BYTES = 50_000_000
+
+
+def load_mesh(body: Body) -> coal.BVHModelBase:
+    """Read the mesh of a body, scaled to metres.
+
+    Raises:
+        InputError: it is too large, is no mesh, or has no triangle or a vertex that is no number.
+    """
+    assert body.mesh is not None
+    check_readable(body.mesh, MOST_BYTES)
     try:
-        return coal.MeshLoader().load(str(body.mesh), np.array(body.scale))
+        mesh = coal.MeshLoader().load(str(body.mesh), np.array(body.scale))
     except (RuntimeError, ValueError) as err:
-        raise InputError(f"{body.mesh}: cannot be read as a mesh ({err})") from err
+        raise InputError(f"{body.mesh}: cannot be read as a mesh ({str(err).splitlines()[0]})") from err
+    if not 0 < mesh.num_tris <= MOST_TRIANGLES:
+        raise InputError(
+            f"{body.mesh}: the mesh has {mesh.num_tris} triangles, 1 to {MOST_TRIANGLES} are allowed; reduce it, or "
+            "cover the body with boxes and capsules"
+        )
+    if not np.isfinite(mesh.vertices()).all():
+        raise InputError(f"{body.mesh}: the mesh has a vertex that is no finite number")
+    return mesh
 
 
 Carrier = Literal["world", "link", "housing", "rod"]
@@ -98,6 +118,4 @@ def body_reach(body: Body) -> float:
 
 
 def _mesh_reach(body: Body) -> float:
-    from planner.motion.collision.pieces import mesh_vertices
-
     return float(np.linalg.norm(mesh_vertices(body)[0], axis=1).max())

@@ -1,0 +1,54 @@
+"""The one way in: what a command reads is a plain file of a sensible size, whatever its kind."""
+
+import os
+import stat
+from pathlib import Path
+
+from planner.common.errors import InputError
+
+MOST_TEXT = 100_000_000  # bytes of a settings, plan, program or run file
+MOST_TOML = 20_000_000
+
+
+def check_readable(path: Path, most_bytes: int = MOST_TEXT) -> None:
+    """Refuse what is no plain file (a folder, a device, a pipe), or is larger than it can be in earnest.
+
+    Raises:
+        InputError: naming the file, its size and what is allowed.
+    """
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError) as err:
+        reason = err.strerror if isinstance(err, OSError) and err.strerror else str(err)
+        raise InputError(f"{path}: cannot be read ({reason})") from err
+    if not stat.S_ISREG(found.st_mode):
+        kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
+        raise InputError(f"{path}: cannot be read (it is {kind}, and a file is needed)")
+    if found.st_size > most_bytes:
+        raise InputError(f"{path}: has {found.st_size} bytes, at most {most_bytes} are read")
+
+
+def read_bytes(path: Path, most_bytes: int = MOST_TEXT) -> bytes:
+    """Return the content of a plain file.
+
+    Raises:
+        InputError: as :func:`check_readable`, or the file may not be read.
+    """
+    check_readable(path, most_bytes)
+    try:
+        return path.read_bytes()
+    except OSError as err:
+        raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+
+
+def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
+    """Return the text of a plain file in UTF-8, its line ends as any program reads them.
+
+    Raises:
+        InputError: as :func:`read_bytes`, or the bytes are no UTF-8.
+    """
+    try:
+        text = read_bytes(path, most_bytes).decode("utf-8")
+    except UnicodeDecodeError as err:
+        raise InputError(f"{path}: is no text in UTF-8 (byte {err.start})") from err
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -1,0 +1,104 @@
+"""Whether the surroundings of a cell can be meant as they are written: sizes, units, reach, the floor."""
+
+import coal
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import Array, to_mm
+from planner.kinematics.bodies import Body
+from planner.kinematics.chain import Chain
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.pieces import SceneBody, coal_shape, mesh_vertices
+from planner.motion.collision.scene import FLOOR, build_scene
+
+SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
+LARGEST = 3.0  # times the robot's reach: no body that it carries is larger
+
+
+def check_surroundings(cell: Cell) -> None:
+    """Refuse meshes of a size that no such body has, obstacles that nothing can reach, and a floor above the arm.
+
+    Raises:
+        InputError: naming the body, what was found, and which unit would make sense of it.
+    """
+    for k in range(len(cell.fixtures)):
+        pieces = build_scene(cell, k).pieces
+        reach = max((_reach(cell, k, p) for p in pieces if p.carrier != "world"), default=0.0)
+        for piece in pieces:
+            _check_mesh(cell, piece, reach)
+        for body in cell.obstacles:
+            _check_reached(cell, body, reach)
+    _check_floor(cell)
+
+
+def left_out_pairs(cell: Cell) -> tuple[str, ...]:
+    """Say which pairs of bodies are not checked because they always touch by design."""
+    found = dict[str, None]()
+    for k in range(len(cell.fixtures)):
+        world = CollisionWorld(build_scene(cell, k))
+        found |= {world.scene.pair_name(pair): None for pair in sorted(world.always_touching())}
+    return (f"pairs that always touch by their shapes are not checked: {'; '.join(found)}",) if found else ()
+
+
+def _reach(cell: Cell, fixture: int, piece: SceneBody) -> float:
+    """Farthest from the base's origin that any point of a moving body can be [m]."""
+    robot = cell.robot
+    if piece.carrier == "housing":
+        return float(np.linalg.norm(cell.fixtures[fixture].p_BX)) + piece.reach
+    end = len(robot.transforms) if piece.carrier == "rod" else robot.link_end[piece.link]
+    moves = sum(abs(t.nominal) for t in robot.transforms[:end] if t.kind == "translation")
+    tool = float(np.linalg.norm(cell.tool.p_FM)) if piece.carrier == "rod" else 0.0
+    return float(moves) + tool + piece.reach
+
+
+def _check_mesh(cell: Cell, piece: SceneBody, reach: float) -> None:
+    if piece.body.kind != "mesh":
+        return
+    vertices = mesh_vertices(piece.body)[0]
+    size = float(np.ptp(vertices, axis=0).max())
+    carried = sum(abs(t.nominal) for t in cell.robot.transforms if t.kind == "translation")
+    if size < SMALLEST or (piece.carrier == "link" and size > LARGEST * max(float(carried), 0.1)):
+        raise InputError(
+            f"{cell.path}: the mesh {piece.body.mesh} of '{piece.body.name}' is {to_mm(size):.4g} mm long with its "
+            f"scale: {_unit_hint(piece.body)}"
+        )
+
+
+def _check_reached(cell: Cell, body: Body, reach: float) -> None:
+    """Refuse an obstacle outside of the ball about the base that holds all that moves."""
+    away = coal.DistanceResult()
+    here = coal.Transform3s(np.array(body.T[:3, :3]), np.array(body.T[:3, 3]))
+    request = coal.DistanceRequest()
+    distance = coal.distance(coal.Sphere(1e-6), coal.Transform3s(), coal_shape(body), here, request, away)
+    if distance > reach + cell.motion.clearance:
+        hint = f"; {_unit_hint(body)}" if body.kind == "mesh" else ""
+        raise InputError(
+            f"{cell.path}: nothing can reach the obstacle '{body.name}': it is {to_mm(distance):.5g} mm from the base, "
+            f"and arm, tool and gauge end {to_mm(reach):.5g} mm from it; correct its place, or leave it out{hint}"
+        )
+
+
+def _unit_hint(body: Body) -> str:
+    return f'its numbers are taken times {body.scale[0]:g} m; say unit = "mm" or unit = "m" (or the scale of a URDF)'
+
+
+def _check_floor(cell: Cell) -> None:
+    """Refuse a floor that stands above a joint of the arm at home, as gravity goes."""
+    up = float(cell.base.R_WB[2, 2])
+    if cell.base.floor is None or abs(up) < 0.5:
+        return
+    heights = _joint_heights(cell) * np.sign(up)
+    lowest = int(np.argmin(heights))
+    if heights[lowest] < np.sign(up) * cell.base.floor:
+        raise InputError(
+            f"{cell.path}: the {FLOOR} (base.floor_mm = {to_mm(cell.base.floor):g}) stands above link {lowest}, whose "
+            f"frame at home is at {to_mm(np.sign(up) * heights[lowest]):.1f} mm"
+        )
+
+
+def _joint_heights(cell: Cell) -> Array:
+    """Height of every link frame in the base at home, (N + 1,) [m]."""
+    robot, theta = cell.robot, cell.robot.theta(cell.home[None])
+    ends = [Chain(robot.transforms[:end]).forward(theta).x[2, 0] for end in robot.link_end[1:]]
+    return np.array([0.0, *ends])
