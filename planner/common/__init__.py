@@ -1,3 +1,14 @@
 """Errors with exit codes, units at the border, files written as a whole, schema checks, results."""
 
-__all__ = ["choices", "determinism", "errors", "files", "lazy_modules", "progress", "reading", "result", "schema", "units"]
+__all__ = [
+    "choices",
+    "determinism",
+    "errors",
+    "files",
+    "lazy_modules",
+    "progress",
+    "reading",
+    "result",
+    "schema",
+    "units",
+]
