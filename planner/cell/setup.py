@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.cell.cell import Cell, ToolPoint
 from planner.cell.gauge import Gauge
+from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
@@ -178,10 +179,20 @@ def setup_of(cell: Cell) -> MeasurementSetup:
     )
 
 
-def largest_load(cell: Cell) -> float | None:
-    """Return the largest pull of a bar that the robot may carry beside its tool [N]; ``None`` where nobody says."""
-    payload = cell.robot.payload
-    return None if payload is None else (payload - cell.tool.mass) * STANDARD_GRAVITY
+def check_load(cell: Cell, load: float, what: str, cure: str) -> None:
+    """Refuse a load [N] beyond what the robot may carry beside its tool; ``what`` says in words where it comes from.
+
+    Raises:
+        InputError: with the load, what is allowed, and the ``cure``.
+    """
+    if cell.robot.payload is None:  # nobody says what it may carry
+        return
+    allowed = (cell.robot.payload - cell.tool.mass) * STANDARD_GRAVITY
+    if load > allowed:
+        raise InputError(
+            f"{what}, but {cell.robot.name} may carry {cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of "
+            f"{cell.tool.mass:g} kg: {cure}"
+        )
 
 
 def _repeatability_of_joint(cell: Cell) -> float:

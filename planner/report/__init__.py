@@ -11,6 +11,7 @@ __all__ = [
     "loaded_places_charts",
     "loaded_report",
     "matplotlib_backend",
+    "page",
     "plan_charts",
     "plan_data",
     "plan_report",

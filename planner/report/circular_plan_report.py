@@ -3,9 +3,8 @@
 import numpy as np
 
 from planner.common.units import UM, to_deg, to_mm
-from planner.instruments.circular.plan import Arc, CircularDrive, CircularPlan
+from planner.instruments.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
 from planner.kinematics.bar_geometry import bar_state
-from planner.motion.path.verdict import Verdict
 from planner.report.cell_view import VIEW_FRAMES, CellView, ViewFrames, ViewPose, carrier_poses, compose_cell_view
 from planner.report.chart import Chart, Panel, ReferenceLine, Series, joint_series
 from planner.report.formatting import clearance_fact, duration_text, verdict_rows
@@ -22,7 +21,7 @@ def arc_chart(arc: Arc, number: int) -> Chart:
         ReferenceLine(float(to_deg(c.start)), "sweep", upright=True),
         ReferenceLine(float(to_deg(c.start + c.sweep)), "", upright=True),
     )
-    motion = arc.trajectory.at(arc.trajectory.waypoint_time)
+    motion = arc.ccw.trajectory.at(arc.ccw.trajectory.waypoint_time)
     axes = joint_series(angle, to_deg(arc.q), width=1.2)
     speeds = joint_series(angle, to_deg(motion.dq), width=1.2)
     tool = (Series("", angle, to_mm(motion.tool_speed), "#555555"),)
@@ -40,14 +39,14 @@ def arc_chart(arc: Arc, number: int) -> Chart:
 
 def report_circular_plan(plan: CircularPlan) -> Report:
     """Return the page of a planned circular test and its pictures."""
-    arcs = _arcs(plan)
+    arcs = plan.arcs
     judged = [(f"circle {a.circle.name}", a.verdicts) for a in arcs]
     judged += [("the ways there and between", d.verdicts) for d in plan.drives]
     content = {
         "plan": plan,
-        "facts": _facts(plan, [v for _, verdicts in judged for v in verdicts]),
+        "facts": _facts(plan),
         "circles": [_circle(a) for a in arcs],
-        "passes": [_pass(d, k) for d in plan.drives for k in range(len(d.passes))],
+        "passes": [_pass(d, p) for d in plan.drives for p in d.passes],
         "verdicts": [row for what, verdicts in judged for row in verdict_rows(what, verdicts, plan.cell)],
     }
     return Report(
@@ -57,7 +56,7 @@ def report_circular_plan(plan: CircularPlan) -> Report:
 
 def circular_view(plan: CircularPlan) -> CellView:
     """The view in space: robot and bar on every circle in the sense in which angles grow."""
-    cell, arcs = plan.cell, _arcs(plan)
+    cell, arcs = plan.cell, plan.arcs
     poses, labels = [], []
     for arc in arcs:
         rows = np.linspace(0, len(arc.q) - 1, VIEW_FRAMES // len(arcs)).astype(int)
@@ -77,23 +76,19 @@ def circular_view(plan: CircularPlan) -> CellView:
         ViewFrames(np.vstack(poses), tuple(labels)),
         cloud=np.empty((0, 3)),
         paths=tuple(to_mm(cell.map_position(a.q)) for a in arcs),
-        ways=tuple(to_mm(cell.map_position(d.travel.trajectory.sample(0.05).q)) for d in plan.drives),
+        ways=tuple(to_mm(cell.map_position(d.course.travel.trajectory.sample(0.05).q)) for d in plan.drives),
         spots=tuple(spots),
     )
 
 
-def _arcs(plan: CircularPlan) -> list[Arc]:
-    return [a for d in plan.drives for a in d.arcs]
-
-
-def _facts(plan: CircularPlan, verdicts: list[Verdict]) -> tuple[Row, ...]:
-    arcs = _arcs(plan)
+def _facts(plan: CircularPlan) -> tuple[Row, ...]:
+    arcs = plan.arcs
     measured = sum(p.arc is not None for d in plan.drives for p in d.passes)
     return (
         ("circles", str(len(arcs)), ", ".join(a.circle.name for a in arcs)),
         ("passes", str(measured), "measured, with run-up and overshoot"),
-        ("driving", duration_text(sum(d.duration for d in plan.drives)), "with the bar on"),
-        clearance_fact(verdicts),
+        ("driving", duration_text(sum(c.duration for c in plan.courses)), "with the bar on"),
+        clearance_fact(plan.verdicts),
     )
 
 
@@ -115,10 +110,8 @@ def _circle(arc: Arc) -> Row:
     )
 
 
-def _pass(drive: CircularDrive, k: int) -> Row:
-    one = drive.passes[k]
-    way = "back to where the bar is taken off" if k + 1 == len(drive.passes) else "to the next circle"
-    what = way if one.arc is None else f"circle {drive.arcs[one.arc].circle.name}, {one.direction}"
+def _pass(drive: CircularDrive, one: CircularPass) -> Row:
+    what = one.heading if one.arc is None else f"circle {drive.arcs[one.arc].circle.name}, {one.direction}"
     load = "" if one.load is None else f"{one.load:g} N"
     marks = ", ".join(map(str, one.marks)) or "–"
     repeat = "" if one.arc is None else str(one.repeat + 1)

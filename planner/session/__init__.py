@@ -13,4 +13,5 @@ __all__ = [
     "planning",
     "point_poses",
     "release",
+    "tour_drive",
 ]

@@ -6,7 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.bayesian_design import select_bayesian_poses
-from planner.design.candidates.pool import PoseSet, draw_candidates
+from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.fixtures.addition import add_fixtures, describe_added_fixtures
@@ -24,22 +24,18 @@ from planner.session.mount import drop_unreachable, with_mounts
 from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
-from planner.session.planning import Selection
+from planner.session.planning import PoseSession, Selection
 from planner.session.replacement import replace_all, replace_pose
 from planner.session.tour_drive import FixtureSession
 
 DRIVEN_SAMPLES = 2000
 
 
-class BarPoses:
-    """Where the poses of a bar come from; see :class:`planner.session.planning.PoseSource`."""
-
-    pool: PoseSet
+class BarPoses(PoseSession):
+    """Where the poses of a bar come from."""
 
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
-        self.cell, self.options = cell, options
-        self.notes: list[str] = []
-        self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+        super().__init__(cell, options)
         self.tracing = options.for_tracing(cell)
         robot, file = cell.robot, options.separate
         self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None

@@ -1,4 +1,4 @@
-"""What the robot drives for one fixture, in time: the way to the mount pose, and the measuring path with its blends.
+"""What the robot drives for one fixture, in time: the way to where it starts, and what is measured, with all blends.
 
 A course is made from waypoints and blend radii alone, so a program exported later from ``plan.json`` is the same.
 """
@@ -44,23 +44,68 @@ class TimedPath(Waypoints):
 
 
 @dataclass(frozen=True)
+class Pass:
+    """One stretch of a session with the gauge, from rest to rest.
+
+    Attributes:
+        path: as it is driven, with the ids of what is measured on the way.
+        heading: what a program calls it.
+        load: force along the bar that is set for it [N], ``None`` without.
+    """
+
+    path: TimedPath
+    heading: str
+    load: float | None = None
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The path in time."""
+        return self.path.trajectory
+
+    @property
+    def marks(self) -> tuple[int, ...]:
+        """Ids of what is measured on the way."""
+        return tuple(int(v) for v in self.path.visit if v >= 0)
+
+
+@dataclass(frozen=True)
 class Course:
     """All that a program needs for one fixture.
 
     Attributes:
         fixture: which.
-        travel: the way from home to the mount pose; it is driven back at the end.
-        measuring: the whole drive from mount pose to mount pose, both ways where asked.
+        start: where its session starts and ends, in words.
+        travel: the way there from home; it is driven back at the end.
+        passes: what is driven with the gauge, in order; poses are one pass, both ways where asked.
     """
 
     fixture: int
+    start: str
     travel: TimedPath
-    measuring: TimedPath
+    passes: tuple[Pass, ...]
+
+    @classmethod
+    def of_poses(cls, cell: Cell, fixture: int, travel: TimedPath, measuring: TimedPath) -> "Course":
+        """Return the course through the poses at one fixture."""
+        if not cell.gauge.is_attached:
+            return cls(fixture, "where the session starts", travel, (Pass(measuring, "measuring"),))
+        place = f"fixture {cell.place_name(fixture)}"
+        return cls(fixture, f"the mount pose of {place}", travel, (Pass(measuring, f"measuring on {place}"),))
+
+    @property
+    def measuring(self) -> TimedPath:
+        """The path through all poses."""
+        return self.passes[0].path
 
     @property
     def trajectory(self) -> Trajectory:
-        """The whole drive in time."""
+        """The same in time."""
         return self.measuring.trajectory
+
+    @property
+    def duration(self) -> float:
+        """Time of all passes [s]."""
+        return sum(p.trajectory.duration_s for p in self.passes)
 
 
 def round_angles(angles: Array) -> Array:
@@ -104,7 +149,7 @@ def rests_at_poses(cell: Cell) -> bool:
 def time_course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
     cell = cell.at(fixture)
-    return Course(fixture, time_path(cell, travel, bar=False), time_measuring(cell, measuring))
+    return Course.of_poses(cell, fixture, time_path(cell, travel, bar=False), time_measuring(cell, measuring))
 
 
 def time_measuring(cell: Cell, path: Waypoints) -> TimedPath:

@@ -76,6 +76,10 @@ class PlanHeader(PartialModel):
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
     robot: str = ""
 
+    def content(self) -> dict[str, object]:
+        """Return what ``plan.json`` says, in the contract's keys."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
 
 class PlanDocument(PlanHeader):
     """A plan of poses; what is only reported is kept as it is written."""
@@ -97,10 +101,6 @@ class PlanDocument(PlanHeader):
     foresight: dict[str, Any] = {}
     programs: tuple[dict[str, str], ...] = ()
     notes: tuple[str, ...] = ()
-
-    def content(self) -> dict[str, object]:
-        """Return what ``plan.json`` says, in the contract's keys."""
-        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
     def ids(self, *roles: str) -> list[int]:
         """Ids of the poses with one of these roles, of all without any named."""

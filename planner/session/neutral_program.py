@@ -24,10 +24,9 @@ from planner.programs.instructions import (
     WaitInput,
 )
 from planner.programs.program_files import write_program
-from planner.session.course import Course, TimedPath, is_continuous, rests_at_poses
+from planner.session.course import Course, Pass, TimedPath, is_continuous, rests_at_poses
 from planner.session.plan_types import Programs
 
-BARE = "without the bar"
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
@@ -77,34 +76,49 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
 def _course_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
     """The session of one fixture, from home and back home."""
     cell = cell.at(one.fixture)
-    write = dense_moves if dense and not rests_at_poses(cell) else measured_moves
-    moves = write(cell, one.measuring)
+    bare = ", without the bar" if cell.gauge.is_attached else ""
+    travel = joint_moves(cell, one.travel, bar=False)
+    there = [Section(f"to {one.start}{bare}"), *travel, *preparation(cell, one.fixture), WaitInput("gauge ready")]
+    after = [Pause("take the bar off")] if cell.gauge.is_attached else []
+    moves = _pass_instructions(cell, one.passes, dense and not rests_at_poses(cell))
+    return [*there, *moves, *after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
+
+
+def _pass_instructions(cell: Cell, passes: Iterable[Pass], dense: bool) -> list[Instruction]:
+    """Every pass with its heading; where the load changes, the operator sets it."""
+    out: list[Instruction] = []
+    written: dict[tuple[int, int], tuple[int, list[Instruction]]] = {}
+    load: float | None = None
+    for one in passes:
+        if one.load is not None and one.load != load:
+            load = one.load
+            out.append(Pause(f"set the load to {load:g} N"))
+        out.append(Section(one.heading))
+        key, number = (id(one.trajectory), id(one.path.q)), min(one.marks, default=0)
+        if key not in written:  # a repeat is the same path with other marks
+            written[key] = number, (dense_moves if dense else measured_moves)(cell, one.path)
+        first, moves = written[key]
+        out += [_shift_mark(item, number - first) for item in moves] if number != first else moves
+    return out
+
+
+def _shift_mark(item: Instruction, shift: int) -> Instruction:
+    """The same move or mark in another pass."""
+    if isinstance(item, Sync | LogAxes):
+        return replace(item, pose=item.pose + shift)
+    if isinstance(item, JointMove) and item.pose is not None:
+        return replace(item, pose=item.pose + shift)
+    return item
+
+
+def preparation(cell: Cell, fixture: int) -> list[Instruction]:
+    """Return what a person does with the gauge before the first pose is measured."""
     if not cell.gauge.is_attached:
-        measuring = [*preparation(cell), WaitInput("gauge ready"), Section("measuring"), *moves]
-        return from_home(cell, one.travel, "to where the session starts", measuring, "back home")
-    place = cell.place_name(one.fixture)
-    measuring = with_bar(cell, one.fixture, [Section(f"measuring on fixture {place}"), *moves])
-    return from_home(cell, one.travel, f"to the mount pose of fixture {place}, {BARE}", measuring, f"back home, {BARE}")
-
-
-def from_home(cell: Cell, travel: TimedPath, there: str, measuring: list[Instruction], back: str) -> list[Instruction]:
-    """Return the way from home under the heading ``there``, what is measured, and the same way back."""
-    moves = joint_moves(cell, travel, bar=False)
-    return [Section(there), *moves, *measuring, Section(back), *moves_back(moves, travel.q)]
-
-
-def with_bar(cell: Cell, fixture: int, moves: list[Instruction]) -> list[Instruction]:
-    """Return moves between attaching the bar on a fixture and taking it off."""
+        said, asked = cell.gauge.preparation(cell)
+        return [*([Comment(said)] if said else []), Pause(asked)]
     point = cell.point_name(fixture)
     tool = f"tool point {point}" if point else "tool"
-    attach = Pause(f"attach the bar (fixture {cell.fixtures[fixture].name} to {tool}), set its zero")
-    return [attach, WaitInput("gauge ready"), *moves, Pause("take the bar off")]
-
-
-def preparation(cell: Cell) -> list[Instruction]:
-    """Return what a person does with a gauge that is no bar before the first pose is measured."""
-    said, asked = cell.gauge.preparation(cell)
-    return [*([Comment(said)] if said else []), Pause(asked)]
+    return [Pause(f"attach the bar (fixture {cell.fixtures[fixture].name} to {tool}), set its zero")]
 
 
 def moves_back(there: list[JointMove], q: Array) -> list[JointMove]:

@@ -31,11 +31,6 @@ def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, obje
     return {"programs": files, "notes": list(notes)}
 
 
-def plan_hash(plan: Plan) -> str:
-    """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
-    return content_hash(plan_record(plan), plan.cell)
-
-
 def content_hash(content: dict[str, object], cell: Cell) -> str:
     """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
     whole = content | {"cell_file": cell.file.model_dump(mode="json", by_alias=True)}

@@ -48,29 +48,34 @@ class Visit:
     contact: float | None = None
 
 
-@dataclass(frozen=True)
-class Drive:
-    """What is driven with the bar on one fixture.
+@dataclass(frozen=True, kw_only=True)
+class SessionDrive:
+    """What is driven about one fixture, and what both collision engines say of it."""
+
+    course: Course
+    verdicts: tuple[Verdict, ...] = ()
+
+    @property
+    def fixture(self) -> int:
+        """Which fixture."""
+        return self.course.fixture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive(SessionDrive):
+    """The poses of one fixture as they are driven; the verdicts are on the measuring path and on the travel.
 
     Attributes:
-        fixture: which fixture.
         visits: poses in visiting order, the mount pose first and last.
         tour: order and its proof.
         path: measuring path from mount to mount, with support poses (one way).
-        travel: path from home to the mount pose without the bar.
-        course: both, blended and timed as they are driven.
         limits: the trajectory held against the limits.
-        verdicts: of both collision engines, on the measuring path and on the travel.
     """
 
-    fixture: int
     visits: tuple[Visit, ...]
     tour: Tour
     path: ProvenPath
-    travel: ProvenPath
-    course: Course
     limits: LimitReport
-    verdicts: tuple[Verdict, ...]
 
     @property
     def trajectory(self) -> Trajectory:
@@ -78,30 +83,49 @@ class Drive:
         return self.course.trajectory
 
 
-@dataclass(frozen=True)
-class Plan:
-    """The whole plan of one cell.
+@dataclass(frozen=True, kw_only=True)
+class SessionPlan:
+    """The plan of a measuring session, whatever is measured.
 
     Attributes:
+        cell: with its mount poses.
+        seed: of everything random.
+        drives: one a fixture.
+        notes: what a person should know (a pose replaced, a solver that failed, …).
         plan_id: 12 hex digits of a hash over the content.
+        programs: files of each dialect.
+    """
+
+    cell: Cell
+    seed: int
+    drives: tuple[SessionDrive, ...]
+    notes: tuple[str, ...] = ()
+    plan_id: str = "0" * 12
+    programs: Programs = ()
+
+    @property
+    def courses(self) -> tuple[Course, ...]:
+        """What is driven, one course a fixture."""
+        return tuple(d.course for d in self.drives)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan(SessionPlan):
+    """The plan of a session of poses.
+
+    Attributes:
+        pool: candidates; choice: those that are measured.
         curve: index and bound against the number of poses.
         driven: the index over the trajectory as it is driven.
-        programs: files of each dialect.
-        notes: what a person should know (a pose replaced, a solver that failed, …).
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
         foresight: the error that the robot would keep, where the poses were chosen by that.
     """
 
-    plan_id: str
-    cell: Cell
-    seed: int
+    drives: tuple[Drive, ...]
     pool: PoseSet
     choice: PoseChoice
     curve: IndexCurve
-    drives: tuple[Drive, ...]
     driven: float
-    programs: Programs
-    notes: tuple[str, ...]
     separation: Discrimination | None = None
     foresight: BayesianDesign | None = None
 

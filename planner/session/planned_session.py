@@ -29,7 +29,12 @@ class PlannedSession:
     @classmethod
     def of(cls, plan: Plan) -> "PlannedSession":
         """Return the session of a plan in memory."""
-        return cls(plan.cell, plan_document(plan), tuple(d.course for d in plan.drives))
+        return cls(plan.cell, plan_document(plan), plan.courses)
+
+    @property
+    def plan_id(self) -> str:
+        """Id of the plan."""
+        return self.document.plan_id
 
 
 def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSession:
@@ -44,10 +49,7 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
         InputError: no plan, no cell beside it, or the two do not belong together.
     """
     document = read_plan(path, "drives", *(("robot", "poses", "trajectory") if check else ()))
-    beside = path.parent / "cell.toml"
-    if not beside.is_file():
-        raise InputError(f"{beside} is missing: a plan is {purpose} together with the cell that was planned")
-    cell = read_cell(beside, "cell")
+    beside, cell = read_cell_beside(path, purpose)
     if check:
         _check_robot(path, beside, cell, document)
     places = place_names(cell)
@@ -63,6 +65,18 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     if check:
         _check_courses(path, beside, cell, document, courses)
     return PlannedSession(cell, document, courses)
+
+
+def read_cell_beside(path: Path, purpose: str) -> tuple[Path, Cell]:
+    """Return the cell beside the plan at ``path``, and its file.
+
+    Raises:
+        InputError: it is not there, or wrong.
+    """
+    beside = path.parent / "cell.toml"
+    if not beside.is_file():
+        raise InputError(f"{beside} is missing: a plan is {purpose} together with the cell that was planned")
+    return beside, read_cell(beside, "cell")
 
 
 def _joint_path(path: Path, cell: Cell, points: tuple[WaypointRecord, ...]) -> Waypoints:

@@ -18,24 +18,21 @@ from planner.session.course import Role
 from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
-from planner.session.planning import Selection
+from planner.session.planning import PoseSession, Selection
 from planner.session.replacement import replace_all, replace_pose
 from planner.session.tour_drive import FixtureSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
 
 
-class PointPoses:
-    """Where poses without a bar come from; see :class:`planner.session.planning.PoseSource`."""
+class PointPoses(PoseSession):
+    """Where poses without a bar come from."""
 
-    pool: PoseSet
     away: Constraints
     repeated: frozenset[int] = frozenset()
 
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
-        self.cell, self.options = cell, options
-        self.notes: list[str] = []
-        self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+        super().__init__(cell, options)
         self.at_balls = cell.gauge.head is not None
         self.only_validates = not (cell.gauge.calibrates_unasked or self.poses)
         if self.at_balls:
@@ -161,10 +158,6 @@ class PointPoses:
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the chosen poses: the robot rests at each."""
         return choice.model.jacobian(choice.q, choice.fixture)
-
-    def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:
-        """Return nothing: what is to be known was said before."""
-        return ()
 
 
 def _passed(pool: PoseSet) -> Array:

@@ -75,9 +75,10 @@ def judge_corners(
     return verdicts, corner[unproven]
 
 
-def blend_way(constraints: Constraints, path: ProvenPath) -> Waypoints:
-    """Return a way on which nothing is measured, blended wherever that fits."""
-    return add_blends(constraints, path, np.zeros(len(path.q), dtype=bool), np.full(len(path.q), -1))
+def release_way(constraints: Constraints, path: ProvenPath) -> ReleasedPath:
+    """Release a way on which nothing is measured, blended wherever that fits."""
+    points = add_blends(constraints, path, np.zeros(len(path.q), dtype=bool), np.full(len(path.q), -1))
+    return release_path(constraints, points)
 
 
 def add_blends(constraints: Constraints, path: ProvenPath, stop: np.ndarray, ids: np.ndarray) -> Waypoints:

@@ -23,7 +23,7 @@ from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
 from planner.session.course import Course, Role, axis_limits, rests_at_poses, round_angles, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
-from planner.session.release import add_blends, blend_way, release_path
+from planner.session.release import add_blends, release_path, release_way
 
 TRIES = 12  # tours re-solved with a leg forbidden
 LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
@@ -88,17 +88,17 @@ def drive_tour(place: FixtureSession, stops: Sequence[TourStop], tsp: Method, se
     rests = (path.node >= 0 if rests_at_poses(cell) else path.node == 0) | touched
     ids = np.full(len(path.node), -1)
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
-    way, points = blend_way(place.travelling, travel), add_blends(constraints, path, rests, ids)
+    points = add_blends(constraints, path, rests, ids)
     separate = ball_motions(constraints, path, stops)
     measuring = release_path(constraints, points, lambda p: time_measuring(cell, p), separate)
-    travelling = release_path(place.travelling, way)
+    travelling = release_way(place.travelling, travel)
     if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
-    course = Course(place.fixture, travelling.path, measuring.path)
+    course = Course.of_poses(cell, place.fixture, travelling.path, measuring.path)
     step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
     limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step)
     verdicts = measuring.verdicts + travelling.verdicts
-    return Drive(place.fixture, visits, tour, path, travel, course, limits, verdicts)
+    return Drive(course=course, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)
 
 
 def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPath:

@@ -14,7 +14,7 @@ from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.schema import validate
 from planner.common.units import to_mm
-from planner.instruments.circular.plan import Arc, CircularPlan
+from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.loaded.both_bars import (
     check_both_cells,
     collision_free_places,
@@ -28,7 +28,7 @@ from planner.instruments.loaded.results import share_text
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import cell_text, write_circular_plan, write_plan
+from planner.workflow.writing import cell_text, write_plan
 
 UNLOADED, LOADED = "unloaded", "loaded"  # folders of the two plans
 
@@ -53,12 +53,10 @@ class BothPlan(Result):
 
     def summary(self) -> str:
         """Return what is measured, and what each bar alone and one fit of both would know."""
-        known = self.known
-        minutes = sum(d.duration for d in self.loaded.drives) / 60
-        lines = [
-            f"{self.loaded.cell.robot.name}: {len(self.free.q)} poses without load, {len(self.arcs)} loaded circles"
-        ]
-        for arc in self.arcs:
+        known, arcs, robot = self.known, self.loaded.arcs, self.loaded.cell.robot.name
+        minutes = sum(c.duration for c in self.loaded.courses) / 60
+        lines = [f"{robot}: {len(self.free.q)} poses without load, {len(arcs)} loaded circles"]
+        for arc in arcs:
             circle = arc.circle
             centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
             lines.append(f"  {circle.name:<12}{circle.plane} about [{centre}] mm; {arc.told}")
@@ -75,7 +73,7 @@ class BothPlan(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``both.json`` says."""
-        poses, circles = len(self.free.q), [a.circle.name for a in self.arcs]
+        poses, circles = len(self.free.q), [a.circle.name for a in self.loaded.arcs]
         return common_fit_content(self.known, self.loaded.cell.robot.name, poses, circles, both_session_steps(self))
 
     def write(self, folder: Path | str) -> list[Path]:
@@ -87,7 +85,7 @@ class BothPlan(Result):
         with draft_folder(Path(folder)) as draft:
             if self.unloaded is not None:
                 write_plan(self.unloaded, draft / UNLOADED, self.stages)
-            write_circular_plan(self.loaded, draft / LOADED, self.stages)
+            write_plan(self.loaded, draft / LOADED, self.stages)
             with self.stages.stage("report"):
                 write_text(draft / "cell.toml", cell_text(fit_cell(self.free.cell, self.loaded.cell), draft))
                 write_text(draft / "both.json", self.to_json())
@@ -99,11 +97,6 @@ class BothPlan(Result):
         """Name what is written."""
         new = f"{UNLOADED}/, " if self.unloaded is not None else ""
         return f"{new}{LOADED}/, cell.toml, both.json, pictures"
-
-    @property
-    def arcs(self) -> tuple[Arc, ...]:
-        """The loaded circles as they are driven."""
-        return tuple(a for d in self.loaded.drives for a in d.arcs)
 
 
 def plan_both(unloaded: str, loaded: str, places: int, options: PlanOptions, stages: Stages) -> BothPlan:

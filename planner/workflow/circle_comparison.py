@@ -15,8 +15,7 @@ from planner.cell.setup import Targets
 from planner.common.errors import NoSolutionError
 from planner.common.units import MM, Array, read_only
 from planner.gauges.frame_gauge import ToolPosition
-from planner.instruments.circular.plan import CircularPlan
-from planner.instruments.circular.planned_test import circle_samples
+from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model

@@ -11,9 +11,8 @@ from planner.common.files import document_text, draft_folder, move_all, write_te
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import UM
+from planner.instruments.circular.document import load_circular_cell, read_circular_plan
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
-from planner.instruments.circular.plan import read_circular_plan
-from planner.instruments.circular.planned_test import load_circular_cell
 from planner.instruments.loaded.evaluation import LoadedOptions
 from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly

@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from planner.common.determinism import on_one_thread
-from planner.instruments.circular.plan import CircularPlan, is_circular
-from planner.instruments.circular.planned_test import circle_samples, load_circular_plan
-from planner.instruments.circular.program import circle_program
+from planner.instruments.circular.document import is_circular, load_circular_plan
+from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.programs.dialect import load_dialect
 from planner.programs.program_files import write_program
 from planner.programs.rendering import ProgramFile
@@ -47,16 +46,10 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
-    if is_circular(path):
-        plan = load_circular_plan(path)
-        cell, plan_id = plan.cell, plan.plan_id
-        program = circle_program(plan, load_dialect(dialect).wants_dense_path)
-    else:
-        dense = load_dialect(dialect).wants_dense_path
-        session = load_session(path, "exported", check=True)
-        cell, plan_id = session.cell, session.document.plan_id
-        program = session_program(cell, session.courses, plan_id, dense)
-    return write_program(program, dialect, f"{cell.robot.name}_{plan_id}" if stem == "-" else Path(stem).stem)
+    dense = load_dialect(dialect).wants_dense_path
+    plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
+    program = session_program(plan.cell, plan.courses, plan.plan_id, dense)
+    return write_program(program, dialect, f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem)
 
 
 @on_one_thread
@@ -77,9 +70,9 @@ def simulate_plan(
         session = PlannedSession.of(plan) if isinstance(plan, Plan) else plan
     cell = session.cell
     if isinstance(session, CircularPlan):
-        plan_id, samples = session.plan_id, circle_samples(session, SAMPLE_RATE)
+        samples = circle_samples(session, SAMPLE_RATE)
     else:
-        plan_id, samples = session.document.plan_id, planned_samples(cell, session.document, session.courses)
+        samples = planned_samples(cell, session.document, session.courses)
     known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples)
-    run = simulate_readings(cell, plan_id, samples, known, seed)
+    run = simulate_readings(cell, session.plan_id, samples, known, seed)
     return replace(run, warnings=(*run.warnings, *cell.gauge.centring_warnings(cell, samples, run)))

@@ -13,22 +13,41 @@ from planner.common.result import Plot, Result
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design
 from planner.design.observability.information import INDEX_RULES
-from planner.instruments.circular.plan import CircularPlan, circular_content
+from planner.instruments.circular.plan import CircularPlan
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.simulation.measurement import SimulatedRun
-from planner.workflow.writing import write_circular_plan, write_plan, write_program_as
+from planner.workflow.writing import plan_content, write_plan, write_program_as
 
 
 @dataclass(frozen=True)
-class PlanResult(Result):
+class SessionResult(Result):
+    """A planned session."""
+
+    plan: Plan | CircularPlan
+    stages: Stages = field(default_factory=Stages)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``plan.json`` says."""
+        return plan_content(self.plan)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
+        return write_plan(self.plan, Path(folder), self.stages)
+
+    def files(self, folder: Path) -> str:
+        """Name the programs and what every plan has."""
+        return plan_files(self.plan.programs)
+
+
+@dataclass(frozen=True)
+class PlanResult(SessionResult):
     """A planned session of poses."""
 
     plan: Plan
-    stages: Stages = field(default_factory=Stages)
 
     def summary(self) -> str:
         """Return what was planned and how good it provably is."""
@@ -63,18 +82,6 @@ class PlanResult(Result):
         """Return what ``plan.json`` holds."""
         return plan_document(self.plan)
 
-    def content(self) -> Mapping[str, Any]:
-        """Return what ``plan.json`` says."""
-        return self.document().content()
-
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
-        return write_plan(self.plan, Path(folder), self.stages)
-
-    def files(self, folder: Path) -> str:
-        """Name the programs and what every plan has."""
-        return plan_files(self.plan.programs)
-
     def preview(self) -> Plot:
         """Return the index against the number of poses."""
         return self.plot_index()
@@ -102,17 +109,15 @@ class PlanResult(Result):
 
 
 @dataclass(frozen=True)
-class CircularPlanResult(Result):
+class CircularPlanResult(SessionResult):
     """A planned circular test."""
 
     plan: CircularPlan
-    stages: Stages = field(default_factory=Stages)
 
     def summary(self) -> str:
         """Return what is driven."""
         plan = self.plan
-        arcs = [a for d in plan.drives for a in d.arcs]
-        verdicts = [v for d in plan.drives for part in (*(a.verdicts for a in d.arcs), d.verdicts) for v in part]
+        arcs = plan.arcs
         lines = [
             f"{plan.cell.name}: circular test on {len(arcs)} circle{'s' if len(arcs) > 1 else ''}, plan {plan.plan_id}"
         ]
@@ -126,22 +131,10 @@ class CircularPlanResult(Result):
             )
             lines.append(f"  {'':<10}  {a.told}")
         lines.append(
-            f"  path        {to_mm(min(v.clearance for v in verdicts)):.1f} mm clearance, proven continuously by coal "
-            f"and judged again by fcl; {sum(d.duration for d in plan.drives) / 60:.1f} min with the bar on"
+            f"  path        {to_mm(min(v.clearance for v in plan.verdicts)):.1f} mm clearance, proven continuously by "
+            f"coal and judged again by fcl; {sum(c.duration for c in plan.courses) / 60:.1f} min with the bar on"
         )
         return "\n".join([*lines, *(f"  note        {note}" for note in plan.notes)])
-
-    def content(self) -> Mapping[str, Any]:
-        """Return what ``plan.json`` says."""
-        return circular_content(self.plan)
-
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
-        return write_circular_plan(self.plan, Path(folder), self.stages)
-
-    def files(self, folder: Path) -> str:
-        """Name the programs and what every plan has."""
-        return plan_files(self.plan.programs)
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,16 @@ from planner.common.errors import InputError
 from planner.common.files import data_folder, document_text, draft_folder, move_all, write_text
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
-from planner.instruments.circular.plan import CircularPlan, circular_content
+from planner.instruments.circular.document import circular_document
+from planner.instruments.circular.plan import CircularPlan
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
 from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
 from planner.session.plan_record import plan_document
-from planner.session.plan_types import Plan, Programs
+from planner.session.plan_types import Plan
+
+if TYPE_CHECKING:
+    from planner.report.page import Report
 
 if TYPE_CHECKING:
     import polars as pl
@@ -31,34 +35,47 @@ else:
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
-def write_plan(plan: Plan, folder: Path, stages: Stages) -> list[Path]:
+def write_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages) -> list[Path]:
     """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
 
     Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
     """
-    from planner.report.plan_report import report_plan  # matplotlib and plotly: other commands start quicker without
-
     with draft_folder(folder) as draft:
         with stages.stage("report"):
-            write_driven(plan.cell, plan.programs, trajectory_csv(plan), draft)
-            report_plan(plan).write(draft)
-            write_text(draft / "plan.json", document_text(plan_document(plan).content()))
-        return write_timings(stages, draft, folder)
+            for file in (file for _, files in plan.programs for file in files):
+                write_text(draft / file.name, file.text, file.encoding)
+            write_text(draft / "trajectory.csv", trajectory_csv(plan))
+            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            _report(plan).write(draft)
+            write_text(draft / "plan.json", document_text(plan_content(plan)))
+        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
+        return move_all(draft, folder)
 
 
-def write_driven(cell: Cell, programs: Programs, trajectory: str, draft: Path) -> None:
-    """Write what any plan has: its programs, the text of ``trajectory.csv``, and ``cell.toml``."""
-    for _, files in programs:
-        for file in files:
-            write_text(draft / file.name, file.text, file.encoding)
-    write_text(draft / "trajectory.csv", trajectory)
-    write_text(draft / "cell.toml", cell_text(cell, draft))
+def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:
+    """Return what ``plan.json`` says."""
+    return (circular_document(plan) if isinstance(plan, CircularPlan) else plan_document(plan)).content()
 
 
-def write_timings(stages: Stages, draft: Path, folder: Path) -> list[Path]:
-    """Write ``timings.json``, the last file, and move all of a draft into its folder."""
-    write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
-    return move_all(draft, folder)
+def _report(plan: Plan | CircularPlan) -> "Report":
+    # matplotlib and plotly: other commands start quicker without
+    from planner.report.circular_plan_report import report_circular_plan
+    from planner.report.plan_report import report_plan
+
+    return report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan)
+
+
+def trajectory_csv(plan: Plan | CircularPlan) -> str:
+    """What is driven with the gauge, pass after pass: t_s, q1_deg …, length_mm; poses count time at each fixture."""
+    frames, start = [], 0.0
+    for course in plan.courses:
+        length = partial(plan.cell.bar_length, fixture=course.fixture)
+        start = start if isinstance(plan, CircularPlan) else 0.0
+        for one in course.passes:
+            frame = trajectory_table(one.trajectory, SAMPLE, length)
+            frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
+            start += one.trajectory.duration_s + SAMPLE
+    return table_csv(pl.concat(frames))
 
 
 def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
@@ -86,16 +103,6 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
     return said + [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
 
 
-def trajectory_csv(plan: Plan) -> str:
-    """The driven trajectory of every fixture, one after the other: t_s, q1_deg …, length_mm."""
-    texts = []
-    for drive in plan.drives:
-        length = partial(plan.cell.bar_length, fixture=drive.fixture)
-        texts.append(table_csv(trajectory_table(drive.trajectory, SAMPLE, length)))
-    head = texts[0].split("\n", 1)[0] + "\n"
-    return head + "".join(t.split("\n", 1)[1] for t in texts)
-
-
 def cell_text(cell: Cell, folder: Path) -> str:
     """The cell as it was planned; a robot that is not a shipped one is laid beside it."""
     content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -103,31 +110,3 @@ def cell_text(cell: Cell, folder: Path) -> str:
         shutil.copyfile(cell.robot.path, folder / cell.robot.path.name)
         content["robot"] = cell.robot.path.name
     return tomli_w.dumps(content)
-
-
-def write_circular_plan(plan: CircularPlan, folder: Path, stages: Stages) -> list[Path]:
-    """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
-
-    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
-    """
-    # matplotlib: other commands start quicker without
-    from planner.report.circular_plan_report import report_circular_plan
-
-    with draft_folder(folder) as draft:
-        with stages.stage("report"):
-            write_driven(plan.cell, plan.programs, circular_trajectory_csv(plan), draft)
-            report_circular_plan(plan).write(draft)
-            write_text(draft / "plan.json", document_text(circular_content(plan)))
-        return write_timings(stages, draft, folder)
-
-
-def circular_trajectory_csv(plan: CircularPlan) -> str:
-    """All passes one after the other, as they are driven with the bar on: t_s, q1_deg …, length_mm."""
-    frames, start = [], 0.0
-    for drive in plan.drives:
-        length = partial(plan.cell.bar_length, fixture=drive.fixture)
-        for one in drive.passes:
-            frame = trajectory_table(one.trajectory, SAMPLE, length)
-            frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
-            start += one.trajectory.duration_s + SAMPLE
-    return table_csv(pl.concat(frames))

@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.setup import Targets
 from planner.design.candidates.pool import draw_candidates
-from planner.instruments.circular.planned_test import circle_samples
+from planner.instruments.circular.plan import circle_samples
 from planner.runs.run import Samples
 from planner.simulation.measurement import SAMPLE_RATE
 from planner.simulation.truth import draw_truth

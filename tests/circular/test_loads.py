@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.instruments.circular.planned_test import circle_samples
+from planner.instruments.circular.plan import circle_samples
 from planner.instruments.circular.planning import plan_circles
-from planner.instruments.circular.program import circle_program
 from planner.programs.instructions import Pause
+from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from planner.simulation.measurement import SAMPLE_RATE
 from tests.circular.conftest import quiet
@@ -50,7 +50,11 @@ def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):
 
 
 def test_the_operator_sets_every_load_once(loaded):
-    said = [i.message for i in circle_program(loaded, dense=False).instructions if isinstance(i, Pause)]
+    said = [
+        i.message
+        for i in session_program(loaded.cell, loaded.courses, loaded.plan_id, dense=False).instructions
+        if isinstance(i, Pause)
+    ]
     assert said[1:3] == ["set the load to 125 N", "set the load to 250 N"]
     assert len(said) == 4  # attach and take off beside them
 

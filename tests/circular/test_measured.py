@@ -8,9 +8,9 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.common.files import document_text
+from planner.instruments.circular.document import circular_document, read_circular_plan
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
-from planner.instruments.circular.plan import circular_content, read_circular_plan
-from planner.instruments.circular.planned_test import circle_samples
+from planner.instruments.circular.plan import circle_samples
 from planner.runs.run import Readings, Run
 from planner.simulation.measurement import SAMPLE_RATE
 
@@ -21,7 +21,7 @@ SHIFT = np.array([2e-4, -3e-4, 0.0])  # [m] of the fixture
 @pytest.fixture(scope="module")
 def plan_file(planned, tmp_path_factory):
     path = tmp_path_factory.mktemp("plan") / "plan.json"
-    path.write_text(document_text(circular_content(planned)))
+    path.write_text(document_text(circular_document(planned).content()))
     return read_circular_plan(path)
 
 

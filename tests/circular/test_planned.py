@@ -4,12 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from planner.instruments.circular.arc import axis_limits
-from planner.instruments.circular.program import circle_program
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
 from planner.programs.program_files import read_back
+from planner.session.course import axis_limits
+from planner.session.neutral_program import session_program
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 
@@ -54,21 +54,21 @@ def test_half_plane_circle_lies_in_its_plane(planned):
 
 
 @pytest.mark.parametrize("name", ["round", "arc"])
-@pytest.mark.parametrize("way", ["trajectory", "back"])
+@pytest.mark.parametrize("way", ["ccw", "cw"])
 def test_as_driven_it_leaves_the_circle_by_little_and_keeps_its_speed(planned, name, way):
     arc = arc_of(planned, name)
-    trajectory = getattr(arc, way)
+    trajectory = getattr(arc, way).trajectory
     x, _ = tools(planned.cell, trajectory.sample(0.11).q)
     off = np.abs(np.linalg.norm(x - CENTRE, axis=1) - 0.350).max()
     assert off < 5e-6
     assert off < arc.off + 1e-7
     marks = np.flatnonzero(arc.sweep)[[0, -1]]
-    times = trajectory.waypoint_time[marks if way == "trajectory" else len(arc.q) - 1 - marks[::-1]]
+    times = trajectory.waypoint_time[marks if way == "ccw" else len(arc.q) - 1 - marks[::-1]]
     inside = trajectory.at(np.linspace(*times, 500))
     assert inside.tool_speed.max() <= arc.circle.speed * (1 + 1e-6)
     assert inside.tool_speed.min() > 0.995 * arc.circle.speed
     assert arc.slowest_on_sweep == pytest.approx(inside.tool_speed.min(), rel=1e-3)
-    assert check_limits(trajectory, axis_limits(planned.cell), 0.1).ok
+    assert check_limits(trajectory, axis_limits(planned.cell, bar=True), 0.1).ok
 
 
 def test_nothing_collides_on_the_way(planned):
@@ -76,7 +76,7 @@ def test_nothing_collides_on_the_way(planned):
         world = CollisionWorld.from_cell(planned.cell, drive.fixture)
         for one in drive.passes:
             assert not world.collides(one.trajectory.sample(0.25).q).any()
-        assert not world.without_bar().collides(drive.travel.trajectory.sample(0.1).q).any()
+        assert not world.without_bar().collides(drive.course.travel.trajectory.sample(0.1).q).any()
         assert all(v.clear for v in drive.verdicts)
         assert all(v.clear for a in drive.arcs for v in a.verdicts)
 
@@ -88,7 +88,7 @@ def test_passes_follow_each_other_and_measure_both_directions(planned):
     for a, b in zip(drive.passes, drive.passes[1:], strict=False):
         assert np.abs(a.path.q[-1] - b.path.q[0]).max() < 1e-6
     mount = planned.cell.fixtures[0].mount
-    assert np.abs(drive.travel.q[-1] - mount).max() == 0.0
+    assert np.abs(drive.course.travel.q[-1] - mount).max() == 0.0
     assert np.abs(drive.passes[-1].path.q[-1] - mount).max() < 1e-6
     marks = [m for p in drive.passes for m in p.marks]
     assert marks == list(range(8))
@@ -99,7 +99,7 @@ def test_what_a_program_says_is_the_circle(planned, dialect):
     files = dict(planned.programs)[dialect]
     read = read_back(dialect, files)
     assert read.plan_id == planned.plan_id
-    program = circle_program(planned, load_dialect(dialect).wants_dense_path)
+    program = session_program(planned.cell, planned.courses, planned.plan_id, load_dialect(dialect).wants_dense_path)
     assert len(read.joint_path_deg) == len(program.moves)
     assert read.syncs == 8
     x, _ = tools(planned.cell, np.deg2rad(read.joint_path_deg))

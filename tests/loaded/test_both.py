@@ -109,7 +109,7 @@ def test_places_in_the_way_are_left_out(folder):
 def test_one_fit_is_predicted_for_the_circles_as_driven(done):
     known = done.known
     assert done.unloaded is None
-    assert len(done.arcs) == 1
+    assert len(done.loaded.arcs) == 1
     assert np.all(known.both <= np.minimum(known.unloaded, known.loaded) * 1.001)
     assert "map_x" in known.names  # one tool
     assert not any(n.startswith(("fixture", "zero")) for n in known.names)  # each bar has its own

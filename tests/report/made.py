@@ -48,7 +48,17 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         scaled=all_indices(final, model.prior),
     )
     drive = made_drive(cell, 0, np.vstack([pool.q[:1], q, pool.q[1:4]]), poses)
-    return Plan(PLAN_ID, cell, 0, pool, choice, curve, (drive,), 1.03 * found.value, (), (NOTE,))
+    return Plan(
+        cell=cell,
+        seed=0,
+        drives=(drive,),
+        notes=(NOTE,),
+        plan_id=PLAN_ID,
+        pool=pool,
+        choice=choice,
+        curve=curve,
+        driven=1.03 * found.value,
+    )
 
 
 def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive:
@@ -74,4 +84,4 @@ def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive
     timed = time_course(cell, fixture, travel, Waypoints(q, np.arange(len(q)), blend))
     limits = check_limits(timed.trajectory, axis_limits(cell, bar=True), dt_s=0.5)
     verdicts = (path.verdict, path.second, path.verdict, path.second)
-    return Drive(fixture, visits, tour, path, path, timed, limits, verdicts)
+    return Drive(course=timed, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)

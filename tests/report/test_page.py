@@ -151,7 +151,7 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
 
 def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:
     cell = replace(plan.cell, fixtures=plan.cell.fixtures * 2)
-    second = replace(plan.drives[0], fixture=1)
+    second = replace(plan.drives[0], course=replace(plan.drives[0].course, fixture=1))
     written = report_plan(replace(plan, cell=cell, drives=(plan.drives[0], second))).write(tmp_path)
     assert {"bar_1.png", "bar_2.png", "tour_1.png", "tour_2.png"} < {p.name for p in written}
     read = ReadPage()

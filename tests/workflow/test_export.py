@@ -143,7 +143,7 @@ def test_poses_nearer_to_the_bars_ends_than_its_place_is_known_are_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     q = np.array([cell.home])
     visits = tuple(Visit(k, q[0], length, 0, "calibrate", (0,) * 6) for k, length in enumerate((0.304, 0.4, 0.518)))
-    drive = Drive(0, visits, *[None] * 6)
+    drive = Drive(course=_course(cell), visits=visits, tour=None, path=None, limits=None)
     (note,) = bar_notes(cell, [drive])
     assert note.startswith("2 of 3 poses at fixture A come within 5.1 mm")
     sure = replace(cell, fixtures=tuple(replace(f, prior=1e-3) for f in cell.fixtures))

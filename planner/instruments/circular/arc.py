@@ -1,4 +1,4 @@
-"""The path of the arm round one circle: timed, within loads and limits, proven free of collision."""
+"""The path of the arm round one circle: timed, within limits, proven free of collision."""
 
 from dataclasses import replace
 
@@ -6,9 +6,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle
-from planner.cell.setup import largest_load
-from planner.common.errors import InputError, NoSolutionError
-from planner.common.units import Array, read_only, to_deg
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, to_deg
 from planner.instruments.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -17,50 +16,15 @@ from planner.instruments.circular.configurations import (
     fine_angles,
     orientations,
 )
-from planner.instruments.circular.plan import Arc
-from planner.kinematics.bar_geometry import bar_state
+from planner.instruments.circular.plan import Arc, drive_arc
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
-from planner.motion.timing.limits import Limits
-from planner.motion.timing.trajectory import Trajectory, check_limits, plan_trajectory
 from planner.session.course import round_angles
 from planner.session.release import judge_corners
-
-
-def check_loads(cell: Cell) -> None:
-    """Refuse circles with a load beyond what the robot may carry beside its tool.
-
-    Raises:
-        InputError: with the load, the circle and what is allowed.
-    """
-    allowed = largest_load(cell)
-    if allowed is None:
-        return
-    for circle in cell.circles:
-        if max(circle.loads, default=0.0) > allowed:
-            raise InputError(
-                f"{cell.path}: circle {circle.name}: loads_N goes up to {max(circle.loads):g} N, but {cell.robot.name} "
-                f"may carry {cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of {cell.tool.mass:g} kg: load "
-                "less"
-            )
-
-
-def load_notes(cell: Cell) -> list[str]:
-    """Say of loads that give no stiffness, and of a robot that does not say what it carries."""
-    notes = [
-        f"circle {c.name}: loads_N has {c.loads[0]:g} N only; a stiffness needs two loads at least, better five"
-        for c in cell.circles
-        if len(set(c.loads)) == 1
-    ]
-    if any(c.loads for c in cell.circles) and cell.robot.payload is None:
-        notes.append(f"{cell.robot.name} has no payload_kg: whether it may carry the loads was not checked")
-    return notes
-
 
 MOST_TRIALS = 6  # ways that are driven finely and judged before the circle is given up
 ROOMY_SHARE = 0.6  # share of the largest room that a way must have, to be taken because it begins nearer
 IK_ROUNDS = 12  # of Newton from the coarse places to the points between
-LIMIT_STEP = 0.05  # [s]
 
 
 def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None) -> Arc:
@@ -114,57 +78,14 @@ def _finish_arc(
     if not good.all():
         return None, f"the arm loses its configuration at {to_deg(angle[np.argmin(good)]):.0f}°"
     q = round_angles(q)
-    fixture = cell.fixtures[circle.fixture]
-    if fixture.mount is None:
+    if cell.fixtures[circle.fixture].mount is None:
         constraints = _with_mount(constraints, q[0] if circle.directions[0] == "ccw" else q[-1])
-    blend = cell.motion.blend or cell.motion.clearance
-    trajectory, back = (time_points(cell, points, circle.speed, blend) for points in (q, q[::-1]))
-    verdicts, _ = judge_corners(constraints, q, trajectory)
+    arc = drive_arc(cell, circle, angle, q, cell.motion.blend or cell.motion.clearance)
+    verdicts, _ = judge_corners(constraints, q, arc.ccw.trajectory)
     bad = [f for v in verdicts for f in v.failures]
     if bad:
         return None, bad[0]
-    arc = Arc(
-        circle,
-        read_only(angle),
-        q,
-        read_only(bar_state(cell.map_position(q), fixture.p_BX).length),
-        circle_deviation(cell, circle, trajectory),
-        blend,
-        trajectory,
-        back,
-        verdicts,
-        check_limits(trajectory, axis_limits(cell), max(LIMIT_STEP, trajectory.duration_s / 20_000)),
-        f"{ways.told}, {free} of these without collision",
-    )
-    return arc, ""
-
-
-def circle_deviation(cell: Cell, circle: Circle, trajectory: Trajectory) -> float:
-    """Largest distance of a trajectory from its circle [m], seen several times between any two of its points."""
-    t = trajectory.waypoint_time
-    between = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0.0, 1.0, 5)
-    out = cell.map_position(trajectory.at(between.ravel()).q) - circle.p_BC
-    across = out @ circle.normal
-    radial = np.linalg.norm(out - across[:, None] * circle.normal, axis=1) - circle.radius
-    return float(np.hypot(across, radial).max())
-
-
-def axis_limits(cell: Cell) -> Limits:
-    """Limits of the axes while the gauge is read."""
-    return Limits(cell.robot.speed, cell.robot.acceleration, cell.robot.jerk)
-
-
-def time_points(cell: Cell, q: Array, speed: float, blend: float) -> Trajectory:
-    """Time points close together (m, N) [rad], their corners cut by up to ``blend`` [m], at a tool speed [m/s]."""
-    return plan_trajectory(
-        q,
-        stop=np.zeros(len(q), dtype=bool),
-        blend_m=np.full(len(q), blend),
-        tool_position=cell.map_position,
-        tool_jacobian=cell.map_jacobian,
-        limits=axis_limits(cell),
-        tool_speed=speed,
-    )
+    return replace(arc, verdicts=verdicts, told=f"{ways.told}, {free} of these without collision"), ""
 
 
 def _with_mount(constraints: Constraints, mount: Array) -> Constraints:

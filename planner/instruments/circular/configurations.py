@@ -180,13 +180,14 @@ def _remove_turns(cell: Cell, q: Array) -> Array:
     return q
 
 
-def follow_poses(cell: Cell, start: Array, x: Array, R: Array) -> tuple[Array, np.ndarray]:
-    """Follow tool poses from start to start, each step from where the two before it point.
+def follow_poses(cell: Cell, start: Array, x: Array, R: Array, lead: float = 1.0) -> tuple[Array, np.ndarray]:
+    """Follow tool poses one after the other, each looked for from the one before it.
 
     Args:
         cell: the cell.
         start: controller angles of the first poses, (m, N) [rad].
         x, R: positions (m, k, 3) [m] and orientations (m, k, 3, 3) of the tool.
+        lead: how much of the step before is taken ahead of the search.
 
     Returns:
         q (m, k, N) [rad], and at how many of its poses (m,) each stands without a leap.
@@ -198,7 +199,7 @@ def follow_poses(cell: Cell, start: Array, x: Array, R: Array) -> tuple[Array, n
         if not len(alive):
             break
         last = q[alive, i - 1]
-        guess = last if i == 1 else 2 * last - q[alive, i - 2]
+        guess = last if i == 1 else (1.0 + lead) * last - lead * q[alive, i - 2]
         q[alive, i], good = solve_pose_ik(cell.chain, cell.robot, guess, x[alive, i], R[alive, i], FOLLOW)
         good &= np.abs(q[alive, i] - last).max(axis=1) < LARGEST_STEP
         alive = alive[good]

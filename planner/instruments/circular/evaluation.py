@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import in_units
+from planner.instruments.circular.document import CircularDocument
 from planner.instruments.circular.figures import CircleFigures, PathFigures, circle_figures
-from planner.instruments.circular.plan import CircularPlanFile
 from planner.instruments.circular.sweeps import find_sweeps, measured_circles
 from planner.runs.run import Run
 
@@ -27,7 +27,7 @@ class CircularTest:
         return max(c.length_range for c in self.circles)
 
 
-def evaluate_circles(cell: Cell, plan: CircularPlanFile, run: Run) -> CircularTest:
+def evaluate_circles(cell: Cell, plan: CircularDocument, run: Run) -> CircularTest:
     """Evaluate the run of a circular test.
 
     Raises:
@@ -49,7 +49,7 @@ def evaluate_circles(cell: Cell, plan: CircularPlanFile, run: Run) -> CircularTe
     )
 
 
-def _test_warnings(cell: Cell, plan: CircularPlanFile, run: Run, circles: list[CircleFigures]) -> tuple[str, ...]:
+def _test_warnings(cell: Cell, plan: CircularDocument, run: Run, circles: list[CircleFigures]) -> tuple[str, ...]:
     out = list(run.warnings)
     for c in plan.circles:
         mine = [f for f in circles if f.ring.circle.name == c.name]

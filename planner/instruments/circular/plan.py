@@ -1,305 +1,188 @@
-"""A planned circular test: its circles, passes and drives, and their ``plan.json``."""
+"""A planned circular test: its circles as the arm drives them, and the passes through them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import Field
 
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CircleDirection
-from planner.common.schema import PartialModel, read_json, validate
-from planner.common.units import Array, to_deg, to_mm
+from planner.common.units import Array, read_only, to_mm
+from planner.kinematics.bar_geometry import bar_state
 from planner.motion.path.verdict import Verdict
-from planner.motion.timing.trajectory import LimitReport, Trajectory
-from planner.session.course import TimedPath, Waypoints
-from planner.session.document import SCHEMA, PlanHeader, WaypointRecord
-from planner.session.plan_record import (
-    closing_record,
-    content_hash,
-    round_numbers,
-    verdict_records,
-    waypoint_records,
-)
-from planner.session.plan_types import Programs
+from planner.motion.timing.trajectory import Trajectory
+from planner.runs.run import Samples
+from planner.session.course import Course, Pass, TimedPath, Waypoints, time_path
+from planner.session.plan_types import SessionDrive, SessionPlan
 
 SPEED_SAMPLES = 2000
+PAUSE = 5.0  # [s] between two passes
 
 
 @dataclass(frozen=True)
 class Arc:
-    """A circle with overshoot as the arm drives it, in the sense in which angles grow.
+    """A circle with overshoot as the arm drives it.
 
     Attributes:
         circle: which.
-        angle: of the points (m,) [rad].
-        q: controller angles there, (m, N) [rad].
-        length: of the bar there, (m,) [m].
+        angle: of the points (m,) [rad], ascending.
+        ccw, cw: in the sense in which angles grow and in the other, from rest to rest, with marks 0 and 1 at both ends
+            of the sweep.
+        length: of the bar at the points, (m,) [m].
         off: largest distance of the trajectory from the circle [m].
-        blend: distance from each point at which its corner may be cut [m].
-        trajectory: timed from rest to rest; back: driven the other way.
-        verdicts: of both collision engines; limits: the trajectory held against the axes' limits.
-        told: how the way round was chosen. A plan read back has none of these three.
+        verdicts: of both collision engines.
+        told: how the way round was chosen. A plan read back has neither.
     """
 
     circle: Circle
     angle: Array
-    q: Array
+    ccw: TimedPath
+    cw: TimedPath
     length: Array
     off: float
-    blend: float
-    trajectory: Trajectory
-    back: Trajectory
     verdicts: tuple[Verdict, ...] = ()
-    limits: LimitReport | None = None
     told: str = ""
 
-    def waypoints(self) -> Waypoints:
-        """Return the points with marks (0 and 1) at both ends of the sweep and the radius of every blend."""
-        radius = np.full(len(self.q), self.blend)
-        radius[[0, -1]] = 0.0
-        marks = np.full(len(self.q), -1)
-        marks[np.flatnonzero(self.sweep)[[0, -1]]] = (0, 1)
-        return Waypoints(self.q, marks, radius)
+    @property
+    def q(self) -> Array:
+        """Controller angles at the points, (m, N) [rad]."""
+        return self.ccw.q
+
+    @property
+    def blend(self) -> float:
+        """Distance from each point at which its corner may be cut [m]."""
+        return float(self.ccw.blend.max())
 
     @property
     def slowest_on_sweep(self) -> float:
         """Smallest speed of the tool point on the sweep, going and coming [m/s]."""
-        marks = np.flatnonzero(self.sweep)[[0, -1]]
-        ways = ((self.trajectory, marks), (self.back, len(self.q) - 1 - marks[::-1]))
-        share = np.linspace(0.0, 1.0, SPEED_SAMPLES)
-        slowest = []
-        for trajectory, (first, last) in ways:
-            begin, end = trajectory.waypoint_time[first], trajectory.waypoint_time[last]
-            slowest.append(float(trajectory.at(begin + share * (end - begin)).tool_speed.min()))
+        share, slowest = np.linspace(0.0, 1.0, SPEED_SAMPLES), []
+        for path in (self.ccw, self.cw):
+            begin, end = path.trajectory.waypoint_time[np.flatnonzero(path.visit >= 0)]
+            slowest.append(float(path.trajectory.at(begin + share * (end - begin)).tool_speed.min()))
         return min(slowest)
 
     @property
     def sweep(self) -> np.ndarray:
         """Which points lie on the sweep that is measured, (m,) bool."""
-        past = self.angle - self.circle.start
-        return np.asarray((past > -1e-9) & (past < self.circle.sweep + 1e-9))
+        return points_on_sweep(self.circle, self.angle)
+
+
+def points_on_sweep(circle: Circle, angle: Array) -> np.ndarray:
+    """Tell which angles (m,) [rad] lie on the sweep that is measured, (m,) bool."""
+    past = angle - circle.start
+    return np.asarray((past > -1e-9) & (past < circle.sweep + 1e-9))
+
+
+def drive_arc(cell: Cell, circle: Circle, angle: Array, q: Array, blend: float) -> Arc:
+    """Time a circle both ways round through its points, their corners cut by up to ``blend`` [m]."""
+    radius, marks = np.full(len(q), blend), np.full(len(q), -1)
+    radius[[0, -1]] = 0.0
+    marks[np.flatnonzero(points_on_sweep(circle, angle))[[0, -1]]] = (0, 1)
+    there = Waypoints(q, marks, radius)
+    back = replace(there.reversed(), visit=np.where(marks >= 0, 1 - marks, -1)[::-1])
+    at_speed = replace(cell, motion=replace(cell.motion, tool_speed=circle.speed))
+    ccw, cw = (time_path(at_speed, points, bar=True) for points in (there, back))
+    length = bar_state(cell.map_position(q), cell.fixtures[circle.fixture].p_BX).length
+    return Arc(circle, read_only(angle), ccw, cw, read_only(length), circle_deviation(cell, circle, ccw.trajectory))
+
+
+def circle_deviation(cell: Cell, circle: Circle, trajectory: Trajectory) -> float:
+    """Largest distance of a trajectory from its circle [m], seen several times between any two of its points."""
+    t = trajectory.waypoint_time
+    between = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0.0, 1.0, 5)
+    out = cell.map_position(trajectory.at(between.ravel()).q) - circle.p_BC
+    across = out @ circle.normal
+    radial = np.linalg.norm(out - across[:, None] * circle.normal, axis=1) - circle.radius
+    return float(np.hypot(across, radial).max())
 
 
 @dataclass(frozen=True)
-class CircularPass:
-    """One stretch of the session with the bar on, from rest to rest.
+class CircularPass(Pass):
+    """One stretch with the bar on.
 
     Attributes:
-        arc: which of the session's arcs it measures, ``None`` on the way from one to the next.
+        arc: which of the drive's arcs it measures, ``None`` on the way from one to the next.
         direction: in which, "" on the way.
-        load: force along the bar [N], ``None`` without.
         repeat: counts from 0.
-        path: with the ids of the marks at both ends of the sweep.
     """
 
-    arc: int | None
-    direction: CircleDirection | str
-    load: float | None
-    repeat: int
-    path: TimedPath
+    arc: int | None = None
+    direction: CircleDirection | str = ""
+    repeat: int = 0
 
     @classmethod
-    def between(cls, path: TimedPath) -> "CircularPass":
-        """Return the way from one circle to the next."""
-        return cls(None, "", None, 0, path)
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The path in time."""
-        return self.path.trajectory
-
-    @property
-    def marks(self) -> tuple[int, ...]:
-        """Ids of the marks on the way."""
-        return tuple(int(v) for v in self.path.visit if v >= 0)
+    def between(cls, path: TimedPath, last: bool) -> "CircularPass":
+        """Return the way from one circle to the next, or the last one."""
+        return cls(path, "back to where the bar is taken off" if last else "to the next circle")
 
 
-@dataclass(frozen=True)
-class CircularDrive:
-    """All circles about one fixture.
+@dataclass(frozen=True, kw_only=True)
+class CircularDrive(SessionDrive):
+    """All circles about one fixture; the verdicts are those on the travel and on the ways between circles."""
 
-    Attributes:
-        fixture: which.
-        arcs: its circles.
-        travel: from home to the mount pose, without the bar; it is driven back at the end.
-        passes: with the bar on, from the mount pose back to it, in order.
-        verdicts: of both engines on the travel and on the ways between circles.
-    """
-
-    fixture: int
     arcs: tuple[Arc, ...]
-    travel: TimedPath
-    passes: tuple[CircularPass, ...]
-    verdicts: tuple[Verdict, ...] = ()
 
     @property
-    def duration(self) -> float:
-        """Time with the bar on [s]."""
-        return sum(p.trajectory.duration_s for p in self.passes)
+    def passes(self) -> tuple[CircularPass, ...]:
+        """What is driven with the bar on, from the mount pose back to it."""
+        return tuple(p for p in self.course.passes if isinstance(p, CircularPass))
 
 
-@dataclass(frozen=True)
-class CircularPlan:
-    """A planned circular test: the cell with its mount poses, what is driven, and the programs."""
+@dataclass(frozen=True, kw_only=True)
+class CircularPlan(SessionPlan):
+    """The plan of a circular test."""
 
-    plan_id: str
-    cell: Cell
-    seed: int
     drives: tuple[CircularDrive, ...]
-    programs: Programs = ()
-    notes: tuple[str, ...] = ()
+
+    @property
+    def arcs(self) -> tuple[Arc, ...]:
+        """All circles as they are driven."""
+        return tuple(a for d in self.drives for a in d.arcs)
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Of both collision engines, fixture by fixture, on the circles and then on the ways."""
+        return tuple(v for d in self.drives for part in (*(a.verdicts for a in d.arcs), d.verdicts) for v in part)
 
 
 def measured_passes(arcs: Sequence[Arc], number: int) -> Iterator[CircularPass]:
     """Every pass that is measured, in order, with marks at both ends of its sweep, counted from ``number``."""
     for k, arc in enumerate(arcs):
-        there = arc.waypoints()
-        for load in arc.circle.loads or (None,):
-            for repeat in range(arc.circle.repeats):
-                for direction in arc.circle.directions:
-                    points = there if direction == "ccw" else there.reversed()
-                    trajectory = arc.trajectory if direction == "ccw" else arc.back
-                    ids = np.full(len(points.q), -1)
-                    ids[np.flatnonzero(points.visit >= 0)] = (number, number + 1)
+        c = arc.circle
+        circle = f"circle {c.name} in {c.plane}, radius {to_mm(c.radius):g} mm"
+        for load in c.loads or (None,):
+            loaded = "" if load is None else f", {load:g} N"
+            for repeat in range(c.repeats):
+                again = "" if c.repeats == 1 else f", repeat {repeat + 1} of {c.repeats}"
+                for direction in c.directions:
+                    path = arc.ccw if direction == "ccw" else arc.cw
+                    timed = replace(path, visit=np.where(path.visit >= 0, path.visit + number, -1))
+                    yield CircularPass(timed, f"{circle}, {direction}{loaded}{again}", load, k, direction, repeat)
                     number += 2
-                    timed = TimedPath(points.q, ids, points.blend, trajectory)
-                    yield CircularPass(k, direction, load, repeat, timed)
 
 
-class ArcFile(PartialModel):
-    """One circle of ``plan.json``, as driven; what it is stands in the cell beside it."""
-
-    name: str
-    sweep_deg: float = Field(gt=0)
-    directions: tuple[Literal["ccw", "cw"], ...] = ("ccw", "cw")
-    blend_mm: float = Field(default=10.0, gt=0)
-    angle_deg: tuple[float, ...] = ()
-    q_deg: tuple[tuple[float, ...], ...] = ()
+def circular_course(cell: Cell, fixture: int, travel: TimedPath, passes: Sequence[CircularPass]) -> Course:
+    """Return the course through the circles about one fixture."""
+    return Course(fixture, f"the first circle about fixture {cell.fixtures[fixture].name}", travel, tuple(passes))
 
 
-class PassFile(PartialModel):
-    """One pass of ``plan.json``: a circle in one direction, or the way to the next."""
-
-    circle: str | None = None
-    direction: str = ""
-    way: tuple[WaypointRecord, ...] = ()
-
-
-class CircularSessionFile(PartialModel):
-    """What is driven about one fixture."""
-
-    fixture: str
-    travel: tuple[WaypointRecord, ...] = Field(min_length=2)
-    passes: tuple[PassFile, ...]
-
-
-class CircularPlanFile(PlanHeader):
-    """The keys of a circular test's ``plan.json`` that are read later."""
-
-    kind: Literal["circular"]
-    robot: str
-    seed: int = 0
-    circles: tuple[ArcFile, ...] = Field(min_length=1)
-    sessions: tuple[CircularSessionFile, ...] = ()
-
-
-def is_circular(path: Path) -> bool:
-    """Tell whether the plan at ``path`` is that of a circular test.
-
-    Raises:
-        InputError: no such file, or no JSON.
-    """
-    content = read_json(path)
-    return isinstance(content, dict) and content.get("kind") == "circular"
-
-
-def read_circular_plan(path: Path) -> CircularPlanFile:
-    """Read the plan of a circular test.
-
-    Raises:
-        InputError: no such file, or no such plan.
-    """
-    return validate(read_json(path), CircularPlanFile, str(path))
-
-
-def circular_content(plan: CircularPlan) -> dict[str, object]:
-    """Return what ``plan.json`` says."""
-    content = {"schema": SCHEMA, "kind": "circular", "plan_id": plan.plan_id, **_content_of(plan)}
-    out = round_numbers(content | closing_record(plan.programs, plan.notes))
-    assert isinstance(out, dict)
-    return out
-
-
-def circular_identity(plan: CircularPlan) -> str:
-    """Return the plan's id: 12 hex digits of a hash over everything that decides what is driven and measured."""
-    return content_hash(_content_of(plan), plan.cell)
-
-
-def _content_of(plan: CircularPlan) -> dict[str, object]:
-    cell, drives = plan.cell, plan.drives
-    verdicts = [v for d in drives for part in (*(a.verdicts for a in d.arcs), d.verdicts) for v in part]
-    return {
-        "robot": cell.robot.name,
-        "cell": cell.name,
-        "seed": plan.seed,
-        "circles": [_circle(cell, a) for d in drives for a in d.arcs],
-        "path": {
-            "checked": "continuous",
-            "clearance_mm": min(v.clearance for v in verdicts) * 1e3,
-            "verdicts": verdict_records(verdicts),
-        },
-        "trajectory": {
-            "duration_s": sum(d.duration for d in drives),
-            "measuring_s": sum(p.trajectory.duration_s for d in drives for p in d.passes if p.arc is not None),
-            "file": "trajectory.csv",
-        },
-        "sessions": [_session(cell, d) for d in drives],
-    }
-
-
-def _circle(cell: Cell, arc: Arc) -> dict[str, object]:
-    c = arc.circle
-    return {
-        "name": c.name,
-        "plane": c.plane,
-        "fixture": cell.fixtures[c.fixture].name,
-        "centre_mm": to_mm(c.p_BC),
-        "radius_mm": c.radius * 1e3,
-        "start_deg": float(to_deg(c.start)),
-        "sweep_deg": float(to_deg(c.sweep)),
-        "overshoot_deg": float(to_deg(c.overshoot)),
-        "directions": list(c.directions),
-        "loads_N": list(c.loads),
-        "repeats": c.repeats,
-        "speed_mm_s": c.speed * 1e3,
-        "slowest_mm_s": arc.slowest_on_sweep * 1e3,
-        "orientation": "follow" if c.follows else "constant",
-        "length_min_mm": float(arc.length.min()) * 1e3,
-        "length_max_mm": float(arc.length.max()) * 1e3,
-        "off_circle_um": arc.off * 1e6,
-        "chosen": arc.told,
-        "blend_mm": arc.blend * 1e3,
-        "angle_deg": to_deg(arc.angle),
-        "q_deg": to_deg(arc.q),
-    }
-
-
-def _session(cell: Cell, drive: CircularDrive) -> dict[str, object]:
-    """What is driven about one fixture, from home and back, with all that a later export needs."""
-    return {
-        "fixture": cell.fixtures[drive.fixture].name,
-        "travel": waypoint_records(drive.travel),
-        "passes": [_pass(drive, p) for p in drive.passes],
-    }
-
-
-def _pass(drive: CircularDrive, one: CircularPass) -> dict[str, object]:
-    time = {"duration_s": one.trajectory.duration_s}
-    if one.arc is None:
-        return {"way": waypoint_records(one.path), **time}
-    loaded = {} if one.load is None else {"load_N": one.load}
-    named = {"circle": drive.arcs[one.arc].circle.name, "direction": one.direction, "repeat": one.repeat}
-    return {**named, **loaded, "marks": list(one.marks), **time}
+def circle_samples(plan: CircularPlan, rate: float, ways: bool = True) -> Samples:
+    """Where the arm is told to stand while the passes are driven, ``rate`` times a second; on the circles, or all."""
+    parts, start = [], 0.0
+    for drive in plan.drives:
+        for one in (p for p in drive.passes if ways or p.arc is not None):
+            motion = one.trajectory.sample(1.0 / rate)
+            load = np.full(len(motion.t), 0.0 if one.load is None else one.load)
+            place = np.full(len(motion.t), drive.fixture)
+            parts.append((motion.t + start, motion.q, motion.dq, load, place))
+            start += one.trajectory.duration_s + PAUSE
+    t, q, speed, load, place = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return Samples(
+        q=read_only(q),
+        place=place,
+        t=read_only(t),
+        session=np.zeros(len(t), dtype=int),
+        force=read_only(load) if load.any() else None,
+        speed=read_only(speed),
+    )

@@ -82,7 +82,7 @@ def _is_drivable(cell: Cell, place: CirclePlace, seed: int) -> bool:
 def driven_places(plan: CircularPlan) -> list[CirclePlace]:
     """The circles of a plan, in the way round that it drives."""
     out = []
-    for arc in (a for d in plan.drives for a in d.arcs):
+    for arc in plan.arcs:
         circle = arc.circle
         theta = circle.start + np.arange(ANGLES) * 2 * np.pi / ANGLES
         q = np.stack([np.interp(theta, arc.angle, column) for column in arc.q.T], axis=1)

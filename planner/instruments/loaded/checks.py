@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup, largest_load
+from planner.cell.setup import MeasurementSetup, check_load
 from planner.common.errors import InputError
 from planner.common.units import MM, UM
 from planner.instruments.loaded.circle import measured_points
@@ -48,13 +48,7 @@ def check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
             "only; check force_N, or loads_N in [[circles]]"
         )
-    allowed = largest_load(cell)
-    if allowed is not None and largest > allowed:
-        raise InputError(
-            f"{name}: the bar loads the arm with {largest:.0f} N, but {cell.robot.name} may carry "
-            f"{cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of {cell.tool.mass:g} kg; check force_N, or "
-            "load less"
-        )
+    check_load(cell, largest, f"{name}: the bar loads the arm with {largest:.0f} N", "check force_N, or load less")
 
 
 def check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, name: str) -> None:

@@ -137,7 +137,7 @@ def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, s
     theta = np.arange(ANGLES) * 2 * np.pi / ANGLES
     x = np.array([circle.points(theta) for circle, _ in grid])
     which, start, R = _find_starts(cell, x[:, 0], normals, seed)
-    q, reached = follow_poses(cell, start, x[which], np.repeat(R[:, None], ANGLES, axis=1))
+    q, reached = follow_poses(cell, start, x[which], np.repeat(R[:, None], ANGLES, axis=1), lead=0.0)
     whole = np.flatnonzero(reached == ANGLES)
     room = np.array([_smallest_margin(cell, q[m], p_BX[which[m]], normals[which[m]]) for m in whole])
     out = []
