@@ -9,7 +9,7 @@ from planner.instruments.circular.plan import circle_samples
 from planner.runs.run import Samples
 from planner.simulation.measurement import SAMPLE_RATE
 from planner.simulation.truth import draw_truth
-from planner.workflow.circle_comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
+from tests.reproduction.comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
 
 
 def test_published_numbers():

@@ -6,8 +6,8 @@ from planner.cell.reading import load_cell
 from planner.common.progress import Stages
 from planner.instruments.circular.planning import plan_circles
 from planner.session.options import PlanOptions
-from planner.workflow.circle_comparison import PAPER, compare_circle_and_path
 from planner.workflow.planning import plan_cell
+from tests.reproduction.comparison import PAPER, compare_circle_and_path
 
 ROBOTS = 20
 
