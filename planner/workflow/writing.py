@@ -57,7 +57,7 @@ def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:
     return (circular_document(plan) if isinstance(plan, CircularPlan) else plan_document(plan)).content()
 
 
-def _report(plan: Plan | CircularPlan) -> "Report":
+def _report(plan: Plan | CircularPlan) -> Report:
     # matplotlib and plotly: other commands start quicker without
     from planner.report.circular_plan_report import report_circular_plan
     from planner.report.plan_report import report_plan
