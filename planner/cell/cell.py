@@ -127,6 +127,7 @@ class MotionSettings:
     dwell: float
     settle: float
     travel: float
+    tour_cost: Literal["limits", "axes"] = "limits"
 
 
 @dataclass(frozen=True)

@@ -179,8 +179,12 @@ class FixtureFile(StrictModel):
     mount_deg: tuple[float, ...] | None = None
 
 
-class MotionFile(StrictModel):
-    """``[motion]``: how the measuring poses are joined."""
+class MotionFile(OptionalKeys):
+    """``[motion]``: how the measuring poses are joined.
+
+    ``tour_cost``: what the order of the poses is the shortest of, the time of each leg's slowest limit (axes, tool and
+    bar), or of its slowest axis alone at full speed (EDBB paper, eq. 7).
+    """
 
     measure: Literal["continuous", "static"] = "continuous"
     both_ways: bool = True
@@ -190,6 +194,8 @@ class MotionFile(StrictModel):
     dwell_s: NonNegativeFloat = 1.0
     settle_s: NonNegativeFloat = 0.5
     travel_percent: Annotated[float, Field(gt=0, le=100)] = 100.0
+    tour_cost: Literal["limits", "axes"] = "limits"
+    LATER: ClassVar[tuple[str, ...]] = ("tour_cost",)
 
 
 class TwistFile(StrictModel):

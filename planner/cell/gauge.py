@@ -111,6 +111,8 @@ class Gauge(ABC):
         trim: what is left free of bodies before the tool point [m].
         radius: of what stands at the place [m].
         zero_free: whether its readings have a zero that is unknown.
+        rate, acceleration: largest change of the reading that it follows while it is attached [m/s, m/s²].
+        stop_margin: what a plan keeps from either end of the range [m].
         head: indicators that are centred on balls, where it has them.
     """
 
@@ -123,6 +125,9 @@ class Gauge(ABC):
     trim: float = 0.0
     radius: float = 0.0
     zero_free: bool = False
+    rate: float = np.inf
+    acceleration: float = np.inf
+    stop_margin: float = 0.0
     head: "IndicatorHead | None" = None
 
     kind: ClassVar[str]
@@ -183,6 +188,11 @@ class Gauge(ABC):
         Raises:
             InputError: a section is missing, or one is there that this gauge has no use for.
         """
+
+    @property
+    def planned_range(self) -> tuple[float, float]:
+        """Return the shortest and the longest length that a plan uses: the range less the margin at its ends [m]."""
+        return self.length_min + self.stop_margin, self.length_max - self.stop_margin
 
     # ---- one reading
 

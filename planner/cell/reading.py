@@ -162,6 +162,7 @@ def _read_motion(file: CellFile) -> MotionSettings:
         m.dwell_s,
         m.settle_s,
         m.travel_percent / 100,
+        m.tour_cost,
     )
 
 

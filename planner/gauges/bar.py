@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import NonNegativeFloat, PositiveFloat
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
@@ -14,7 +15,8 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
-from planner.common.units import MM, Array, read_only, to_mm
+from planner.common.schema import StrictModel, validate
+from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.context import Context
 from planner.effects.effect import Effect
@@ -32,6 +34,30 @@ from planner.kinematics.robot import Robot
 from planner.runs.run import Readings, Run, Samples
 
 PRIOR_ZERO = 1.0 * MM
+LARGEST_MARGIN = 0.25  # of the range: what is left of a short one must hold a plan
+
+
+class BarKeys(StrictModel):
+    """Keys of ``[gauge]`` that only a bar has: what it follows, and how far a plan stays off its ends."""
+
+    rate_mm_s: PositiveFloat = 100.0
+    acceleration_mm_s2: PositiveFloat = 1000.0
+    stop_margin_mm: NonNegativeFloat | None = None
+
+
+def choose_stop_margin(file: CellFile, keys: BarKeys) -> float:
+    """Return what a plan keeps from the bar's ends [m]: by default how far off fixture and tool point may stand."""
+    if file.gauge.length_mm is None:
+        return 0.0
+    if keys.stop_margin_mm is not None:
+        return keys.stop_margin_mm * MM
+    tool = 0.0
+    if file.tool is not None:
+        sigma = file.tool.map_sigma_um
+        tool = file.tool.prior_mm if sigma is None else sigma * UM / MM
+    prior = float(np.hypot(max((f.prior_mm for f in file.fixtures), default=0.0), tool))
+    shortest, longest = file.gauge.length_mm
+    return min(prior, LARGEST_MARGIN * (longest - shortest)) * MM
 
 
 @dataclass(frozen=True)
@@ -45,6 +71,7 @@ class LengthGauge(LineGauge):
     housing: float = 0.0
     rod_radius: float = 0.0
 
+    OwnKeys = BarKeys
     columns: ClassVar[str] = "length_mm"
     plural: ClassVar[str] = "lengths"
     is_attached: ClassVar[bool] = True
@@ -55,12 +82,19 @@ class LengthGauge(LineGauge):
 
     @classmethod
     def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
-        """Return zero and body.
+        """Return zero, body, what it follows, and the margin at its ends.
 
         Raises:
-            InputError: the body is longer than the shortest length.
+            InputError: the body is longer than the shortest length, or the margin leaves nothing of the range.
         """
         g, body = file.gauge, file.gauge.body
+        keys = validate(g.own, BarKeys, f"{path}: [gauge]")
+        margin = choose_stop_margin(file, keys)
+        if g.length_mm is not None and 2.0 * margin >= (g.length_mm[1] - g.length_mm[0]) * MM:
+            raise InputError(
+                f"{path}: 'gauge.stop_margin_mm' = {margin / MM:g} at both ends leaves nothing of the range "
+                f"{g.length_mm[0]:g} to {g.length_mm[1]:g} mm; allowed is less than half of it"
+            )
         if planning and g.length_mm is not None and body.housing_mm + body.trim_mm > g.length_mm[0]:
             raise InputError(
                 f"{path}: gauge.body.housing_mm = {body.housing_mm:g} and the trim of {body.trim_mm:g} mm at the far "
@@ -71,6 +105,9 @@ class LengthGauge(LineGauge):
             "radius": body.radius_mm * MM,
             "housing": body.housing_mm * MM,
             "rod_radius": body.rod_radius_mm * MM,
+            "rate": keys.rate_mm_s * MM,
+            "acceleration": keys.acceleration_mm_s2 * MM,
+            "stop_margin": margin,
         }
 
     @classmethod

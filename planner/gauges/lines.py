@@ -32,10 +32,11 @@ class LineGauge(Gauge):
         )
 
     def margins(self, stage: FilterStage, place: Fixture, p_BM: Array, axis_B: Array) -> Array:
-        """Length within the range, tilts within the cones."""
+        """Length within the range that a plan uses, tilts within the cones."""
         line = bar_state(p_BM, place.p_BX)
         if stage == "workspace":
-            return np.column_stack([line.length - self.length_min, self.length_max - line.length])
+            shortest, longest = self.planned_range
+            return np.column_stack([line.length - shortest, longest - line.length])
         if stage == "cones":
             at_place = self.cone_fixture - tilt_angle(line.direction, place.axis_B)
             return np.column_stack([at_place, self.cone_map - tilt_angle(-line.direction, axis_B)])

@@ -82,8 +82,9 @@ def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: floa
     r, phi0 = np.hypot(along, across), np.arctan2(across, along)
     square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
     scale = np.maximum(2 * r * f_radial, 1e-12)
-    near = np.arccos(np.clip((square - cell.gauge.length_min**2) / scale, -1, 1))
-    far = np.arccos(np.clip((square - cell.gauge.length_max**2) / scale, -1, 1))
+    shortest, longest = cell.gauge.planned_range
+    near = np.arccos(np.clip((square - shortest**2) / scale, -1, 1))
+    far = np.arccos(np.clip((square - longest**2) / scale, -1, 1))
     starts, ends = np.stack([near, -far], axis=1) - phi0[:, None], np.stack([far, -near], axis=1) - phi0[:, None]
     if sense < 0:
         starts, ends = -ends, -starts

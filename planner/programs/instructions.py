@@ -29,6 +29,10 @@ class JointMove:
     """Identity of the measuring pose that the leg ends at, if it does."""
     tool_travel_mm: float | None = None
     """Largest |dx/ds| of the leg, s from 0 to 1 along it [mm]; unknown: speed times duration stands in."""
+    tool_limit_mm_s: float = math.inf
+    """What the tool's speed must not exceed on the leg [mm/s]."""
+    fixture: int | None = None
+    """Where a gauge is attached on the leg, counted from 0; its own rate is limited as well."""
 
     @property
     def travel_mm(self) -> float:

@@ -205,7 +205,7 @@ class _StepBuilder:
             blend = d.blend.tolerance
         speed = format_fixed(speed_value(item, self.override, d.speed), d.speed.decimals)
         with_move = value is not None and d.sync.flying == "with_move"
-        pulse, log = self._signals(mark)
+        pulse, log = self._signals(mark) if value is not None else (False, False)
         turned = sum(abs(b - a) for a, b in zip(self.here, item.q_deg, strict=True))
         return MoveWords(
             words=tuple(zip(d.axes, (format_fixed(q, d.decimals) for q in item.q_deg), strict=False)),

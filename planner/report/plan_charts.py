@@ -119,9 +119,9 @@ def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
         ("In the order of selection", both.unsorted_t, both.unsorted_q),
         ("In the order of the tour", both.sorted_t, both.sorted_q),
     ):
-        labels = (f"{name}: {duration_text(float(t[-1]))}", "time of the slowest axis (s)", "joint angle (deg)")
+        labels = (f"{name}: {duration_text(float(t[-1]))}", "time by the cost of the legs (s)", "joint angle (deg)")
         panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
-    caption = "The same poses on the same scale. A leg lasts as long as its slowest axis needs at full speed."
+    caption = f"The same poses on the same scale. A leg lasts as long as its slowest limit: {both.cost_name}."
     return Chart(f"tour{suffix}", "The tour, before and after sorting", caption, tuple(panels))
 
 

@@ -12,6 +12,7 @@ from planner.effects.parameters import Parameter
 from planner.motion.timing.trajectory import MotionSamples
 from planner.session.course import axis_limits
 from planner.session.plan_types import Drive, Plan
+from planner.session.tour_cost import cost_name, leg_times
 
 PATH_SAMPLES = 2000  # along the way there: a picture has no more columns
 
@@ -63,12 +64,13 @@ def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> Drive
 
 @dataclass(frozen=True)
 class TourOrders:
-    """The same poses in two orders: time of each [s] by its slowest axis (EDBB paper, eq. 7), angles (m, N) [rad]."""
+    """The same poses in two orders: time of each [s] by the cost of the tour's legs, angles (m, N) [rad]."""
 
     unsorted_t: Array
     unsorted_q: Array
     sorted_t: Array
     sorted_q: Array
+    cost_name: str
 
 
 def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
@@ -77,11 +79,12 @@ def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
     q = np.array([v.q for v in drive.visits if v.repeats is None][: len(order)])
     sorted_q = np.vstack([q, q[:1]])
     unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
-    return TourOrders(_clock(cell, unsorted_q), unsorted_q, _clock(cell, sorted_q), sorted_q)
+    unsorted_t, sorted_t = (_clock(cell, drive.fixture, way) for way in (unsorted_q, sorted_q))
+    return TourOrders(unsorted_t, unsorted_q, sorted_t, sorted_q, cost_name(cell))
 
 
-def _clock(cell: Cell, q: Array) -> Array:
-    legs = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
+def _clock(cell: Cell, fixture: int, q: Array) -> Array:
+    legs = leg_times(cell, fixture, q[:-1], q[1:])
     return np.concatenate([[0.0], np.cumsum(legs)])
 
 

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 import planner.report.formatting as text
 import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
@@ -11,6 +13,7 @@ from planner.report.cell_view import build_cell_view
 from planner.report.page import Report, Row
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
 from planner.session.plan_types import Drive, Plan
+from planner.session.tour_cost import cost_name
 
 
 def report_plan(plan: Plan) -> Report:
@@ -75,19 +78,34 @@ def _foreseen(plan: Plan) -> tuple[Row, ...]:
     return (("error foreseen", left, f"rms, once traced; none leaves less than {bound}"),)
 
 
-def _tour_facts(drive: Drive) -> tuple[Row, ...]:
+def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What is known of the order: (what, value)."""
     tour, returns = drive.tour, len(drive.trajectory.waypoint_time) > len(drive.path.q)
     bound = f"no order is quicker than {text.duration_text(tour.lower_bound_s)}"
     return (
         ("solver", tour.solver),
+        ("a leg costs the time of", cost_name(cell)),
         ("in the order of selection", text.duration_text(tour.unsorted_s)),
         (
             "in the order of the tour",
             f"{text.duration_text(tour.cost_s)} ({'proven: no order is quicker' if tour.optimal else bound})",
         ),
         ("as driven", f"{text.duration_text(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
+        *_speed_facts(cell, drive),
     )
+
+
+def _speed_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
+    """What tool and gauge do at most while the gauge is attached, against their limits: (what, value)."""
+    used, gauge = drive.limits, cell.gauge
+    if not gauge.is_attached:
+        return ()
+    rows = [("tool speed at most", used.tool_speed * cell.motion.tool_speed, cell.motion.tool_speed, "mm/s")]
+    if np.isfinite(gauge.rate):
+        rows.append(("rate of the gauge at most", used.reading_rate * gauge.rate, gauge.rate, "mm/s"))
+        most = used.reading_acceleration * gauge.acceleration
+        rows.append(("acceleration of the gauge at most", most, gauge.acceleration, "mm/s²"))
+    return tuple((what, f"{to_mm(value):.1f} of {to_mm(limit):g} {unit}") for what, value, limit, unit in rows)
 
 
 def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
@@ -126,5 +144,5 @@ def _drive(plan: Plan, k: int) -> dict[str, Any]:
         *((gauge_chart,) if gauge_chart else ()),
         plan_charts.speed_chart(cell, way, drive, suffix),
     )
-    facts = {"tour": _tour_facts(drive), "path": _path_facts(cell, drive)}
+    facts = {"tour": _tour_facts(cell, drive), "path": _path_facts(cell, drive)}
     return facts | {"fixture": cell.place_name(drive.fixture), "charts": charts}

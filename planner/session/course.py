@@ -10,7 +10,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, read_only
-from planner.motion.timing.limits import Limits
+from planner.kinematics.bar_geometry import bar_state
+from planner.motion.timing.limits import Limits, ReadingLimits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
 
 Role = Literal["calibrate", "repeat", "validate", "mount"]
@@ -121,8 +122,23 @@ def axis_limits(cell: Cell, bar: bool) -> Limits:
 
 
 def tool_speed(cell: Cell, bar: bool) -> float:
-    """Limit of the tool point's speed [m/s]: the measuring speed where the gauge is read while moving, else none."""
-    return cell.motion.tool_speed if bar and is_continuous(cell) else np.inf
+    """Limit of the tool point's speed [m/s] while a gauge is attached or read while moving, else none."""
+    limited = bar and (is_continuous(cell) or cell.gauge.is_attached)
+    return cell.motion.tool_speed if limited else np.inf
+
+
+def reading_limits(cell: Cell, fixture: int, bar: bool) -> ReadingLimits | None:
+    """Limits of the gauge's own rate and acceleration while it is attached at a fixture, else none."""
+    gauge = cell.gauge
+    if not (bar and gauge.is_attached and np.isfinite(gauge.rate)):
+        return None
+    p_BX = cell.fixtures[fixture].p_BX
+    return ReadingLimits(
+        gauge.rate,
+        gauge.acceleration,
+        lambda q: bar_state(cell.map_position(q), p_BX).length,
+        lambda q: bar_state(cell.map_position(q), p_BX).direction,
+    )
 
 
 def leg_speed(cell: Cell, visit: np.ndarray, bar: bool) -> float | Array:
@@ -149,20 +165,22 @@ def rests_at_poses(cell: Cell) -> bool:
 def time_course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
     cell = cell.at(fixture)
-    return Course.of_poses(cell, fixture, time_path(cell, travel, bar=False), time_measuring(cell, measuring))
+    return Course.of_poses(
+        cell, fixture, time_path(cell, travel, fixture, bar=False), time_measuring(cell, measuring, fixture)
+    )
 
 
-def time_measuring(cell: Cell, path: Waypoints) -> TimedPath:
+def time_measuring(cell: Cell, path: Waypoints, fixture: int) -> TimedPath:
     """Time a measuring path, given one way, as it is driven: both ways where asked, at rest at the poses or not."""
     moving = is_continuous(cell)
     if moving and cell.motion.both_ways:
         path = path.there_and_back()
     rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds
-    return time_path(cell, path, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
+    return time_path(cell, path, fixture, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
 
 
-def time_path(cell: Cell, path: Waypoints, bar: bool, dwell: Array | None = None) -> TimedPath:
-    """Time a path with or without the bar; ``dwell`` (m,) [s] at its points."""
+def time_path(cell: Cell, path: Waypoints, fixture: int, bar: bool, dwell: Array | None = None) -> TimedPath:
+    """Time a path with or without the bar, which hangs from ``fixture``; ``dwell`` (m,) [s] at its points."""
     trajectory = plan_trajectory(
         path.q,
         stop=path.blend == 0,
@@ -172,5 +190,6 @@ def time_path(cell: Cell, path: Waypoints, bar: bool, dwell: Array | None = None
         limits=axis_limits(cell, bar),
         tool_speed=leg_speed(cell, path.visit, bar),
         dwell=0.0 if dwell is None else dwell,
+        reading=reading_limits(cell, fixture, bar),
     )
     return TimedPath(path.q, path.visit, path.blend, trajectory)

@@ -65,6 +65,9 @@ class TrajectoryRecord(PartialModel):
 
     duration_s: float
     measuring_s: float = 0.0
+    tool_speed_mm_s: float | None = None
+    gauge_rate_mm_s: float | None = None
+    gauge_acceleration_mm_s2: float | None = None
     file: str = ""
 
 

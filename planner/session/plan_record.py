@@ -17,6 +17,7 @@ from planner.motion.path.verdict import Verdict
 from planner.session.course import DIGITS, Waypoints
 from planner.session.document import SCHEMA, PlanDocument
 from planner.session.plan_types import Drive, Plan, Programs, Visit
+from planner.session.tour_cost import cost_name
 
 
 def plan_document(plan: Plan) -> PlanDocument:
@@ -50,11 +51,12 @@ def plan_record(plan: Plan) -> dict[str, object]:
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
         "observability": _observability_record(choice, plan.driven),
-        "tour": _tour_record(drives),
+        "tour": _tour_record(plan.cell, drives),
         "path": _path_record(plan),
         "trajectory": {
             "duration_s": sum(d.trajectory.duration_s for d in drives),
             "measuring_s": sum(d.trajectory.measuring_s for d in drives),
+            **_largest_speeds(plan.cell, drives),
             "file": "trajectory.csv",
         },
         "drives": [_drive_record(plan, d) for d in drives],
@@ -120,14 +122,27 @@ def _foresight_record(ahead: BayesianDesign | None) -> dict[str, object]:
     return {"foresight": told}
 
 
-def _tour_record(drives: tuple[Drive, ...]) -> dict[str, object]:
+def _tour_record(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, object]:
     return {
+        "cost_of_leg": cost_name(cell),
         "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
         "unsorted_s": sum(d.tour.unsorted_s for d in drives),
         "cost_s": sum(d.tour.cost_s for d in drives),
         "lower_bound_s": sum(d.tour.lower_bound_s for d in drives),
         "optimal": all(d.tour.optimal for d in drives),
         "driven_s": sum(d.trajectory.duration_s for d in drives),
+    }
+
+
+def _largest_speeds(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, float]:
+    """What tool and gauge do at most while the gauge is attached, as sampled along the trajectory."""
+    gauge = cell.gauge
+    if not (gauge.is_attached and np.isfinite(gauge.rate)):
+        return {}
+    return {
+        "tool_speed_mm_s": max(d.limits.tool_speed for d in drives) * cell.motion.tool_speed * 1e3,
+        "gauge_rate_mm_s": max(d.limits.reading_rate for d in drives) * gauge.rate * 1e3,
+        "gauge_acceleration_mm_s2": max(d.limits.reading_acceleration for d in drives) * gauge.acceleration * 1e3,
     }
 
 

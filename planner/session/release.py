@@ -43,7 +43,7 @@ def release_path(
         NoSolutionError: an engine does not prove the path; nothing is written for it.
     """
     for _ in range(STOPPED + 1):
-        timed = time_path(constraints.cell, points, constraints.bar) if timing is None else timing(points)
+        timed = _time_way(constraints, points) if timing is None else timing(points)
         verdicts, unproven = judge_corners(constraints, points.q, timed.trajectory, separate)
         if not len(unproven):
             break
@@ -57,6 +57,10 @@ def release_path(
                 f"({'; '.join(v.failures[:3])}): raise motion.clearance_mm a little, or try another --seed"
             )
     return ReleasedPath(timed, verdicts)
+
+
+def _time_way(constraints: Constraints, points: Waypoints) -> TimedPath:
+    return time_path(constraints.cell, points, constraints.workspace.fixture, constraints.bar)
 
 
 def judge_corners(

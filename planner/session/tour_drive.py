@@ -18,12 +18,20 @@ from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
-from planner.motion.tour.instance import slowest_axis_cost
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
-from planner.session.course import Course, Role, axis_limits, rests_at_poses, round_angles, time_measuring
+from planner.session.course import (
+    Course,
+    Role,
+    axis_limits,
+    reading_limits,
+    rests_at_poses,
+    round_angles,
+    time_measuring,
+)
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import add_blends, release_path, release_way
+from planner.session.tour_cost import tour_costs
 
 TRIES = 12  # tours re-solved with a leg forbidden
 LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
@@ -90,13 +98,14 @@ def drive_tour(place: FixtureSession, stops: Sequence[TourStop], tsp: Method, se
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     points = add_blends(constraints, path, rests, ids)
     separate = ball_motions(constraints, path, stops)
-    measuring = release_path(constraints, points, lambda p: time_measuring(cell, p), separate)
+    measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.fixture), separate)
     travelling = release_way(place.travelling, travel)
     if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
     course = Course.of_poses(cell, place.fixture, travelling.path, measuring.path)
     step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
-    limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step)
+    reading = reading_limits(cell, place.fixture, bar=True)
+    limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step, reading)
     verdicts = measuring.verdicts + travelling.verdicts
     return Drive(course=course, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)
 
@@ -120,7 +129,7 @@ def join_tour(place: FixtureSession, nodes: Array, tsp: Method, seed: int) -> tu
         Unreachable: a stop cannot be reached.
         NoSolutionError: no tour joins the nodes.
     """
-    cost = slowest_axis_cost(nodes, place.cell.robot.speed)
+    cost = tour_costs(place.cell, place.fixture, nodes)
     proof = 0 if len(nodes) > MANY and not place.cell.gauge.is_attached else None
     forbidden: dict[tuple[int, int], str] = {}
     for _ in range(TRIES):

@@ -7,9 +7,8 @@ from planner.common.determinism import on_one_thread
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.programs.dialect import load_dialect
-from planner.programs.program_files import write_program
 from planner.programs.rendering import ProgramFile
-from planner.session.neutral_program import session_program
+from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
 from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
@@ -49,7 +48,8 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     dense = load_dialect(dialect).wants_dense_path
     plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
     program = session_program(plan.cell, plan.courses, plan.plan_id, dense)
-    return write_program(program, dialect, f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem)
+    name = f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem
+    return write_session(plan.cell, program, dialect, name)
 
 
 @on_one_thread

@@ -19,6 +19,7 @@ from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
+from planner.session.tour_cost import cost_name
 from planner.simulation.measurement import SimulatedRun
 from planner.workflow.writing import plan_content, write_plan, write_program_as
 
@@ -68,7 +69,8 @@ class PlanResult(SessionResult):
             f"  candidates  {plan.pool.funnel.text()}",
             f"  {choice.index:<10}  {choice.value:#.4g}; {proof}",
             f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
-            f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}),"
+            f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}"
+            f" by {cost_name(plan.cell)}),"
             f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
             f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
         ]

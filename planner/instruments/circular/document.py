@@ -231,9 +231,9 @@ def _read_arc(path: Path, cell: Cell, file: ArcRecord) -> Arc:
 
 def _read_drive(cell: Cell, fixture: int, arcs: tuple[Arc, ...], file: FixtureRecord, number: int) -> CircularDrive:
     measured = measured_passes(arcs, number)
-    travel = time_path(cell, read_waypoints(file.travel), bar=False)
+    travel = time_path(cell, read_waypoints(file.travel), fixture, bar=False)
     passes = [
-        CircularPass.between(time_path(cell, read_waypoints(p.way), bar=True), last=p is file.passes[-1])
+        CircularPass.between(time_path(cell, read_waypoints(p.way), fixture, bar=True), last=p is file.passes[-1])
         if p.way
         else next(measured)
         for p in file.passes

@@ -82,7 +82,7 @@ def drive_arc(cell: Cell, circle: Circle, angle: Array, q: Array, blend: float) 
     there = Waypoints(q, marks, radius)
     back = replace(there.reversed(), visit=np.where(marks >= 0, 1 - marks, -1)[::-1])
     at_speed = replace(cell, motion=replace(cell.motion, tool_speed=circle.speed))
-    ccw, cw = (time_path(at_speed, points, bar=True) for points in (there, back))
+    ccw, cw = (time_path(at_speed, points, circle.fixture, bar=True) for points in (there, back))
     length = bar_state(cell.map_position(q), cell.fixtures[circle.fixture].p_BX).length
     return Arc(circle, read_only(angle), ccw, cw, read_only(length), circle_deviation(cell, circle, ccw.trajectory))
 

@@ -44,6 +44,31 @@ class Limits:
                 raise InputError(f"joint {j + 1} has a {name} limit of {value[j]:g}, allowed is positive and finite")
 
 
+NO_JERK_LIMIT = 1e9  # [m/s³] of a reading: nothing in a gauge is hurt by it
+
+
+@dataclass(frozen=True)
+class ReadingLimits:
+    """What a gauge that is held between a place and the tool follows: rate [m/s] and acceleration [m/s²].
+
+    ``length`` maps joint angles (n, N) [rad] to its reading (n,) [m], ``direction`` to the unit vectors (n, 3) along
+    which the reading grows as the tool point moves.
+    """
+
+    rate: float
+    acceleration: float
+    length: Callable[[Array], Array]
+    direction: Callable[[Array], Array]
+
+    def beside(self, limits: Limits) -> Limits:
+        """Return joint limits with the reading as one more coordinate, the last."""
+        return Limits(
+            np.append(limits.speed, self.rate),
+            np.append(limits.acceleration, self.acceleration),
+            np.append(limits.jerk, NO_JERK_LIMIT),
+        )
+
+
 @dataclass(frozen=True)
 class TimingRequest:
     """A polyline to be driven, checked: path_q (m, N) [rad], stop (m,), blend_m (m,), tool_speed (m-1,), dwell (m,)."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.common.units import Array, read_only
 from planner.motion.timing.curve import PathCurve
-from planner.motion.timing.limits import Index, Limits, Mask, ToolJacobian
+from planner.motion.timing.limits import Index, Limits, Mask, ReadingLimits, ToolJacobian
 from planner.motion.timing.ramps import reachable_speed, travel_time
 
 JOINT_STEP = 0.015  # [rad] largest joint travel between two samples of the tool's speed
@@ -24,8 +24,9 @@ SHARE = 0.9  # of the acceleration and jerk limits that curvature alone may use
 class Stretches:
     """S stretches in order along the path.
 
-    edge (S+1,) their ends in s [m]; d1, d2, d3 (S, N) the largest |dq/ds|, |d²q/ds²|, |d³q/ds³| on each; tool (S,) the
-    largest ds/dt [m/s] that the tool's speed limit allows; rest (S+1,) ends at which the motion stands still.
+    edge (S+1,) their ends in s [m]; d1, d2, d3 (S, N) the largest |dq/ds|, |d²q/ds²|, |d³q/ds³| on each, with those of
+    a gauge's reading behind the joints' where it has limits; tool (S,) the largest ds/dt [m/s] that the tool's speed
+    limit allows; rest (S+1,) ends at which the motion stands still.
     """
 
     edge: Array
@@ -45,11 +46,18 @@ def speed_bound(d1: Array, d2: Array, d3: Array, tool: Array, limits: Limits, sh
 
 
 def cut_stretches(
-    curve: PathCurve, passage: Array, stop: Mask, tool_speed: Array, jacobian: ToolJacobian, limits: Limits
+    curve: PathCurve,
+    passage: Array,
+    stop: Mask,
+    tool_speed: Array,
+    jacobian: ToolJacobian,
+    limits: Limits,
+    reading: ReadingLimits | None = None,
 ) -> Stretches:
     """Cut the curve into stretches.
 
-    passage (M,) [m] and stop (M,) per distinct path point, tool_speed (M-1,) [m/s] per leg.
+    passage (M,) [m] and stop (M,) per distinct path point, tool_speed (M-1,) [m/s] per leg. With ``reading`` the limits
+    are those of :meth:`ReadingLimits.beside`.
     """
     s, piece, leg = _samples(curve, passage, tool_speed)
     # at a stop the tangent jumps: each interval takes both its ends on its own piece
@@ -57,12 +65,19 @@ def cut_stretches(
     margin = np.where(curve.blend[piece], MARGIN_BLEND, MARGIN_STRAIGHT)[:, None]
     d1, d2, d3 = (np.maximum(np.abs(a), np.abs(b)) * margin for a, b in zip(low[1:], high[1:], strict=True))
     tool = np.full(len(leg), np.inf)
-    if np.isfinite(tool_speed).any():
-        jacobians = jacobian(np.concatenate([low[0], high[0][-1:]]))
+    if np.isfinite(tool_speed).any() or reading is not None:
+        states = np.concatenate([low[0], high[0][-1:]])
+        jacobians = jacobian(states)
         begin = np.einsum("nij,nj->ni", jacobians[:-1], low[1])
         end = np.einsum("nij,nj->ni", jacobians[1:], high[1])
         with np.errstate(divide="ignore"):
             tool = tool_speed[leg] / (_largest_norm(begin, end, np.diff(s)) * MARGIN_STRAIGHT)
+        if reading is not None:
+            along = reading.direction(states)
+            begin, end = (np.einsum("ni,ni->n", e, v) for e, v in ((along[:-1], begin), (along[1:], end)))
+            rate, bend = _reading_derivatives(begin, end, np.diff(s))
+            d1, d2 = np.column_stack([d1, rate]), np.column_stack([d2, bend])
+            d3 = np.column_stack([d3, np.zeros(len(leg))])
     fastest = speed_bound(d1, d2, d3, tool, limits, SHARE)
     marks = np.searchsorted(s, np.concatenate([curve.start, passage]))
     first = _first_intervals(fastest, marks[marks < len(fastest)])
@@ -100,6 +115,17 @@ def _largest_norm(low: Array, high: Array, h: Array) -> Array:
     bend[1:-1][np.linalg.norm(high[:-1] - low[1:], axis=1) > JUMP * np.linalg.norm(low[1:], axis=1)] = 0.0
     longest = np.maximum(np.linalg.norm(low, axis=1), np.linalg.norm(high, axis=1))
     return np.asarray(longest + SAGITTA * h**2 * np.maximum(bend[:-1], bend[1:]))
+
+
+def _reading_derivatives(low: Array, high: Array, h: Array) -> tuple[Array, Array]:
+    """Return the largest |dL/ds| and |d²L/ds²| of a reading L on intervals h, (n,) each, from dL/ds at both ends (n,).
+
+    The second derivative is the mean over the interval, and as much more as it differs from that of its neighbours.
+    """
+    first = _largest_norm(low[:, None], high[:, None], h) * MARGIN_STRAIGHT
+    second = (high - low) / h
+    change = np.abs(np.diff(second, prepend=second[:1], append=second[-1:]))
+    return first, np.abs(second) + np.maximum(change[:-1], change[1:])
 
 
 def _first_intervals(fastest: Array, marks: Index) -> Index:

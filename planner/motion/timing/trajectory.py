@@ -12,7 +12,16 @@ from numpy.typing import ArrayLike
 from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array, read_only, to_deg, to_mm
 from planner.motion.timing.curve import Corners, PathCurve, build_curve, closest_passages, round_corners
-from planner.motion.timing.limits import Index, Limits, Mask, TimingRequest, ToolJacobian, ToolPosition, check_request
+from planner.motion.timing.limits import (
+    Index,
+    Limits,
+    Mask,
+    ReadingLimits,
+    TimingRequest,
+    ToolJacobian,
+    ToolPosition,
+    check_request,
+)
 from planner.motion.timing.phases import Phases, stand_still, time_steps
 from planner.motion.timing.profile import choose_speeds, cut_stretches
 
@@ -117,18 +126,20 @@ def plan_trajectory(
     limits: Limits,
     tool_speed: ArrayLike = np.inf,
     dwell: ArrayLike = 0.0,
+    reading: ReadingLimits | None = None,
 ) -> Trajectory:
     """Blend and time a polyline of controller angles path_q (m, N) [rad].
 
     stop (m,): rest exactly here (first and last always); a reversal and a corner of radius 0 become stops. blend_m, one
     or (m,) [m]: distance of the tool point from the corner at which a blend begins and ends, at most half the leg.
     tool_speed, one or (m-1,) [m/s]: limit of the tool point on each leg, inf for none. dwell, one or (m,) [s] at stops.
-    Raises InputError where shapes or values do not fit. Same input, same trajectory, bit for bit.
+    reading: limits of the gauge that is held at the tool. Raises InputError where shapes or values do not fit. Same
+    input, same trajectory, bit for bit.
     """
     request = check_request(path_q, stop, blend_m, tool_speed, dwell, len(limits.speed))
     corners = round_corners(request, tool_position, limits.speed)
     curve = build_curve(corners)
-    phases, reached = _time_curve(request, corners, curve, tool_jacobian, limits)
+    phases, reached = _time_curve(request, corners, curve, tool_jacobian, limits, reading)
     waypoint_time = _waypoint_times(reached, corners.node, request.dwell)
     leave = waypoint_time[:-1] + request.dwell[:-1]
     leg_duration = np.maximum(waypoint_time[1:] - leave, 0.0)
@@ -152,7 +163,12 @@ def plan_trajectory(
 
 
 def _time_curve(
-    request: TimingRequest, corners: Corners, curve: PathCurve, jacobian: ToolJacobian, limits: Limits
+    request: TimingRequest,
+    corners: Corners,
+    curve: PathCurve,
+    jacobian: ToolJacobian,
+    limits: Limits,
+    reading: ReadingLimits | None,
 ) -> tuple[Phases, Array]:
     """Return s(t) and the time (M,) of reaching each distinct path point."""
     count = len(corners.q)
@@ -161,7 +177,8 @@ def _time_curve(
         return stand_still(float(wait[0])), np.zeros(1)
     passage = closest_passages(curve, count)
     leg_limit = request.tool_speed[np.diff(corners.node) > 0]
-    stretches = cut_stretches(curve, passage, corners.stop, leg_limit, jacobian, limits)
+    limits = limits if reading is None else reading.beside(limits)
+    stretches = cut_stretches(curve, passage, corners.stop, leg_limit, jacobian, limits, reading)
     at = np.searchsorted(stretches.edge, passage)
     pause = np.zeros(len(stretches.edge))
     pause[at] = wait
@@ -188,18 +205,23 @@ SLACK = 1e-6  # utilisation that still counts as kept: rounding and ruckig's tol
 
 @dataclass(frozen=True)
 class LimitReport:
-    """Largest use of each limit as a share of it: speed, acceleration, jerk (N,) per joint; tool_speed of any leg."""
+    """Largest use of each limit as a share of it: speed, acceleration, jerk (N,) per joint; tool_speed of any leg.
+
+    ``reading_rate`` and ``reading_acceleration`` are of the gauge that is held at the tool, zero without one.
+    """
 
     speed: Array
     acceleration: Array
     jerk: Array
     tool_speed: float
+    reading_rate: float = 0.0
+    reading_acceleration: float = 0.0
 
     @property
     def worst(self) -> float:
         """The largest share of all."""
         joints = max(float(share.max()) for share in (self.speed, self.acceleration, self.jerk))
-        return max(joints, self.tool_speed)
+        return max(joints, self.tool_speed, self.reading_rate, self.reading_acceleration)
 
     @property
     def ok(self) -> bool:
@@ -207,8 +229,16 @@ class LimitReport:
         return self.worst <= 1.0 + SLACK
 
 
-def check_limits(trajectory: Trajectory, limits: Limits, dt_s: float = 0.01) -> LimitReport:
-    """Compare with the limits samples every ``dt_s`` [s], and five in every phase of the profile."""
+READING_STEP = 1e-4  # [s] between the readings whose differences are its rate and acceleration
+
+
+def check_limits(
+    trajectory: Trajectory, limits: Limits, dt_s: float = 0.01, reading: ReadingLimits | None = None
+) -> LimitReport:
+    """Compare with the limits samples every ``dt_s`` [s], and five in every phase of the profile.
+
+    A reading is compared by differences of the lengths themselves, not by the derivatives that the timing uses.
+    """
     start = trajectory.phases.t
     length = np.diff(np.append(start, trajectory.duration_s))
     inner = (start[:, None] + length[:, None] * INSIDE).ravel()
@@ -221,7 +251,16 @@ def check_limits(trajectory: Trajectory, limits: Limits, dt_s: float = 0.01) -> 
         read_only(np.abs(motion.ddq).max(axis=0) / limits.acceleration),
         read_only(np.abs(motion.dddq).max(axis=0) / limits.jerk),
         float((motion.tool_speed / trajectory.tool_speed_limit[leg]).max()),
+        *((0.0, 0.0) if reading is None else _reading_shares(trajectory, t, reading)),
     )
+
+
+def _reading_shares(trajectory: Trajectory, t: Array, reading: ReadingLimits) -> tuple[float, float]:
+    """Largest rate and acceleration of the reading at times t (n,) [s], as shares of their limits."""
+    before, here, after = (reading.length(trajectory.at(t + k * READING_STEP).q) for k in (-1, 0, 1))
+    rate = np.abs(after - before).max() / (2.0 * READING_STEP)
+    acceleration = np.abs(after - 2.0 * here + before).max() / READING_STEP**2
+    return float(rate / reading.rate), float(acceleration / reading.acceleration)
 
 
 TABLE_DECIMALS = 6  # 1 µs, 1e-6 degree, 1 nm

@@ -1,0 +1,122 @@
+"""The legs of a timed path as joint moves: speeds and times that keep the limits of tool and gauge however the
+controller spreads the leg's time, and the blended path in small steps for controllers that cannot blend it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array
+from planner.kinematics.bar_geometry import bar_state
+from planner.motion.timing.limits import Limits, axis_percent
+from planner.motion.timing.trajectory import Trajectory
+from planner.programs.instructions import JointMove
+from planner.session.course import TimedPath, is_continuous
+
+DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
+DENSE_TURN = 0.01  # [rad] of any axis between two such points
+LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
+STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
+
+
+def joint_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointMove]:
+    """One joint move a leg of the path, with the blends that the trajectory has.
+
+    ``fixture``: where the gauge is attached meanwhile, or ``None``.
+    """
+    robot, trajectory = cell.robot, path.trajectory
+    percent = axis_percent(
+        path.q,
+        tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
+        tool_jacobian=cell.map_jacobian,
+        limits=Limits(robot.speed, robot.acceleration, robot.jerk),
+    )
+    highest = 100.0 if fixture is not None and is_continuous(cell) else 100.0 * cell.motion.travel
+    run = _leg_travel(cell, path.q, fixture, LEG_SAMPLES, LEG_MARGIN)
+    shortest = run.shortest_times(trajectory.tool_speed_limit, cell.gauge.rate)
+    quickest = (np.abs(np.diff(path.q, axis=0)) / robot.speed).max(axis=1)
+    percent = np.minimum(percent, 100.0 * quickest / np.maximum(shortest, 1e-9))
+    tool = np.minimum(trajectory.leg_peak_tool_speed, cell.gauge.rate if fixture is not None else np.inf)
+    radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(path.q), axis=1)
+    return [
+        JointMove(
+            degrees(path.q[k + 1]),
+            duration_s=max(float(trajectory.leg_duration[k]), float(shortest[k]), 1e-3),
+            tool_speed_mm_s=float(tool[k]) * 1e3,
+            axis_percent=float(np.clip(percent[k], 0.01, highest)),
+            blend_mm=0.0 if trajectory.stop[k + 1] else float(radius[k + 1]) * 1e3,
+            pose=int(path.visit[k + 1]) if path.visit[k + 1] >= 0 else None,
+            tool_travel_mm=float(run.point[k]) * 1e3,
+            tool_limit_mm_s=float(trajectory.tool_speed_limit[k]) * 1e3,
+            fixture=fixture,
+        )
+        for k in range(len(path.q) - 1)
+    ]
+
+
+@dataclass(frozen=True)
+class LegTravel:
+    """Largest |dx/ds| of the tool point and |dL/ds| of the attached gauge on each leg, s from 0 to 1, (m − 1,) [m]."""
+
+    point: Array
+    length: Array
+
+    def shortest_times(self, tool_speed: Array, rate: float) -> Array:
+        """Return the times in which even motion of the joints keeps both limits [m/s] throughout, (m − 1,) [s]."""
+        return np.maximum(self.point / tool_speed, self.length / rate)
+
+
+def _leg_travel(cell: Cell, q: Array, fixture: int | None, samples: int, margin: float) -> LegTravel:
+    leg, share = np.diff(q, axis=0), np.linspace(0.0, 1.0, samples)
+    states = (q[:-1, None] + share[:, None] * leg[:, None]).reshape(-1, q.shape[1])
+    J = cell.map_jacobian(states).reshape(len(leg), samples, 3, -1)
+    velocity = np.einsum("lsij,lj->lsi", J, leg)
+    point = np.linalg.norm(velocity, axis=2).max(axis=1) * margin
+    if fixture is None or not cell.gauge.is_attached:
+        return LegTravel(point, np.zeros(len(leg)))
+    along = bar_state(cell.map_position(states), cell.fixtures[fixture].p_BX).direction.reshape(velocity.shape)
+    return LegTravel(point, np.abs(np.einsum("lsi,lsi->ls", velocity, along)).max(axis=1) * margin)
+
+
+def dense_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointMove]:
+    """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
+    trajectory, ids = path.trajectory, path.visit
+    t = _dense_times(cell, trajectory)
+    motion = trajectory.at(t)
+    marks = {
+        int(np.argmin(np.abs(t[1:] - s))): int(i)
+        for s, i in zip(trajectory.waypoint_time[1:], ids[1:], strict=True)
+        if i >= 0
+    }
+    limit = np.full(len(t) - 1, trajectory.tool_speed_limit.max())
+    run = _leg_travel(cell, motion.q, fixture, STEP_SAMPLES, STEP_MARGIN)
+    step = np.maximum(np.diff(t), run.shortest_times(limit, cell.gauge.rate))
+    full = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed / step[:, None] * 100
+    out = []
+    for k in range(len(step)):
+        speed = float(motion.tool_speed[k : k + 2].max()) * 1e3
+        percent = float(np.clip(full[k].max(), 0.01, 100.0))
+        rest = k + 1 == len(step) or motion.tool_speed[k + 1] == 0.0
+        blend, pose = 0.0 if rest else 1e3 * DENSE_TRAVEL / 2, marks.get(k)
+        angles = degrees(motion.q[k + 1])
+        out.append(JointMove(angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, fixture))
+    return out
+
+
+def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
+    """Times at which the path is written: never more than the steps above apart, and at every waypoint."""
+    fine = np.unique(np.concatenate([trajectory.sample_times(0.02), trajectory.waypoint_time]))
+    motion = trajectory.at(fine)
+    x = cell.map_position(motion.q)
+    travel = np.linalg.norm(np.diff(x, axis=0), axis=1) / DENSE_TRAVEL
+    turn = np.abs(np.diff(motion.q, axis=0)).max(axis=1) / DENSE_TURN
+    covered = np.concatenate([[0.0], np.cumsum(np.maximum(travel, turn))])
+    count = int(np.ceil(covered[-1]))
+    even = np.interp(np.arange(count + 1) * covered[-1] / max(count, 1), covered, fine)
+    times = np.unique(np.concatenate([even, trajectory.waypoint_time]))
+    return np.asarray(times[np.concatenate([[True], np.diff(times) > 5e-3])])
+
+
+def degrees(q: Array) -> tuple[float, ...]:
+    """Return joint angles (N,) [rad] in degrees."""
+    return tuple(float(v) for v in np.rad2deg(q))

@@ -1,0 +1,75 @@
+"""What the speeds in a written program make of tool and gauge, from the text that was read back and positions alone."""
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array, to_mm
+from planner.programs.dialect import Dialect
+from planner.programs.instructions import Program
+from planner.programs.languages.execution import ReadBack
+from planner.programs.verification import ProgramMismatchError
+
+PIECES = 32  # of a leg, whose chords give the largest speed on it
+SLACK = 1.0 + 1e-3
+PRINTED = 1e-5  # [m] of travel that the rounding of printed angles may add to a short step
+
+
+def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: ReadBack) -> None:
+    """Hold the largest speed of tool and gauge on every leg of a program against their limits.
+
+    The joints are taken to move evenly over the time that the speed words give the leg; a speed word of the tool is
+    that of the tool.
+
+    Raises:
+        ProgramMismatchError: naming the move, the speed and the limit.
+    """
+    limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
+    q = np.deg2rad(np.vstack([program.home_deg, found.joint_path_deg]))
+    for fixture in sorted({program.moves[k].fixture for k in limited}, key=str):
+        rows = np.array([k for k in limited if k > 0 and program.moves[k].fixture == fixture], dtype=int)
+        if not len(rows):
+            continue
+        travel, change = _largest_travel(cell, q[rows], q[rows + 1], fixture)
+        seconds = _leg_seconds(cell, dialect, q, found, rows, travel)
+        limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
+        _refuse(rows, travel, seconds, limit, "the tool")
+        if fixture is not None and cell.gauge.is_attached:
+            _refuse(rows, change, seconds, np.full(len(rows), cell.gauge.rate), "the gauge")
+
+
+def _largest_travel(cell: Cell, start: Array, end: Array, fixture: int | None) -> tuple[Array, Array]:
+    """Largest travel of the tool and change of the gauge's length per share of each leg, (m,) [m]."""
+    share = np.linspace(0.0, 1.0, PIECES + 1)[:, None, None]
+    states = start + share * (end - start)
+    at = cell if fixture is None else cell.at(fixture)
+    x = at.map_position(states.reshape(-1, start.shape[1])).reshape(*states.shape[:2], 3)
+    travel = np.linalg.norm(np.diff(x, axis=0), axis=2).max(axis=0) * PIECES
+    if fixture is None:
+        return travel, np.zeros(len(start))
+    length = np.linalg.norm(x - cell.fixtures[fixture].p_BX, axis=2)
+    return travel, np.abs(np.diff(length, axis=0)).max(axis=0) * PIECES
+
+
+def _leg_seconds(cell: Cell, dialect: Dialect, q: Array, found: ReadBack, rows: np.ndarray, travel: Array) -> Array:
+    """Time that the speed words give each leg, (m,) [s]."""
+    said = np.array(found.speeds)[rows]
+    match dialect.speed.kind:
+        case "axis_percent":
+            quickest = (np.abs(q[rows + 1] - q[rows]) / cell.robot.speed).max(axis=1)
+            return np.asarray(quickest / (said / 100.0))
+        case "inverse_time":
+            return np.asarray(60.0 / said)
+        case "tool_speed":
+            per_second = said / (60.0 if dialect.speed.unit == "mm/min" else 1.0) / 1e3
+            return np.asarray(travel / per_second)
+
+
+def _refuse(rows: np.ndarray, travel: Array, seconds: Array, limit: Array, what: str) -> None:
+    speed = np.maximum(travel - PRINTED, 0.0) / np.maximum(seconds, 1e-9)
+    over = np.flatnonzero(speed > limit * SLACK)
+    if len(over):
+        k = int(over[np.argmax(speed[over] / limit[over])])
+        raise ProgramMismatchError(
+            f"the program is not released: move {rows[k] + 1} drives {what} at {to_mm(speed[k]):.2f} mm/s, allowed "
+            f"are {to_mm(limit[k]):.2f} mm/s"
+        )
