@@ -21,7 +21,7 @@ def _direction(q):
     return r / np.linalg.norm(r, axis=1)[:, None]
 
 
-@pytest.mark.parametrize("rate, acceleration", [(0.02, 1.0), (0.5, 0.05), (0.05, 0.02)])
+@pytest.mark.parametrize(("rate", "acceleration"), [(0.02, 1.0), (0.5, 0.05), (0.05, 0.02)])
 def test_rate_and_acceleration_of_the_reading_are_kept_and_used(rate, acceleration):
     rng = np.random.default_rng(3)
     q = rng.uniform(-1.0, 1.0, (8, 6))
