@@ -240,6 +240,10 @@ class Gauge(ABC):
         """Return what is read before the poses."""
         return NO_REFERENCE_READINGS
 
+    def readable(self, run: Run) -> np.ndarray:
+        """Tell which readings of a run the gauge can have made, (n,) bool: none of those beyond its stops."""
+        return np.ones(len(run), dtype=bool)
+
     def range_warnings(self, readings: Readings) -> tuple[str, ...]:
         """Say how many simulated readings the gauge could not have made."""
         return ()

@@ -226,6 +226,13 @@ class LengthGauge(LineGauge):
         prior = setup.place_prior if known is not None else np.full(len(bar.p_BX), LOCATED_SIGMA)
         return replace(setup, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
 
+    def readable(self, run: Run) -> np.ndarray:
+        """Tell which lengths lie within the range, give or take its zero where that is free."""
+        length = run.readings.length
+        assert length is not None
+        slack = PRIOR_ZERO if self.zero_free else 0.0
+        return np.asarray((length >= self.length_min - slack) & (length <= self.length_max + slack))
+
     def range_warnings(self, readings: Readings) -> tuple[str, ...]:
         """Count the lengths at which the bar would be pulled off."""
         length = readings.length

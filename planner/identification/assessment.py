@@ -89,7 +89,7 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
     out, setup = [], found.model.setup
     if cell.file.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
-    out += [*_of_bar(run, cell), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
+    out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
     if len(found.outliers):
         named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED_OUTLIERS])
         more = f"; and {len(found.outliers) - NAMED_OUTLIERS} more" if len(found.outliers) > NAMED_OUTLIERS else ""
@@ -103,19 +103,14 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
     return out
 
 
-def _of_bar(run: Run, cell: Cell) -> list[str]:
-    length, force = run.readings.length, run.samples.force
-    if length is None:
+def _of_pull(run: Run) -> list[str]:
+    force = run.samples.force
+    if run.readings.length is None or force is None or np.abs(force).max() <= STRONG_PULL:
         return []
-    out, beyond = [], int(np.sum((length < cell.gauge.length_min) | (length > cell.gauge.length_max)))
-    if beyond:
-        out.append(f"{beyond} readings lie outside the bar's range in {cell.path.name}")
-    if force is not None and np.abs(force).max() > STRONG_PULL:
-        out.append(
-            f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
-            "sheet; edbb loaded fits circles under load with the arm in balance"
-        )
-    return out
+    return [
+        f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
+        "sheet; edbb loaded fits circles under load with the arm in balance"
+    ]
 
 
 def _other_point(run: Run, cell: Cell) -> list[str]:

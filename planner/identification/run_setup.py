@@ -7,12 +7,13 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
-from planner.common.units import Array
+from planner.common.units import MM, Array
 from planner.gauges.run_places import LOCATED_SIGMA, index_in_cell
 from planner.runs.joint_motion import joint_speeds, last_reversals, session_numbers
 from planner.runs.run import Run, Samples
 
 REVERSAL_SAMPLES = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
+LEAST_READABLE = 0.25  # share of the readings at a place that lie within the range of the gauge that stands there
 JOINT_MOVED = 1e-3  # [rad] from pose to pose that tell a joint's way
 DIRECT_SHARE = 0.98  # share of the logged approaches that agree with the ways from pose to pose
 
@@ -40,6 +41,34 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
         R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)),
         tool_prior=setup.tool_prior if known else LOCATED_SIGMA,
     )
+
+
+def drop_unreadable(cell: Cell, run: Run) -> Run:
+    """Return the run without the readings that the gauge cannot have made, and a warning that says how many.
+
+    A place at which hardly any could be its own has another bar than the cell's, and is kept.
+
+    Raises:
+        InputError: another kind of reading, or hardly any at all could be made with the cell's gauge.
+    """
+    cell.gauge.check_run(cell, run)
+    good = cell.gauge.readable(run)
+    if good.all():
+        return run
+    low, high = cell.gauge.length_min / MM, cell.gauge.length_max / MM
+    beyond = f"{int((~good).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
+    share = np.bincount(run.samples.place, weights=good) / np.maximum(np.bincount(run.samples.place), 1)
+    if share.max() < LEAST_READABLE:
+        raise InputError(
+            f"{run.name}: {beyond} of the gauge in {cell.path}: it cannot have read them; check gauge.length_mm, and "
+            "whether the bar was pulled off its ball or its zero was set"
+        )
+    kept = good | (share[run.samples.place] < LEAST_READABLE)
+    if kept.all():
+        return run
+    text = f"{int((~kept).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
+    warning = f"{text} of the gauge, which cannot have read them (pulled off, or at a stop): they were cut out"
+    return replace(run.take(kept), warnings=(*run.warnings, warning))
 
 
 def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:

@@ -13,5 +13,6 @@ __all__ = [
     "planning",
     "point_poses",
     "release",
+    "tour_cost",
     "tour_drive",
 ]

@@ -6,7 +6,6 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_mm
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
-from planner.programs.languages.execution import ReadBack
 from planner.programs.verification import ProgramMismatchError
 
 PIECES = 32  # of a leg, whose chords give the largest speed on it
@@ -14,23 +13,25 @@ SLACK = 1.0 + 1e-3
 PRINTED = 1e-5  # [m] of travel that the rounding of printed angles may add to a short step
 
 
-def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: ReadBack) -> None:
+def check_emitted_speeds(
+    cell: Cell, program: Program, dialect: Dialect, path_deg: Array, speeds: tuple[float, ...]
+) -> None:
     """Hold the largest speed of tool and gauge on every leg of a program against their limits.
 
-    The joints are taken to move evenly over the time that the speed words give the leg; a speed word of the tool is
+    ``path_deg`` (n, N) and ``speeds``, one a move, are what was read back of its text. The joints are taken to move evenly over the time that the speed words give the leg; a speed word of the tool is
     that of the tool.
 
     Raises:
         ProgramMismatchError: naming the move, the speed and the limit.
     """
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
-    q = np.deg2rad(np.vstack([program.home_deg, found.joint_path_deg]))
+    q = np.deg2rad(np.vstack([program.home_deg, path_deg]))
     for fixture in sorted({program.moves[k].fixture for k in limited}, key=str):
         rows = np.array([k for k in limited if k > 0 and program.moves[k].fixture == fixture], dtype=int)
         if not len(rows):
             continue
         travel, change = _largest_travel(cell, q[rows], q[rows + 1], fixture)
-        seconds = _leg_seconds(cell, dialect, q, found, rows, travel)
+        seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
         limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
         _refuse(rows, travel, seconds, limit, "the tool")
         if fixture is not None and cell.gauge.is_attached:
@@ -50,9 +51,11 @@ def _largest_travel(cell: Cell, start: Array, end: Array, fixture: int | None) -
     return travel, np.abs(np.diff(length, axis=0)).max(axis=0) * PIECES
 
 
-def _leg_seconds(cell: Cell, dialect: Dialect, q: Array, found: ReadBack, rows: np.ndarray, travel: Array) -> Array:
+def _leg_seconds(
+    cell: Cell, dialect: Dialect, q: Array, speeds: tuple[float, ...], rows: np.ndarray, travel: Array
+) -> Array:
     """Time that the speed words give each leg, (m,) [s]."""
-    said = np.array(found.speeds)[rows]
+    said = np.array(speeds)[rows]
     match dialect.speed.kind:
         case "axis_percent":
             quickest = (np.abs(q[rows + 1] - q[rows]) / cell.robot.speed).max(axis=1)

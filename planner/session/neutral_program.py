@@ -58,7 +58,7 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
         ProgramMismatchError: the text does something else, or drives tool or gauge beyond their limits.
     """
     files, found = write_checked(program, dialect, stem)
-    check_emitted_speeds(cell, program, load_dialect(dialect), found)
+    check_emitted_speeds(cell, program, load_dialect(dialect), found.joint_path_deg, found.speeds)
     return files
 
 

@@ -11,6 +11,7 @@ from planner.common.files import document_text, draft_folder, move_all, write_te
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import UM
+from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
 from planner.instruments.loaded.evaluation import LoadedOptions
@@ -148,7 +149,7 @@ def evaluate_loaded(
     """
     where = load_cell(cell, planning=False)
     with stages.stage("reading"):
-        run = load_runs(runs, where.robot.n_joints)
+        run = drop_unreadable(where, load_runs(runs, where.robot.n_joints))
         other = None if tracker is None else load_runs([tracker], where.robot.n_joints)
         free = load_runs(unloaded, where.robot.n_joints) if unloaded else None
         if plan is not None:

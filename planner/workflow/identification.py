@@ -19,7 +19,7 @@ from planner.identification.calibration import Calibration
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
-from planner.identification.run_setup import number_samples
+from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.accuracy.precision import check_mastering
 from planner.model.identification_document import Metrics
 from planner.runs.loader import load_runs
@@ -184,6 +184,7 @@ def identify_runs(
         for each in (run, other):
             if each is not None:
                 check_unit(each, where)
+        run, other = drop_unreadable(where, run), None if other is None else drop_unreadable(where, other)
     with stages.stage("identification") as progress:
         return fit_and_trace(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
 
