@@ -18,8 +18,8 @@ def check_emitted_speeds(
 ) -> None:
     """Hold the largest speed of tool and gauge on every leg of a program against their limits.
 
-    ``path_deg`` (n, N) and ``speeds``, one a move, are what was read back of its text. The joints are taken to move evenly over the time that the speed words give the leg; a speed word of the tool is
-    that of the tool.
+    ``path_deg`` (n, N) and ``speeds``, one a move, are what was read back of its text. The joints are taken to move
+    evenly over the time that the speed words give the leg; a speed word of the tool is that of the tool.
 
     Raises:
         ProgramMismatchError: naming the move, the speed and the limit.
