@@ -19,7 +19,7 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.parameters import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.frames import are_collinear, place_points, place_poses
+from planner.gauges.placement.frames import are_collinear, place_frames
 from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
@@ -85,7 +85,7 @@ class Tracker(FrameGauge):
         """Find the stations, and the targets where the cell has none."""
         p_BF, R_BF = flange_poses(setup, run.samples.q)
         assert run.readings.position is not None
-        seen = place_points(p_BF, R_BF, run.readings.position, run.samples.place, points_of(run), p_FM)
+        seen = place_frames(p_BF, R_BF, run.readings.position, run.samples.place, points_of(run), p_FM)
         return replace(setup, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
 
     def simulate(
@@ -158,5 +158,5 @@ class PoseTracker(Tracker):
         r = run.readings
         assert r.position is not None
         assert r.rotation is not None
-        probe = place_poses(p_BF, R_BF, r.position, r.rotation, run.samples.place, points_of(run), p_FM)
+        probe = place_frames(p_BF, R_BF, r.position, run.samples.place, points_of(run), p_FM, r.rotation)
         return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)

@@ -7,7 +7,7 @@ from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, to_mm
-from planner.gauges.placement.frames import place_points
+from planner.gauges.placement.frames import place_frames
 from planner.gauges.run_places import flange_poses
 from planner.runs.run import Run
 
@@ -54,6 +54,6 @@ def _placement_rms(run: Run, p_BF: Array, R_BF: Array, factor: float) -> float:
     point = np.zeros(len(run), dtype=int) if run.samples.point is None else run.samples.point
     p_GM = factor * np.asarray(run.readings.position)
     try:
-        return place_points(p_BF, R_BF, p_GM, run.samples.place, point, None).rms
+        return place_frames(p_BF, R_BF, p_GM, run.samples.place, point, None).rms
     except (InputError, NoSolutionError):
         return float("inf")

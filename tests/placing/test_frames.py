@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError, NoSolutionError
 from planner.gauges.placement.flange_poses import flange_poses
-from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_points, place_poses
+from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_frames
 from planner.gauges.placement.rotations import exp3, log3
 from tests.placing.arms import ARMS, ball_in, poses, turned
 
@@ -46,7 +46,7 @@ def test_two_hundred_stations_turned_in_any_way_are_found_from_points():
     wrong = []
     for seed in range(200):
         truth = Truth(seed)
-        found = place_points(truth.p, truth.R, truth.y, truth.place, truth.point)
+        found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point)
         if truth.off(found) > 3 * ERROR or not np.array_equal(found.outlier, truth.bad):
             wrong.append((seed, truth.off(found)))
     assert len(wrong) <= 2, wrong
@@ -57,7 +57,7 @@ def test_fifty_stations_and_probes_are_found_from_poses():
     wrong = []
     for seed in range(50):
         truth = Truth(seed)
-        found = place_poses(truth.p, truth.R, truth.y, truth.Y, truth.place, truth.point)
+        found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, R_GM=truth.Y)
         probe = np.linalg.norm(log3(found.R_FM @ truth.F.swapaxes(1, 2)), axis=1).max()
         if max(truth.off(found), probe) > 3 * ERROR or not np.array_equal(found.outlier, truth.bad):
             wrong.append((seed, truth.off(found), probe))
@@ -68,20 +68,20 @@ def test_fifty_stations_and_probes_are_found_from_poses():
 @pytest.mark.parametrize("seed", range(5))
 def test_an_exact_robot_is_placed_exactly(seed):
     truth = Truth(seed, error=0.0)
-    assert truth.off(place_points(truth.p, truth.R, truth.y, truth.place, truth.point)) < 1e-9
-    found = place_poses(truth.p, truth.R, truth.y, truth.Y, truth.place, truth.point)
+    assert truth.off(place_frames(truth.p, truth.R, truth.y, truth.place, truth.point)) < 1e-9
+    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, R_GM=truth.Y)
     assert truth.off(found) < 1e-9
     assert pytest.approx(truth.F, abs=1e-9) == found.R_FM
 
 
 def test_known_tool_points_and_turns_are_held():
     truth = Truth(4)
-    found = place_poses(truth.p, truth.R, truth.y, truth.Y, truth.place, truth.point, p_FM=truth.m, R_FM=truth.F)
+    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, truth.m, R_GM=truth.Y, R_FM=truth.F)
     assert np.array_equal(found.p_FM, truth.m)
     assert np.array_equal(found.R_FM, truth.F)
     assert truth.off(found) < 3 * ERROR
     p, R, one = truth.p[:9], truth.R[:9], np.zeros(9, int)
-    found = place_points(p, R, p @ truth.A[0], one, one, p_FM=np.zeros((1, 3)))
+    found = place_frames(p, R, p @ truth.A[0], one, one, p_FM=np.zeros((1, 3)))
     assert found.R_BG[0] == pytest.approx(truth.A[0], abs=1e-9)
 
 
@@ -109,12 +109,12 @@ def test_what_the_poses_leave_open_is_named():
     one = np.zeros(len(truth.p), int)
     still = np.broadcast_to(np.eye(3), truth.R.shape)
     with pytest.raises(NoSolutionError, match=r"position of gauge frame 1 and tool point 1.*about no axis"):
-        place_points(truth.p, still, truth.p, one, one)
+        place_frames(truth.p, still, truth.p, one, one)
     about_z = Rotation.from_rotvec(np.linspace(-2, 2, len(one))[:, None] * [0, 0, 1.0]).as_matrix()
     with pytest.raises(NoSolutionError, match="about one axis only"):
-        place_points(truth.p, about_z, truth.p + about_z @ [0.1, 0, 0.1], one, one)
+        place_frames(truth.p, about_z, truth.p + about_z @ [0.1, 0, 0.1], one, one)
     line = np.linspace(0, 1, len(one))[:, None] * [1.0, 0, 0]
     with pytest.raises(NoSolutionError, match="rotation of gauge frame 1"):
-        place_points(line, still, line, one, one, p_FM=np.zeros((1, 3)))
+        place_frames(line, still, line, one, one, p_FM=np.zeros((1, 3)))
     with pytest.raises(InputError, match="2 readings"):
-        place_points(truth.p[:2], truth.R[:2], truth.y[:2], one[:2], one[:2])
+        place_frames(truth.p[:2], truth.R[:2], truth.y[:2], one[:2], one[:2])

@@ -41,6 +41,11 @@ class FlangePoses:
         m = p_FM[:, self.point]
         return np.asarray(np.matmul(self.R_BF, m[..., None])[..., 0] + self.p_BF)
 
+    def largest_pair(self) -> IntArray:
+        """Return the rows of the (place, point) pair with the most samples."""
+        pair = self.place * self.n_points + self.point
+        return np.flatnonzero(pair == np.argmax(np.bincount(pair)))
+
     def spread(self, most: int) -> IntArray:
         """Return at most about ``most`` row numbers, evenly over each (place, point) pair."""
         if len(self) <= most:
@@ -93,6 +98,14 @@ def check_arrays(arrays: tuple[tuple[str, Array, tuple[int, ...]], ...]) -> None
         if not np.all(np.isfinite(array)):
             bad = int(np.flatnonzero(~np.isfinite(np.asarray(array).reshape(len(array), -1)).all(axis=1))[0])
             raise InputError(f"{name} holds a number that is not finite, first in row {bad + 1}")
+
+
+def largest_group(index: IntArray, ready: np.ndarray) -> tuple[int, IntArray] | None:
+    """Return the index with the most rows that are ready, and those rows; ``None`` where none is."""
+    if not ready.any():
+        return None
+    k = int(np.argmax(np.bincount(index[ready])))
+    return k, np.flatnonzero(ready & (index == k))
 
 
 def tool_grid() -> Array:

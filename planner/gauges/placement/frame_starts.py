@@ -3,7 +3,7 @@
 import numpy as np
 
 from planner.common.units import Array
-from planner.gauges.placement.flange_poses import FlangePoses, IntArray, PlacementFrames, tool_grid
+from planner.gauges.placement.flange_poses import FlangePoses, PlacementFrames, largest_group, tool_grid
 from planner.gauges.placement.lengths import solve_reweighted
 from planner.gauges.placement.rotations import nearest_rotation, registration
 
@@ -12,7 +12,7 @@ def frame_starts(
     s: FlangePoses, p_GM: Array, R_GM: Array | None, p_FM: Array | None, R_FM: Array | None
 ) -> PlacementFrames:
     """Return k complete starts: closed forms for the largest (place, point) pair, and a grid of tool points."""
-    main = largest_pair(s)
+    main = s.largest_pair()
     pair = s.take(main)
     P, M = int(pair.place[0]), int(pair.point[0])
     grid = tool_grid() if p_FM is None else p_FM[None, M]
@@ -31,12 +31,6 @@ def frame_starts(
     R2, t2, m2 = _complete_frames(s, p_GM, m_seed, R_seed)
     R, t, m = np.concatenate([R2, R]), np.concatenate([t2, t]), np.concatenate([m2, m])
     return PlacementFrames(R, t, m, _probe_turns(s, R, R_GM, R_FM))
-
-
-def largest_pair(s: FlangePoses) -> IntArray:
-    """Return the rows of the (place, point) pair with the most samples."""
-    pair = s.place * s.n_points + s.point
-    return np.flatnonzero(pair == np.argmax(np.bincount(pair)))
 
 
 def linear_rotation_start(s: FlangePoses, p_GM: Array) -> Array:
@@ -64,8 +58,8 @@ def _complete_frames(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[A
     known_m, known_R = np.isfinite(m[0, :, 0]), np.isfinite(R[0, :, 0, 0])
     known_t = np.zeros(s.n_places, dtype=bool)
     while not (known_m.all() and known_t.all()):
-        place_next = _most(s.place, known_m[s.point] & ~known_t[s.place])
-        point_next = _most(s.point, known_t[s.place] & ~known_m[s.point])
+        place_next = largest_group(s.place, known_m[s.point] & ~known_t[s.place])
+        point_next = largest_group(s.point, known_t[s.place] & ~known_m[s.point])
         if place_next is not None:
             k, at = place_next
             R[:, k], t[:, k] = _register_place(s.take(at), p_GM[at], m, R[:, k])
@@ -77,7 +71,7 @@ def _complete_frames(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[A
             known_m[k] = True
         elif (known_R & ~known_t).any():
             k = int(np.flatnonzero(known_R & ~known_t)[0])
-            at = largest_pair(s)
+            at = s.largest_pair()
             m[:, s.point[at[0]]], t[:, k] = _point_and_origin(s.take(at), p_GM[at], R[:, k])
             known_m[s.point[at[0]]] = known_t[k] = True
         elif not known_m.all():
@@ -88,14 +82,6 @@ def _complete_frames(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[A
             R[:, ~known_t], t[:, ~known_t] = np.eye(3), 0.0
             known_t[:] = True
     return R, t, m
-
-
-def _most(index: IntArray, ready: np.ndarray) -> tuple[int, IntArray] | None:
-    """Return the index with the most rows that are ready, and those rows."""
-    if not ready.any():
-        return None
-    k = int(np.argmax(np.bincount(index[ready])))
-    return k, np.flatnonzero(ready & (index == k))
 
 
 def _register_place(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[Array, Array]:

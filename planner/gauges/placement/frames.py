@@ -95,32 +95,14 @@ LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
 
 
 @dataclass(frozen=True)
-class PointPlacement:
-    """Where the gauge's frames G stand.
+class FramePlacement:
+    """Where the gauge's frames G stand, and how the targets or probes M sit on the flange.
 
     Attributes:
         R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
-        p_FM: targets on the flange, (T, 3) [m].
-        rms: of the distances that are not outliers [m].
-        outlier: readings beyond about 5.6 robust standard deviations, (n,) bool.
-    """
-
-    R_BG: Array
-    p_BG: Array
-    p_FM: Array
-    rms: float
-    outlier: np.ndarray
-
-
-@dataclass(frozen=True)
-class PosePlacement:
-    """Where the gauge's frames G stand, and how the probes M sit on the flange.
-
-    Attributes:
-        R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
-        p_FM, R_FM: probes on the flange, (T, 3) [m] and (T, 3, 3).
-        rms: of the distances that are not outliers [m]; ``rms_angle`` of their angles [rad].
-        outlier: readings beyond about 6.4 robust standard deviations, (n,) bool.
+        p_FM, R_FM: targets on the flange, (T, 3) [m] and (T, 3, 3), unturned where only positions are read.
+        rms: of the distances that are not outliers [m]; ``rms_angle`` of the angles, where they are read [rad].
+        outlier: readings beyond about 5.6 robust standard deviations, 6.4 with orientations, (n,) bool.
     """
 
     R_BG: Array
@@ -132,56 +114,28 @@ class PosePlacement:
     outlier: np.ndarray
 
 
-def place_points(
-    p_BF: Array, R_BF: Array, p_GM: Array, place: IntArray, point: IntArray, p_FM: Array | None = None
-) -> PointPlacement:
-    """Find frames and targets from positions: R_BG p_GM + p_BG = R_BF p_FM + p_BF.
-
-    Starts: readings are linear in (R_GB, R_GB ⊗ p_FM, t); and registration (Umeyama) for a grid of tool points. All
-    are refined at once and the one with the least robust residual is kept.
-
-    Args:
-        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
-        p_GM: readings in the gauge's own frame, (n, 3) [m].
-        place, point: which station, which target on the tool, (n,) int.
-        p_FM: targets on the flange where known (then held), (T, 3) [m].
-
-    Raises:
-        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
-        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
-    """
-    s = flange_poses(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
-    check_arrays((("p_GM", p_GM, (len(s), 3)),))
-    free = np.concatenate([np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)])
-    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), None, free)
-    state = _solve_frames(problem, p_FM, None)
-    f = unpack_frames(state, s)
-    error, outlier = find_outliers(problem, state)
-    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
-    return PointPlacement(read_only(f.R_BG[0]), read_only(f.p_BG[0]), read_only(f.p_FM[0]), rms, outlier)
-
-
-def place_poses(
+def place_frames(
     p_BF: Array,
     R_BF: Array,
     p_GM: Array,
-    R_GM: Array,
     place: IntArray,
     point: IntArray,
     p_FM: Array | None = None,
+    R_GM: Array | None = None,
     R_FM: Array | None = None,
     per_radian: float = PER_RADIAN,
-) -> PosePlacement:
-    """Find frames and probes from positions and orientations: also R_BG R_GM = R_BF R_FM.
+) -> FramePlacement:
+    """Find frames and targets: R_BG p_GM + p_BG = R_BF p_FM + p_BF, with orientations also R_BG R_GM = R_BF R_FM.
 
-    Starts: as :func:`place_points`, and robot-world/hand-eye by singular vectors (Shah 2013). Then all together, an
-    angle of 1 rad counting ``per_radian`` metres.
+    Starts: readings are linear in (R_GB, R_GB ⊗ p_FM, t); registration (Umeyama) for a grid of tool points; with
+    orientations robot-world/hand-eye by singular vectors (Shah 2013). All are refined at once, an angle of 1 rad
+    counting ``per_radian`` metres, and the one with the least robust residual is kept.
 
     Args:
         p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
-        p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3).
-        place, point: which station, which probe on the tool, (n,) int.
-        p_FM, R_FM: probes on the flange where known (then held), (T, 3) [m], (T, 3, 3).
+        p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3) where orientations are read.
+        place, point: which station, which target on the tool, (n,) int.
+        p_FM, R_FM: targets on the flange where known (then held), (T, 3) [m], (T, 3, 3).
         per_radian: weight of the angles [m].
 
     Raises:
@@ -190,18 +144,22 @@ def place_poses(
     """
     known = p_FM if p_FM is not None else R_FM
     s = flange_poses(p_BF, R_BF, place, point, points=0 if known is None else len(known))
-    check_arrays((("p_GM", p_GM, (len(s), 3)), ("R_GM", R_GM, (len(s), 3, 3))))
-    open_point, open_turn = np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_points, R_FM is None)
-    free = np.concatenate([np.full(6 * s.n_places, True), open_point, open_turn])
-    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), np.asarray(R_GM, dtype=float), free, per_radian)
+    check_arrays((("p_GM", p_GM, (len(s), 3)), *((("R_GM", R_GM, (len(s), 3, 3)),) if R_GM is not None else ())))
+    free = [np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)]
+    free += [] if R_GM is None else [np.full(3 * s.n_points, R_FM is None)]
+    turns = None if R_GM is None else np.asarray(R_GM, dtype=float)
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), turns, np.concatenate(free), per_radian)
     state = _solve_frames(problem, p_FM, R_FM)
     f = unpack_frames(state, s)
-    _, outlier = find_outliers(problem, state)
-    gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", f.R_BG[0, s.place], p_GM) - f.p_BG[0, s.place]
-    turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (f.R_BG[0, s.place] @ R_GM).swapaxes(-1, -2))
-    rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
-    R_BG, p_BG, m, turns = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
-    return PosePlacement(R_BG, p_BG, m, turns, rms, rms_angle, outlier)
+    error, outlier = find_outliers(problem, state)
+    rms, rms_angle = float(np.sqrt((error[~outlier] ** 2).mean())), 0.0
+    if turns is not None:
+        A = f.R_BG[0, s.place]
+        gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", A, p_GM) - f.p_BG[0, s.place]
+        turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (A @ turns).swapaxes(-1, -2))
+        rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
+    R_BG, p_BG, m, R = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
+    return FramePlacement(R_BG, p_BG, m, R, rms, rms_angle, outlier)
 
 
 def _solve_frames(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Array:

@@ -12,6 +12,7 @@ from planner.gauges.placement.flange_poses import (
     check_arrays,
     directions,
     flange_poses,
+    largest_group,
     tool_grid,
 )
 from planner.gauges.placement.solver import (
@@ -223,8 +224,9 @@ def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | Non
     of_main = np.broadcast_to(open_m, (len(grid), T, 3)).copy()
     of_main[:, main] = grid
     if p_FM is None or p_BX is None:
-        pair = s.take(_largest_pair(s))
-        m, X, z = linear_bar_start(pair, length[_largest_pair(s)])
+        main_pair = s.largest_pair()
+        pair = s.take(main_pair)
+        m, X, z = linear_bar_start(pair, length[main_pair])
         both_m, both_X = np.repeat(open_m, 2, axis=0), np.repeat(open_X, 2, axis=0)
         both_m[:, pair.point[0]], both_X[:, pair.place[0]] = m, X
         seed(both_m, both_X, zero if zero_known else z)
@@ -246,17 +248,14 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
     """Fill what is NaN in the seeds: fixtures from known tool points and tool points from known fixtures."""
     known_m, known_X = np.isfinite(m[0, :, 0]), np.isfinite(X[0, :, 0])
     while not (known_m.all() and known_X.all()):
-        ready = known_m[s.point] & ~known_X[s.place]
-        if ready.any():
-            k = int(np.argmax(np.bincount(s.place[ready])))
-            at = np.flatnonzero(ready & (s.place == k))
+        place_next = largest_group(s.place, known_m[s.point] & ~known_X[s.place])
+        point_next = largest_group(s.point, ~known_m[s.point] & known_X[s.place])
+        if place_next is not None:
+            k, at = place_next
             X[:, k], zero = trilateration(s.take(at).carried(m), length[at], zero)
             known_X[k] = True
-            continue
-        ready = ~known_m[s.point] & known_X[s.place]
-        if ready.any():
-            k = int(np.argmax(np.bincount(s.point[ready])))
-            at = np.flatnonzero(ready & (s.point == k))
+        elif point_next is not None:
+            k, at = point_next
             to = X[:, s.place[at]] - s.p_BF[at]
             m[:, k], zero = trilateration(np.einsum("nji,knj->kni", s.R_BF[at], to), length[at], zero)
             known_m[k] = True
@@ -269,12 +268,6 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
         distance = np.linalg.norm(s.carried(m) - X[:, s.place], axis=2)
         zero = np.median(length - distance, axis=1)
     return pack_bar(m, X, zero)
-
-
-def _largest_pair(s: FlangePoses) -> IntArray:
-    """Return the rows of the (fixture, ball) pair with the most samples."""
-    pair = s.place * s.n_points + s.point
-    return np.flatnonzero(pair == np.argmax(np.bincount(pair)))
 
 
 def _nominal_start(

@@ -1,6 +1,7 @@
 """Rotations, batched over any leading axes: exponential and logarithm, the nearest rotation, skew matrices."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from planner.common.units import Array
 
@@ -16,37 +17,13 @@ def skew(v: Array) -> Array:
 
 
 def exp3(w: Array) -> Array:
-    """Return the rotations (..., 3, 3) of rotation vectors w (..., 3) [rad] (Rodrigues)."""
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
-    K = skew(w)
-    half = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 − cos a) / a²
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half * (K @ K))
+    """Return the rotations (..., 3, 3) of rotation vectors w (..., 3) [rad]."""
+    return np.asarray(Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix()).reshape(*w.shape, 3)
 
 
 def log3(R: Array) -> Array:
-    """Return the rotation vectors (..., 3) [rad] of rotations R (..., 3, 3), exact up to π (by quaternions)."""
-    q = _quaternion(R)
-    sine = np.linalg.norm(q[..., 1:], axis=-1)
-    angle = 2.0 * np.arctan2(sine, q[..., 0])
-    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)[..., None])
-
-
-def _quaternion(R: Array) -> Array:
-    """Return unit quaternions (..., 4), w ≥ 0 first: the largest column of 4 q qᵀ."""
-    a, b, c = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    x, y, z = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
-    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
-    rows = [
-        (1 + a + b + c, x, y, z),
-        (x, 1 + a - b - c, xy, xz),
-        (y, xy, 1 - a + b - c, yz),
-        (z, xz, yz, 1 - a - b + c),
-    ]
-    outer = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)  # (..., 4, 4)
-    best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+    """Return the rotation vectors (..., 3) [rad] of rotations R (..., 3, 3), exact up to π."""
+    return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
 
 
 def nearest_rotation(H: Array) -> Array:

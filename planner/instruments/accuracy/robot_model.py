@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, to_deg, to_mm
-from planner.gauges.placement.frames import place_points
+from planner.gauges.placement.frames import place_frames
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.instruments.accuracy.reference_frame import NestFrame, TrackerRegistration, nest_frame
 from planner.kinematics.robot import Loads, Robot
@@ -84,7 +84,7 @@ def _place_model(robot: Robot, others: Run, frame: TrackerRegistration, notes: l
     p_BF, R_BF = CalibratedRobot(robot).flange(others.samples.q)
     assert others.readings.position is not None
     none = np.zeros(len(others), dtype=int)
-    found = place_points(p_BF, R_BF, frame.seen(others.readings.position), none, none)
+    found = place_frames(p_BF, R_BF, frame.seen(others.readings.position), none, none)
     notes.append(
         f"the model's gauge stood elsewhere: {len(others)} poses of the plan to calibrate with placed robot and "
         "reflector, those that it is judged by had no part in it"

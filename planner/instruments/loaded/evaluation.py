@@ -9,7 +9,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, read_only
-from planner.gauges.placement.frames import place_points
+from planner.gauges.placement.frames import place_frames
 from planner.gauges.run_places import flange_poses
 from planner.identification.run_setup import setup_for_run
 from planner.instruments.loaded.checks import (
@@ -82,7 +82,7 @@ def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
     assert few.readings.position is not None
     assert run.readings.position is not None
     place = np.zeros(len(few), dtype=int)
-    found = place_points(p_BF, R_BF, few.readings.position, place, place, setup.p_FM[:1])
+    found = place_frames(p_BF, R_BF, few.readings.position, place, place, setup.p_FM[:1])
     p_BM = run.readings.position @ found.R_BG[0].T + found.p_BG[0]
     return np.asarray(np.einsum("ni,ni->n", p_BM - x, bar_state(x, p_BX).direction))
 
