@@ -62,7 +62,19 @@ class AccuracyCheck(Result):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
-        return write_accuracy(self, Path(folder), self.stages)
+        from planner.report.accuracy_report import report_precision, report_validation  # plotting takes long to load
+
+        title, found = self.cell.robot.title, self.found
+        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
+            write_text(draft / "accuracy.json", self.to_json())
+            if isinstance(found, Validation):
+                write_text(draft / "errors.csv", errors_csv(found))
+                report = report_validation(title, found)
+            else:
+                report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
+            write_text(draft / "report.html", report.html())
+            write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
+            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -100,24 +112,6 @@ def check_accuracy(
             where,
             Centrings(run, repeated_centrings(where, run, repeat_groups(plan)), check_mastering(where, said), notes),
         )
-
-
-def write_accuracy(done: AccuracyCheck, folder: Path, stages: Stages) -> list[Path]:
-    """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
-    from planner.report.accuracy_report import report_precision, report_validation  # plotting takes long to load
-
-    title = done.cell.robot.title
-    with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "accuracy.json", done.to_json())
-        if isinstance(done.found, Validation):
-            write_text(draft / "errors.csv", errors_csv(done.found))
-            report = report_validation(title, done.found)
-        else:
-            found = done.found
-            report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
-        write_text(draft / "report.html", report.html())
-        write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
-        return move_all(draft, folder)
 
 
 def _check_kind(cell: Cell, run: Run) -> None:

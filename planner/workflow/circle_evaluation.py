@@ -7,7 +7,7 @@ from typing import Any
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
-from planner.common.files import document_text, draft_folder, move_all, write_text
+from planner.common.files import draft_folder, move_all, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import UM
@@ -50,7 +50,12 @@ class CircularTestResult(Result):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``circular.json``, ``report.html`` and its pictures."""
-        return write_circular_test(self.test, Path(folder), self.stages)
+        from planner.report.circular_report import report_circular_test  # matplotlib: others start quicker without
+
+        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
+            write_text(draft / "circular.json", self.to_json())
+            report_circular_test(self.test).write(draft)
+            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -70,16 +75,6 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
         run = load_runs(runs, cell.robot.n_joints)
     with stages.stage("evaluation"):
         return CircularTestResult(evaluate_circles(cell, file, run), stages)
-
-
-def write_circular_test(test: CircularTest, folder: Path, stages: Stages) -> list[Path]:
-    """Write ``circular.json``, ``report.html`` and its pictures: all of it, or nothing."""
-    from planner.report.circular_report import report_circular_test  # matplotlib: other commands start quicker without
-
-    with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "circular.json", document_text(circular_test_content(test)))
-        report_circular_test(test).write(draft)
-        return move_all(draft, folder)
 
 
 @dataclass(frozen=True)
@@ -120,8 +115,21 @@ class LoadedTestEvaluation(Result):
         return ("the compliances failed their own check: " + "; ".join(why),) if why else ()
 
     def write(self, folder: Path | str) -> list[Path]:
-        """Write ``loaded.json``, the curves, the averaged run, the report and its pictures."""
-        return write_loaded(self, Path(folder), self.stages)
+        """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
+
+        ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both
+        in one, as the joint fit saw them, where there was one.
+        """
+        from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
+
+        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
+            write_text(draft / "loaded.json", self.to_json())
+            write_text(draft / "curves.csv", curves_csv(self.found))
+            write_text(draft / "averaged.csv", run_text(averaged_run(self.found)))
+            if self.joint is not None:
+                write_text(draft / "joint.csv", run_text(self.joint.run))
+            report_loaded(self.found, self.joint).write(draft)
+            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -159,21 +167,3 @@ def evaluate_loaded(
         if free is None:
             return LoadedTestEvaluation(found, stages=stages)
         return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)), stages)
-
-
-def write_loaded(done: LoadedTestEvaluation, folder: Path, stages: Stages) -> list[Path]:
-    """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
-
-    ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both in
-    one, as the joint fit saw them, where there was one.
-    """
-    from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
-
-    with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "loaded.json", document_text(loaded_content(done.found, done.joint)))
-        write_text(draft / "curves.csv", curves_csv(done.found))
-        write_text(draft / "averaged.csv", run_text(averaged_run(done.found)))
-        if done.joint is not None:
-            write_text(draft / "joint.csv", run_text(done.joint.run))
-        report_loaded(done.found, done.joint).write(draft)
-        return move_all(draft, folder)

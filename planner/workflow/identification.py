@@ -76,12 +76,31 @@ class CalibrationResult(Result):
         return ("the fit failed its own checks, no robot was written: " + "; ".join(why),) if why else ()
 
     def write(self, folder: Path | str) -> list[Path]:
-        """Write ``identification.json``, ``residuals.csv``, the report and, where the fit may be used, the robot."""
-        return write_identification(self.calibration, Path(folder), self.stages)
+        """Write ``identification.json``, ``residuals.csv``, the report and, where the fit may be used, the robot.
+
+        A fit that failed its own checks is reported with the reasons, but no robot is written.
+        """
+        # plotting: other commands start quicker without
+        from planner.report.calibration_report import report_calibration
+
+        found, folder = self.calibration, Path(folder)
+        with draft_folder(folder) as draft, self.stages.stage("report"):
+            write_text(draft / "identification.json", self.to_json())
+            write_text(draft / "residuals.csv", residuals_csv(found))
+            report_calibration(found).write(draft)
+            if found.problems:
+                (folder / "robot.toml").unlink(missing_ok=True)
+            else:
+                self.write_robot(draft)
+            return move_all(draft, folder)
 
     def write_robot(self, folder: Path) -> None:
         """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""
-        _write_robot(self.calibration, folder)
+        for file, text in calibrated_files(self.calibration):
+            write_text(folder / file, text)
+        for file, data in calibrated_meshes(self.calibration):
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(folder / file, data)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -235,33 +254,6 @@ def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
                 raise InputError(
                     f"{run.where(k)}: pose {pose} was measured at {what} '{names[at]}', but {path} has it at '{wanted}'"
                 )
-
-
-def write_identification(found: Calibration, folder: Path, stages: Stages) -> list[Path]:
-    """Write ``identification.json``, ``residuals.csv``, ``report.html`` and, where the fit may be used, the robot.
-
-    A fit that failed its own checks is reported with the reasons, but no robot is written.
-    """
-    # plotting: other commands start quicker without
-    from planner.report.calibration_report import report_calibration
-
-    with draft_folder(folder) as draft, stages.stage("report"):
-        write_text(draft / "identification.json", found.to_json())
-        write_text(draft / "residuals.csv", residuals_csv(found))
-        report_calibration(found).write(draft)
-        if not found.problems:
-            _write_robot(found, draft)
-        if found.problems:
-            (folder / "robot.toml").unlink(missing_ok=True)
-        return move_all(draft, folder)
-
-
-def _write_robot(found: Calibration, draft: Path) -> None:
-    for file, text in calibrated_files(found):
-        write_text(draft / file, text)
-    for file, data in calibrated_meshes(found):
-        (draft / file).parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(draft / file, data)
 
 
 def _plural(group: str) -> str:

@@ -17,7 +17,7 @@ from planner.report.loaded_report import loaded_charts
 from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run
-from planner.workflow.circle_evaluation import evaluate_loaded, write_loaded
+from planner.workflow.circle_evaluation import evaluate_loaded
 from planner.workflow.identification import identify_runs
 
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.301, 0.8995, 0.9007])
@@ -128,7 +128,7 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
 
 
 def test_files(done, tmp_path):
-    write_loaded(done, tmp_path / "out", quiet())
+    done.write(tmp_path / "out")
     content = json.loads((tmp_path / "out" / "loaded.json").read_text())
     assert content["schema"] == "edbb-loaded/1"
     assert [c["name"] for c in content["compliances"]] == [f"compliance{i + 1}" for i in range(6)]

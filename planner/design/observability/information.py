@@ -186,6 +186,17 @@ def predict_covariance(rows: Array, noise: float | Array, prior: Array | None = 
     return Covariance(read_only(matrix), read_only(std), read_only(matrix / np.outer(std, std)), read_only(std * size))
 
 
+def marginal_information(information: Array, nuisance: np.ndarray) -> Array:
+    """Return what an information in prior sizes (P, P) says of the other parameters where some are not of interest.
+
+    Those in ``nuisance`` (P,) bool are known to their prior sizes, and fitted with the rest (a Schur complement).
+    """
+    kept = ~nuisance
+    across = information[np.ix_(kept, nuisance)]
+    inner = information[np.ix_(nuisance, nuisance)] + np.eye(int(nuisance.sum()))
+    return np.asarray(information[np.ix_(kept, kept)] - across @ np.linalg.solve(inner, across.T))
+
+
 def rms_sensitivity(rows: Array) -> Array:
     """Return the root-mean-square change of a reading per unit of each parameter (P,), over rows (n, r, P)."""
     tall = stack_rows(rows)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
 
+from planner.cell.file import ArtifactFile, ControllerFile, GaugeFile
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, StrictModel, read_toml
 from planner.common.units import Array
@@ -111,30 +112,12 @@ class CentringSettings(StrictModel):
 S = TypeVar("S", bound=StrictModel)
 
 
-class _CellHead(PartialModel):
-    indicators: tuple[Vector, Vector, Vector] | None = None
-    usable_mm: PositiveFloat = 5.0
-
-
-class _CellGauge(PartialModel):
-    head: _CellHead = _CellHead()
-
-
-class _CellArtifact(PartialModel):
-    rpy_deg: Vector = (0.0, 0.0, 0.0)
-
-
-class _CellController(PartialModel):
-    tool: ToolNumber | None = None
-    base: BaseNumber | None = None
-
-
 class CentringCellPart(PartialModel):
     """What the cell says of the head, the plate and the controller."""
 
-    gauge: _CellGauge = _CellGauge()
-    artifact: _CellArtifact = _CellArtifact()
-    controller: _CellController = _CellController()
+    gauge: GaugeFile | None = None
+    artifact: ArtifactFile | None = None
+    controller: ControllerFile = ControllerFile()
 
 
 def read_settings(path: Path | None, cell: Path) -> CentringSettings:
@@ -145,12 +128,12 @@ def read_settings(path: Path | None, cell: Path) -> CentringSettings:
     """
     given = CentringSettings() if path is None else read_toml(path, CentringSettings)
     found = read_toml(cell, CentringCellPart) if cell.is_file() else CentringCellPart()
-    head, numbers = found.gauge.head, found.controller
-    robot: dict[str, object] = {"plate_rpy_deg": found.artifact.rpy_deg}
+    head, numbers = None if found.gauge is None else found.gauge.head, found.controller
+    robot: dict[str, object] = {} if found.artifact is None else {"plate_rpy_deg": found.artifact.rpy_deg}
     robot |= {k: v for k, v in (("tool", numbers.tool), ("base", numbers.base)) if v is not None}
-    said: dict[str, object] = {"usable_mm": head.usable_mm}
+    said: dict[str, object] = {} if head is None else {"usable_mm": head.usable_mm}
     if given.head.tool_frame == "flange" and given.head.matrix is None:
-        if head.indicators is None:
+        if head is None:
             raise InputError(
                 f"{cell}: 'gauge.head.indicators' is missing; it says how the indicators stand in the flange, which "
                 "'tool_frame' = \"flange\" needs"

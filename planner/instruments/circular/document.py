@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.cell import Cell
-from planner.cell.circles import CircleDirection, CirclePlane
+from planner.cell.circles import CircleFile
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, read_json, validate
 from planner.common.units import MM, from_deg, to_deg, to_mm
@@ -29,23 +29,12 @@ from planner.session.planned_session import read_cell_beside
 OFF = 1e-3 * MM  # by which the plan's points may miss its circles
 
 
-class ArcRecord(PartialModel):
-    """One circle as it is driven."""
+class ArcRecord(CircleFile):
+    """A circle as the cell's file says it, and as it is driven."""
 
     name: str
-    plane: CirclePlane = "XY"
-    fixture: str = ""
-    centre_mm: tuple[float, ...] = ()
-    radius_mm: float = 0.0
-    start_deg: float = 0.0
-    sweep_deg: float = Field(gt=0)
-    overshoot_deg: float = 0.0
-    directions: tuple[CircleDirection, ...] = ("ccw", "cw")
-    loads_N: tuple[float, ...] = ()
-    repeats: int = 1
     speed_mm_s: float = 0.0
     slowest_mm_s: float = 0.0
-    orientation: Literal["constant", "follow"] = "constant"
     length_min_mm: float = 0.0
     length_max_mm: float = 0.0
     off_circle_um: float = 0.0

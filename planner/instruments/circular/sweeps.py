@@ -9,42 +9,21 @@ from planner.cell.cell import Cell
 from planner.cell.circles import Circle
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array
+from planner.instruments.circular.ring import NEAR_CIRCLE, CircleAtFixture
 from planner.kinematics.bar_geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
 
-NEAR = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
 TURN = 2.0 * DEG  # by which the arm must go back to have turned round
 SLACK = 1.0 * DEG  # that may lack of a sweep
 FEWEST = 100  # samples of a sweep
 
 
 @dataclass(frozen=True)
-class MeasuredCircle:
-    """A circle of the cell, and the fixture's ball p_BX (3,) [m] from which the bar measures it."""
+class MeasuredCircle(CircleAtFixture):
+    """A circle of the cell, and the fixture's ball from which the bar measures it."""
 
     circle: Circle
-    p_BX: Array
-
-    @property
-    def height(self) -> float:
-        """Of the circle above the fixture, along its normal [m]."""
-        return float((self.circle.p_BC - self.p_BX) @ self.circle.normal)
-
-    def polar(self, x: Array) -> tuple[Array, np.ndarray]:
-        """Angle (n,) [rad] of points (n, 3) [m], and which of them lie near the circle."""
-        circle, out = self.circle, x - self.circle.p_BC
-        u, v = np.stack(circle.axes) @ out.T
-        off = np.hypot(np.hypot(u, v) - circle.radius, out @ circle.normal)
-        return np.arctan2(v, u), off < NEAR * circle.radius
-
-    def in_plane(self, angle: Array, length: Array) -> Array:
-        """Points (n, 2) [m] from the planned centre, where a bar of this length (n,) [m] ends at angles (n,) [rad]."""
-        unit = np.column_stack([np.cos(angle), np.sin(angle)])
-        foot = np.stack(self.circle.axes) @ (self.p_BX - self.circle.p_BC)
-        away = self.circle.radius * unit - foot
-        reach = np.sqrt(np.maximum(length**2 - self.height**2, 0.0))
-        return np.asarray(foot + away * (reach / np.linalg.norm(away, axis=1))[:, None])
 
 
 @dataclass(frozen=True)
@@ -80,7 +59,11 @@ def measured_circles(cell: Cell, names: Sequence[str]) -> tuple[MeasuredCircle, 
     there = {c.name: c for c in cell.circles}
     if missing := [n for n in names if n not in there]:
         raise InputError(f"{cell.path} has no circle {', '.join(missing)}; it has {', '.join(there) or 'none'}")
-    return tuple(MeasuredCircle(there[n], cell.fixtures[there[n].fixture].p_BX) for n in names)
+    circles = [there[n] for n in names]
+    return tuple(
+        MeasuredCircle(c.p_BC, np.stack([*c.axes, c.normal]), c.radius, cell.fixtures[c.fixture].p_BX, c)
+        for c in circles
+    )
 
 
 def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[Sweep, ...]:
@@ -94,7 +77,8 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
     x = cell.map_position(run.samples.q)
     found: list[Sweep] = []
     for k, ring in enumerate(rings):
-        angle, near = ring.polar(x)
+        angle, off = ring.polar(x)
+        near = off < NEAR_CIRCLE * ring.radius
         if run.places != ("",):
             near &= np.array([n == cell.fixtures[ring.circle.fixture].name for n in run.places])[run.samples.place]
         for rows, unwound in _sweeps_of_circle(run, angle, near, ring):

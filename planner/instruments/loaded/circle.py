@@ -5,10 +5,10 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
+from planner.instruments.circular.ring import NEAR_CIRCLE
 from planner.instruments.loaded.types import CentringOffset, DrivenCircle
 from planner.runs.run import Run
 
-NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
 CIRCLE_ROUNDS = 8
 SHARE_ON_CIRCLE = 0.5  # part of a place's samples that lie on the circle, else there is none
 
@@ -41,19 +41,13 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
             "only circles can be evaluated here"
         )
     return DrivenCircle(
-        setup.place_names[place],
-        place,
         read_only(centre),
         read_only(_axes(normal)),
         float(radius),
         read_only(setup.p_BX[place]),
+        setup.place_names[place],
+        place,
     )
-
-
-def polar(circle: DrivenCircle, x: Array) -> tuple[Array, Array]:
-    """Angle (n,) [rad] of points x (n, 3) [m], and how far they lie off the circle, (n,) [m]."""
-    local = (x - circle.centre) @ circle.axes.T
-    return np.arctan2(local[:, 1], local[:, 0]), _off(x, circle.centre, circle.axes[2], circle.radius)
 
 
 def _fit(x: Array) -> tuple[Array, Array, float]:

@@ -12,7 +12,7 @@ from planner.cell.setup import setup_of
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import Array, from_deg, read_only
-from planner.design.observability.information import predict_covariance
+from planner.design.observability.information import marginal_information, predict_covariance
 from planner.design.selection.d_optimal import augment_design
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.instruments.loaded.circle_candidates import CirclePlace
@@ -233,6 +233,5 @@ def _is_fixture_of_place(name: str) -> bool:
 def _shared_information(part: FitRows, names: Sequence[str]) -> Array:
     """Information of a circle about the parameters ``names`` (P, P) in prior sizes, its fixture left open."""
     own = [n for n in part.names if _is_fixture_of_place(n)]
-    rows, open_ = part.on(names), part.on(own)
-    across = open_.T @ rows
-    return np.asarray(rows.T @ rows - across.T @ np.linalg.solve(open_.T @ open_ + np.eye(len(own)), across))
+    rows = part.on((*names, *own))
+    return marginal_information(rows.T @ rows, np.arange(len(names) + len(own)) >= len(names))

@@ -8,7 +8,8 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
-from planner.instruments.loaded.circle import NEAR_CIRCLE, find_circle, measured_points, polar
+from planner.instruments.circular.ring import NEAR_CIRCLE
+from planner.instruments.loaded.circle import find_circle, measured_points
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.runs.run import Run
@@ -128,7 +129,7 @@ def average_curves(setup: MeasurementSetup, run: Run, overshoot: float) -> tuple
     for place in np.unique(run.samples.place):
         mine = np.flatnonzero(run.samples.place == place)
         circle = find_circle(setup, run, int(place), x[mine])
-        theta, off = polar(circle, x[mine])
+        theta, off = circle.polar(x[mine])
         part = run.take(mine)
         loads, level = load_levels(part, off < NEAR_CIRCLE * circle.radius)
         turns = list(_turns(part, theta, level, overshoot))

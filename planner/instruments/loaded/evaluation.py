@@ -12,6 +12,7 @@ from planner.common.units import DEG, MM, Array, read_only
 from planner.gauges.placement.frames import place_frames
 from planner.gauges.run_places import flange_poses
 from planner.identification.run_setup import setup_for_run
+from planner.instruments.circular.ring import NEAR_CIRCLE
 from planner.instruments.loaded.checks import (
     check_cell,
     check_measured_loads,
@@ -20,7 +21,7 @@ from planner.instruments.loaded.checks import (
     problems_of,
     warnings_of,
 )
-from planner.instruments.loaded.circle import NEAR_CIRCLE, centring_offset, measured_points, paper_offset, polar, sine
+from planner.instruments.loaded.circle import centring_offset, measured_points, paper_offset, sine
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
 from planner.instruments.loaded.equilibrium import raise_fixture
@@ -53,7 +54,7 @@ def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedC
         raise InputError(f"{run.name}: the comparison needs a tracker's x_mm, y_mm, z_mm")
     curves = circle.curves
     x = measured_points(setup, run.samples.q)
-    theta, off = polar(curves.circle, x)
+    theta, off = curves.circle.polar(x)
     on = np.flatnonzero(off < NEAR_CIRCLE * curves.circle.radius)
     if len(on) < len(curves.theta) // 4:
         raise InputError(
@@ -214,13 +215,8 @@ def _centre_offset(curves: AveragedCurves, amplitude: float, phase: float) -> Ar
 
     The bar leans by γ to the circle's plane; a shift m of the centre changes its length by cos γ (m · direction).
     """
-    lean = curves.circle.radius / float(np.hypot(curves.circle.radius, _height(curves)))
+    lean = curves.circle.radius / float(np.hypot(curves.circle.radius, curves.circle.height))
     return np.array([-amplitude * np.sin(phase), amplitude * np.cos(phase)]) / lean
-
-
-def _height(curves: AveragedCurves) -> float:
-    """Height of the circle above the fixture's ball, along the circle's normal [m]."""
-    return float((curves.circle.centre - curves.circle.p_BX) @ curves.circle.axes[2])
 
 
 def _recentre_fixtures(setup: MeasurementSetup, circles: tuple[EvaluatedCircle, ...]) -> MeasurementSetup:
@@ -228,7 +224,7 @@ def _recentre_fixtures(setup: MeasurementSetup, circles: tuple[EvaluatedCircle, 
     p_BX = np.array(setup.p_BX)
     for c in circles:
         circle = c.curves.circle
-        below = circle.centre - _height(c.curves) * circle.axes[2]
+        below = circle.centre - circle.height * circle.axes[2]
         p_BX[circle.place] = below - c.centre_offset @ circle.axes[:2]
     return replace(setup, p_BX=read_only(p_BX))
 

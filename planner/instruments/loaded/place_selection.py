@@ -101,7 +101,7 @@ def planned_curves(setup: MeasurementSetup, place: CirclePlace) -> AveragedCurve
     D, K, B = len(circle.directions), len(circle.loads), len(place.q)
     loads, shape = np.array(circle.loads), (D, K, B)
     axes = np.stack([*circle.axes, place.axis_B])
-    where = DrivenCircle(circle.name, 0, circle.p_BC, read_only(axes), circle.radius, place.p_BX)
+    where = DrivenCircle(circle.p_BC, read_only(axes), circle.radius, place.p_BX, circle.name, 0)
     there = replace(setup, p_BX=place.p_BX[None])
     return AveragedCurves(
         circle=where,

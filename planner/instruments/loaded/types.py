@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.design.observability.explanations import format_direction
+from planner.instruments.circular.ring import CircleAtFixture
 
 # of the largest share of a combination: less is not written out, and hides no joint behind another
 NEGLIGIBLE_SHARE = 0.05
@@ -89,23 +90,11 @@ class JointCompliances:
 
 
 @dataclass(frozen=True)
-class DrivenCircle:
-    """The circle that the nominal robot's measured point runs on, and the fixture that the bar stands on.
-
-    Attributes:
-        name, place: of the fixture, and its number in the run.
-        centre: of the circle, in the base frame (3,) [m].
-        axes: rows are the directions of angle 0 and 90 degrees and the normal, (3, 3).
-        radius: [m].
-        p_BX: the fixture's ball (3,) [m].
-    """
+class DrivenCircle(CircleAtFixture):
+    """The circle that the nominal robot's measured point runs on; ``name`` and ``place`` of its fixture in the run."""
 
     name: str
     place: int
-    centre: Array
-    axes: Array
-    radius: float
-    p_BX: Array
 
 
 @dataclass(frozen=True)
