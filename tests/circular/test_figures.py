@@ -15,7 +15,7 @@ UM = 1e-6
 
 def ring(sweep=2 * np.pi, start=0.0, fixture=(0.0, 0.0, 0.0)):
     circle = Circle("XY", "XY", 0, np.zeros(3), R, start, sweep, 0.0, ("ccw",), 0.01, False, None, (), 1)
-    return MeasuredCircle(circle, np.array(fixture))
+    return MeasuredCircle.of(circle, np.array(fixture))
 
 
 def joints(angle):

@@ -55,9 +55,7 @@ class CircularSession:
     def __init__(self, cell: Cell, seed: int, starts: Mapping[str, Array]) -> None:
         if not cell.circles:
             raise InputError(f"{cell.path}: a circular test needs at least one [[circles]] table")
-        for c in cell.circles:
-            most = max(c.loads, default=0.0)
-            check_load(cell, most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
+        check_loads(cell)
         self.cell = replace(cell, motion=replace(cell.motion, measure="continuous", both_ways=False))
         self.seed, self.starts = seed, starts
 
@@ -70,7 +68,7 @@ class CircularSession:
                 arcs = self._plan_arcs([c for c in self.cell.circles if c.fixture == fixture])
             with stages.stage("path"):
                 drives.append(self._join_circles(fixture, arcs, 2 * sum(len(d.passes) for d in drives)))
-        notes = (*_load_notes(self.cell), *_speed_notes(drives))
+        notes = (*load_notes(self.cell), *_way_notes(self.cell, drives))
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
     def record(self, plan: CircularPlan) -> dict[str, object]:
@@ -114,6 +112,17 @@ class CircularSession:
         return CircularDrive(course=course, verdicts=verdicts, arcs=arcs)
 
 
+def check_loads(cell: Cell) -> None:
+    """Refuse circles with a load beyond what the robot may carry beside its tool.
+
+    Raises:
+        InputError: with the load, the circle and what is allowed.
+    """
+    for c in cell.circles:
+        most = max(c.loads, default=0.0)
+        check_load(cell, most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
+
+
 def _way_between(constraints: Constraints, here: Array, goal: Array, seed: int) -> ReleasedPath:
     """The way with the bar on from one circle to the next."""
     path = connect_poses(constraints, np.vstack([here, goal]), [0, 1], seed=seed)
@@ -125,8 +134,8 @@ def _way_between(constraints: Constraints, here: Array, goal: Array, seed: int) 
     return release_way(constraints, replace(path, q=round_angles(path.q)))
 
 
-def _load_notes(cell: Cell) -> list[str]:
-    """Say of loads that give no stiffness, and of a robot that does not say what it carries or how it looks."""
+def load_notes(cell: Cell) -> list[str]:
+    """Say of loads that give no stiffness, and of a robot that does not say what it carries."""
     notes = [
         f"circle {c.name}: loads_N has {c.loads[0]:g} N only; a stiffness needs two loads at least, better five"
         for c in cell.circles
@@ -134,15 +143,13 @@ def _load_notes(cell: Cell) -> list[str]:
     ]
     if any(c.loads for c in cell.circles) and cell.robot.payload is None:
         notes.append(f"{cell.robot.name} has no payload_kg: whether it may carry the loads was not checked")
-    if not cell.robot.bodies:
-        bare = "has no collision bodies: only bar and tool were checked against the surroundings"
-        notes.append(f"{cell.robot.name} {bare}")
     return notes
 
 
-def _speed_notes(drives: Sequence[CircularDrive]) -> list[str]:
-    """Say of circles that are not driven at their speed all along."""
-    notes = []
+def _way_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
+    """Say of a robot that was not checked itself, and of circles that are not driven at their speed all along."""
+    bare = f"{cell.robot.name} has no collision bodies: only bar and tool were checked against the surroundings"
+    notes = [] if cell.robot.bodies else [bare]
     for arc in (a for d in drives for a in d.arcs):
         slowest = arc.slowest_on_sweep / arc.circle.speed
         if slowest < 0.99:

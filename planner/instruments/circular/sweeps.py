@@ -25,6 +25,11 @@ class MeasuredCircle(CircleAtFixture):
 
     circle: Circle
 
+    @classmethod
+    def of(cls, circle: Circle, p_BX: Array) -> "MeasuredCircle":
+        """Return the circle with the ball p_BX (3,) [m] of its fixture."""
+        return cls(circle.p_BC, np.stack([*circle.axes, circle.normal]), circle.radius, p_BX, circle)
+
 
 @dataclass(frozen=True)
 class Sweep:
@@ -59,11 +64,7 @@ def measured_circles(cell: Cell, names: Sequence[str]) -> tuple[MeasuredCircle, 
     there = {c.name: c for c in cell.circles}
     if missing := [n for n in names if n not in there]:
         raise InputError(f"{cell.path} has no circle {', '.join(missing)}; it has {', '.join(there) or 'none'}")
-    circles = [there[n] for n in names]
-    return tuple(
-        MeasuredCircle(c.p_BC, np.stack([*c.axes, c.normal]), c.radius, cell.fixtures[c.fixture].p_BX, c)
-        for c in circles
-    )
+    return tuple(MeasuredCircle.of(there[n], cell.fixtures[there[n].fixture].p_BX) for n in names)
 
 
 def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[Sweep, ...]:
