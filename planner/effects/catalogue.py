@@ -16,7 +16,7 @@ from planner.effects.effect import Effect
 from planner.effects.excitation import Excitation
 from planner.runs.run import Samples
 
-SHIPPED = ("compliance", "gears", "backlash", "thermal", "gauge_errors", "sessions", "nonparametric")
+SHIPPED = ("compliance", "gears", "backlash", "thermal", "gauge_errors", "sessions", "nonparametric", "steps")
 EffectGenerator = Callable[[Excitation], Iterator[Effect]]
 
 

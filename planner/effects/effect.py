@@ -29,6 +29,8 @@ class Role(Flag):
     """Shows through other effects only and is fitted with them."""
     NONPARAMETRIC = auto()
     """A smooth correction without a physical cause."""
+    CHANGE = auto()
+    """Something that stood otherwise before a sample that the search found, or a single wrong row."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ class Effect:
         static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
         role: in the search.
         repeat: 2 and more for those that come again at the same place.
+        scanned: how many samples and things it was chosen from, beside what the catalogue offers.
     """
 
     kind: str
@@ -114,6 +117,7 @@ class Effect:
     static: bool = True
     role: Role = Role.ORDINARY
     repeat: int = 1
+    scanned: int = 1
 
     @property
     def family(self) -> str:

@@ -9,6 +9,7 @@ from planner.cell.file import FIRST_POINT
 from planner.common.determinism import even_positions
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
+from planner.effects.steps import SLIP
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
 from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult
 from planner.identification.covariance import (
@@ -44,11 +45,14 @@ ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to 
 NAMED_OUTLIERS = 5  # outliers that a warning names
 
 
-def find_problems(table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit) -> tuple[str, ...]:
-    """Return the reasons not to use the result; none when it passed."""
+def find_problems(
+    table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult
+) -> tuple[str, ...]:
+    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
     out = [
         f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
         f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
+        f"{_tried_text(traced)}"
         for e in table
         if e.group == "geometry" and abs(e.value - e.nominal) > LARGEST_ERROR.get(e.unit, np.inf)
     ]
@@ -67,6 +71,14 @@ def find_problems(table: tuple[Estimate, ...], stages: Sequence[FittedStage], fo
             "many parameters, or an error that is nothing but noise"
         )
     return tuple(out)
+
+
+def _tried_text(traced: TracingResult) -> str:
+    """Say what was tried before a fit is refused."""
+    if traced.tried is None:
+        return ""
+    found = "; ".join(f.note for f in traced.findings) or "none of them"
+    return f" (tried: {traced.tried} effects and steps of all that is fitted at every sample; found: {found})"
 
 
 def too_few_text(spare: int) -> str:
@@ -162,7 +174,7 @@ def assess_fit(
         condition_number=_condition(found),
         correlation_time=time,
         frames=gauge_frames(found),
-        problems=find_problems(table, stages, found),
+        problems=find_problems(table, stages, found, traced),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
@@ -213,9 +225,10 @@ def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
 
 def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
     """Return a warning if parameters were fitted on the held-out samples, because no others depend on them."""
-    if not last.refitted:
+    own = [p for p in last.fit.model.parameters if p.name in last.refitted and not p.group.startswith(SLIP)]
+    if not own:
         return []
-    what = next(p.what for p in last.fit.model.parameters if p.name in last.refitted)
+    what = own[0].what
     return [
         f"each {parts.by} has numbers of its own, such as the {what}: they were fitted on the {parts.by} itself where "
         "it was held out"

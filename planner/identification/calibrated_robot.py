@@ -15,6 +15,7 @@ from planner.common.units import Array, read_only
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
 from planner.effects.phi_keys import belongs_to_gauge, functions_in, is_static, needs_loads, phi_from_key
+from planner.effects.steps import SLIP, STEP
 from planner.identification.calibration import Calibration
 from planner.kinematics.robot import Loads, Robot, RobotEffect
 from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_robot
@@ -204,6 +205,6 @@ def _tilt(gravity_B: Array) -> Array:
 
 
 def _source(c: Calibration) -> str:
-    effects = [g for g in c.stages[-1].effects if g not in ("gauge", "geometry")]
+    effects = [g for g in c.stages[-1].effects if not g.startswith((f"{STEP}, ", f"{SLIP}, "))]
     what = "; ".join(["geometry", *effects])  # their names have commas inside
     return f"Identified from {PurePath(c.run.name).name}, {len(c.run)} samples: {what}."

@@ -212,10 +212,12 @@ class Finding(DocumentSection):
         rivals: other effects that explain the same within uncertainty.
         note: what a mechanic would say.
         inner: the number inside it, where it has one.
+        after_sample: of a step, how many samples of the run were before it; ``surely_within``: the range that holds it.
+        row: number of the sample, from 1, whose reading is wrong.
     """
 
     in_unit = ("value", "std")
-    if_any = ("inner",)
+    if_any = ("inner", "after_sample", "surely_within", "row")
     effect: str
     on: str
     value: float
@@ -227,6 +229,9 @@ class Finding(DocumentSection):
     rivals: tuple[str, ...] = ()
     note: str = ""
     inner: InnerNumber | None = None
+    after_sample: int | None = None
+    surely_within: tuple[int, int] | None = None
+    row: int | None = None
 
     @property
     def log_p(self) -> float:

@@ -9,12 +9,14 @@ from planner.common.units import Array, to_mm
 from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
 from planner.effects.parameters import Parameter
+from planner.effects.steps import BeforeSample, acting_throughout
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, stage_label
 from planner.report.chart import (
     BLACK,
     BLUE,
+    GREEN,
     GREY,
     ORANGE,
     RED,
@@ -65,6 +67,7 @@ class Evidence:
         weight: how much each sample says, (m,).
         fitted: what the effect adds as fitted, (m,).
         means: points of the line through the residuals.
+        marks: where something stepped.
     """
 
     against: EffectVariable
@@ -74,6 +77,7 @@ class Evidence:
     weight: Array
     fitted: Array
     means: int = MEAN_POINTS
+    marks: tuple[float, ...] = ()
 
 
 def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
@@ -95,6 +99,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     An effect that moves one transform is drawn as that transform's error, each reading's share of it (its residual
     along the transform's screw, over the screw's length) against the quantity it depends on. Others are drawn as the
     part of the residual along what the effect adds, against just that: a line of slope one before, a flat one after.
+    Of a step it is the part along what stepped, as it would act all along, against the sample of the run.
     What the effect adds is always less what the model before could take up (an added-variable plot; Cook and Weisberg
     1982, section 2.3.2).
     """
@@ -105,18 +110,22 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
         residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
-    looked = own[0].main.phi.plot_variable(context) if _single(own) else None
+    first = own[0]
+    changed = isinstance(first.main.phi, BeforeSample)
+    looked = first.main.phi.plot_variable(context) if changed or _single(own) else None
     if looked is None:
         return _pulled(added, residuals)
-    first = own[0]
-    bare = Model(fit.model.setup, (replace(first, moves=(replace(first.main, phi=ONE),)),))
-    screw = bare.linear_in(context, None).rows[:, : rows.shape[1], 0]
+    bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
+    size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
+    screws = Model(fit.model.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
+    screw = screws @ (size / np.linalg.norm(size))
     power = (screw**2).sum(axis=1)
     safe = np.maximum(power, (FAINT_LEVERAGE**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
     turns = first.main.on == "transform" and fit.model.setup.chain.transforms[first.main.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
-    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means)
+    marks = tuple(sorted({m.phi.sample + 0.5 for p in own for m in p.moves if isinstance(m.phi, BeforeSample)}))
+    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks)
 
 
 def _added(facts: CalibrationFacts, step: FindingStep) -> Array:
@@ -205,6 +214,8 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
         series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight, e.means), RED, width=3.0))
     at, mean = weighted_means(x, y, e.weight, e.means)
     series.append(Series("mean", at, mean, BLACK, width=1.8))
+    for k, mark in enumerate(e.marks):
+        series.append(Series("" if k else "step", np.full(2, mark), np.array([-span, span]), GREEN, width=1.5))
     return Panel(f"{title} ({SIZES[e.unit]})", e.against.label, "", tuple(series), y_range=(-span, span), height=210)
 
 

@@ -124,7 +124,7 @@ def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: M
     for j, block in enumerate(blocks):
         if block.move.on == "reading":
             raw[:, block.move.index, j] = 1.0
-    white = _whiten(problem, raw)
+    white = whiten(problem, raw)
     return [np.ascontiguousarray(white[:, :, j]) for j in range(len(blocks))]
 
 
@@ -134,10 +134,11 @@ def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, a
         return {}
     model = replace(about, parameters=tuple(dictionary.mixed.values()))
     rows = model.linear_in(dictionary.context, None).rows * model.prior
-    return dict(zip(dictionary.mixed, _whiten(problem, rows).reshape(-1, rows.shape[2]).T, strict=True))
+    return dict(zip(dictionary.mixed, whiten(problem, rows).reshape(-1, rows.shape[2]).T, strict=True))
 
 
-def _whiten(problem: FitProblem, rows: Array) -> Array:
+def whiten(problem: FitProblem, rows: Array) -> Array:
+    """Return rows (n, r, m) in standard deviations of the readings, by their weights."""
     return np.asarray(problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None])
 
 

@@ -53,17 +53,18 @@ def rank_candidates(
             best[s.effect.name] = s
     tried = len(dictionary.items)
     out = [
-        replace(s, log_p=test.log_p(s.gain, s.size, tried), merit=_merit(test, s))
+        replace(s, log_p=test.log_p(s.gain, s.size, tried), merit=merit_of(test, s))
         for s in best.values()
         if not _explained_by_compliance(test, s, best)
     ]
     return sorted(out, key=lambda s: -s.merit)
 
 
-def _merit(test: ScoreTest, score: EffectScore) -> float:
+def merit_of(test: ScoreTest, score: EffectScore) -> float:
     """Gain in noise variances less what parameters and scanned values explain by being many."""
     nonlinear = score.effect.nonlinear
     scanned = 0.0 if nonlinear is None else PARAMETER_COST + 2 * float(np.log(len(nonlinear.values)))
+    scanned += 2 * float(np.log(score.effect.scanned))
     return score.gain / test.noise - PARAMETER_COST * score.size - scanned
 
 

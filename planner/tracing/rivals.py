@@ -7,8 +7,10 @@ import numpy as np
 
 from planner.effects.effect import Effect, Role
 from planner.effects.parameters import Parameter
+from planner.effects.steps import Steppable
 from planner.model.identification_document import DetectionLimit
 from planner.tracing.auxiliary_parameters import LINK_MASSES
+from planner.tracing.change_points import best_steps
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import scores_beside, with_link_masses
 from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, linearise, posterior_basis
@@ -39,18 +41,26 @@ def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> 
 
 
 def find_rivals(
-    test: ScoreTest, state: SearchState, found: FittedEffect, dictionary: EffectDictionary
+    test: ScoreTest,
+    state: SearchState,
+    found: FittedEffect,
+    dictionary: EffectDictionary,
+    things: Sequence[Steppable] = (),
 ) -> tuple[str, ...]:
-    """Names of the effects that would explain what a finding explains, within uncertainty, the likeliest first."""
+    """Names of the effects that would explain what a finding explains, within uncertainty, the likeliest first.
+
+    Steps of ``things``, each at its best sample, are among them.
+    """
     bare = without_effect(test, state, found)
     rest = tuple(f for f in state.effects if f.name != found.name)
 
     def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
-        return score.gain / test.noise - 2 * score.size
+        return score.gain / test.noise - 2 * score.size - 2 * float(np.log(score.effect.scanned))
 
     own = with_link_masses(bare, bare.score_one(found.effect, found.value))
     best: dict[str, float] = {}
-    for s in scores_beside(bare, dictionary, rest):
+    steps = best_steps(bare, things) if test.problem.samples.number is not None else ()
+    for s in (*scores_beside(bare, dictionary, rest), *steps):
         if s.effect.name != found.effect.family:
             best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
     least = max(0.0, min(merit(own) - RIVAL_MARGIN, RIVAL_SHARE * own.gain / test.noise))

@@ -112,7 +112,7 @@ class ScoreTest:
             W = done.projection[:, columns].transpose(1, 0, 2)
             square = np.stack([done.squares[k] for k in which])
             information, along = square - W.transpose(0, 2, 1) @ W, done.along[columns]
-            gain, size = _score_gains(information, along, np.einsum("kii->ki", square))
+            gain, size = score_gains(information, along, np.einsum("kii->ki", square))
             for j, k in enumerate(which):
                 item = dictionary.items[k]
                 out[k] = EffectScore(item.effect, item.value, float(gain[j]), int(size[j]), information[j], along[j])
@@ -157,7 +157,7 @@ def posterior_basis(rows: Array, prior_weight: float) -> Array:
     return np.asarray(np.linalg.qr(np.vstack([rows, prior]))[0][: len(rows)])
 
 
-def _score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
+def score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
     """Gain and number of shown parameters, (K,) each, of K items of k parameters.
 
     Args:

@@ -8,13 +8,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from planner.effects.effect import Effect, Role
+from planner.effects.excitation import Excitation
 from planner.effects.nonparametric import nonparametric_effects
+from planner.effects.steps import Steppable, steppables
 from planner.identification.stages import FitContext
+from planner.tracing.change_points import rank_changes, relocate_steps
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import rank_candidates
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.search_context import Progress, SearchContext
-from planner.tracing.search_steps import SWAP_EVIDENCE, best_step, swap_effects
+from planner.tracing.search_steps import SWAP_EVIDENCE, add_series, best_step, swap_effects
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.transmission_error import all_gear_curves
@@ -33,11 +36,13 @@ class SearchResult:
         path: states in order, the first without any effect.
         dictionary: effects and values that each step looked at.
         rejected: names of what was refitted and not kept, each with the reason.
+        things: what may step at an unknown sample.
     """
 
     path: tuple[SearchState, ...]
     dictionary: EffectDictionary
     rejected: tuple[tuple[str, str], ...]
+    things: tuple[Steppable, ...]
 
     @property
     def tried(self) -> int:
@@ -54,7 +59,8 @@ def search(start: SearchState, effects: Sequence[Effect], bench: FitContext, say
     """Trace the residual of ``start`` to effects of the catalogue."""
     test = ScoreTest.of(start.fit)
     dictionary = test.lay_out([(e, value) for e in effects for value in e.grid])
-    context = SearchContext(tuple(effects), dictionary, bench, say)
+    things = tuple(steppables(Excitation(start.base.setup, test.problem.samples)))
+    context = SearchContext(tuple(effects), dictionary, bench, say, things)
     path = _forward_selection(context, [start])
     compliant = _all_compliances(context, start)
     if compliant is not None:
@@ -75,7 +81,7 @@ def search(start: SearchState, effects: Sequence[Effect], bench: FitContext, say
     other = swap_effects(last_context, path[-1], NONPARAMETRIC_MARGIN)
     path = path if other is None else [*path, other]
     gone = tuple((n, why) for n, why in context.rejected.why.items() if n not in path[-1].names)
-    return SearchResult(tuple(path), dictionary, gone)
+    return SearchResult(tuple(path), dictionary, gone, things)
 
 
 def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[SearchState]:
@@ -85,9 +91,12 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
     while len(path[-1].effects) < MOST_EFFECTS:
         state = path[-1]
         test = context.score_test(state)
+        changes = rank_changes(test, context.things, state.effects, context.bench.run.continuous)
         likely = [
             c
-            for c in rank_candidates(test, context.dictionary, state.effects)
+            for c in sorted(
+                [*changes, *rank_candidates(test, context.dictionary, state.effects)], key=lambda c: -c.merit
+            )
             if c.log_p < LOG_SIGNIFICANCE
             and c.effect.name not in context.barred
             and context.rejected.may_try(c, test.scatter)
@@ -95,11 +104,12 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         if not likely:
             break
         context.say(f"trying {likely[0].effect.name}")
-        after = best_step(context, state, test, likely[:MOST_TRIES])
+        after = add_series(context, state, test, likely[0]) if changes else None
+        after = after or best_step(context, state, test, likely[: MOST_TRIES + len(changes)])
         if after is None:
             break
         added = after.effects[-1]
-        after = context.prune(after)
+        after = relocate_steps(context, context.prune(after), context.things)
         if any(after.structure == s.structure for s in path) or _is_worse(context, state, after):
             context.barred.add(added.name)  # it drives out what brought it in, or what is worth more: others first
         else:

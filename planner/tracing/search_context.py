@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from planner.common.errors import NoSolutionError
 from planner.effects.effect import Effect
+from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest
@@ -40,6 +41,7 @@ class SearchContext:
         dictionary: effects and values that each step looks at.
         bench: run, split and judge.
         say: told of progress.
+        things: what may step at an unknown sample.
         rejected: so far.
         barred: names that may not come again: they drove out what had brought them in.
     """
@@ -48,6 +50,7 @@ class SearchContext:
     dictionary: EffectDictionary
     bench: FitContext
     say: Progress
+    things: tuple[Steppable, ...] = ()
     rejected: RejectedEffects = field(default_factory=RejectedEffects)
     barred: set[str] = field(default_factory=set)
 

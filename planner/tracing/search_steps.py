@@ -5,11 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 from planner.effects.effect import Role
 from planner.effects.nonparametric import GEAR_CURVE
+from planner.tracing.change_points import series_merit, step_series
 from planner.tracing.ranking import rank_candidates
 from planner.tracing.rivals import without_effect
 from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.search_context import SearchContext
-from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
+from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import effects_beside_curve, likeliest_curve
 
@@ -43,6 +44,27 @@ def best_step(
         context.rejected.add_shares(near, test.scatter)
         doubtful += trials
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
+
+
+def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best: EffectScore) -> SearchState | None:
+    """Refit with all steps of the thing that stepped again and again; ``None`` unless that is worth more than ``best``.
+
+    Only steps that are significant beside each other stay.
+    """
+    series = step_series(test, context.things)
+    if not series or series_merit(test, series[0]) <= best.merit:
+        return None
+    context.say(f"trying {series[0][0].effect.name}, {len(series[0])} times")
+    effects = state.effects
+    for step in series[0]:
+        effects = (*effects, FittedEffect(number_repeat(step.effect, effects)))
+    trial = context.try_refit(state, effects)
+    if trial is None:
+        return None
+    kept = context.prune(trial)
+    fall, error = held_out_gain(state, kept, context.bench)
+    fits = fall > max(error, LEAST_GAIN) and context.evidence_fall(state, kept) > 0
+    return kept if fits and len(kept.names - state.names) > 1 else None
 
 
 def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWAP_EVIDENCE) -> SearchState | None:

@@ -156,6 +156,7 @@ def wald_log_p(state: SearchState, found: FittedEffect, tried: int, inflation: f
     Beside other gears that run unevenly a gear's curve is one of as many as there are joints.
     """
     inflation = variance_inflation(state, found) if inflation is None else inflation
+    tried = max(tried, found.effect.scanned)
     if found.has(Role.GEAR_CURVE) and sum(f.has(Role.GEAR_CURVE) for f in state.effects) > 1:
         tried = min(tried, state.base.setup.robot.n_joints)
     dof = max(1.0, len(state.fit.problem) * state.fit.model.width / inflation - state.fit.effective)

@@ -123,6 +123,7 @@ class SearchState:
         few = slice(0, None, max(1, len(problem) // 3000))
         noise = float(np.linalg.slogdet(problem.whitener.covariance(few))[1].mean() * len(problem))
         grids = [len(f.effect.nonlinear.values) for f in self.effects if f.effect.nonlinear is not None]
+        grids += [f.effect.scanned for f in self.effects]
         scanned = sum(2 * float(np.log(n)) for n in grids)
         precision = np.abs(np.diag(solution.factor)) / np.sqrt(correlation_time)
         narrowed = 2 * float(np.log(np.maximum(precision, 1.0)).sum())

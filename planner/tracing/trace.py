@@ -8,6 +8,8 @@ from planner.effects.effect import Role
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Finding, InnerNumber, log10_p, p_value
+from planner.runs.run import Run
+from planner.tracing.change_text import ChangeNote, describe_change
 from planner.tracing.rivals import detection_limits, find_rivals
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.search import SearchResult, search
@@ -30,6 +32,7 @@ DISPLAY_UNITS = {
     "rad/s": ("µrad/h", 3.6e9),
     "rad/rad": ("µrad/rad", 1e6),
 }
+LEAST_MM = 1e-4  # [m] from which on what changed is told in millimetres
 NONLINEAR_UNITS = {"1/turn": ("", 1.0), "s": ("s", 1.0), "m": ("mm", 1e3), "rad": ("µrad", 1e6)}
 
 
@@ -46,7 +49,7 @@ def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list
     say("rivals")
     gains = own_gains(last, bench)
     findings = tuple(
-        _finding(result, f, own.fall, find_rivals(test, last, f, result.dictionary))
+        _finding(result, f, own.fall, find_rivals(test, last, f, result.dictionary, result.things), bench.run)
         for f, own in zip(last.effects, gains, strict=True)
     )
     say("detection limits")
@@ -54,7 +57,7 @@ def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list
     return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried)
 
 
-def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...]) -> Finding:
+def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...], run: Run) -> Finding:
     last, nonlinear = result.last, found.effect.nonlinear
     which = last.positions(found)
     root = last.fit.solution.root(last.fit.problem.prior)
@@ -72,6 +75,8 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
     if found.value is not None and nonlinear is not None:
         inner = InnerNumber(name=nonlinear.name, value=found.value, std=inner_std, unit=nonlinear.unit)
     log_p = wald_log_p(last, found, result.tried, inflation)
+    note = describe_effect(found, signed, std, inner_std, sizes)
+    change = describe_change(last, found, note, run) if found.has(Role.CHANGE) else ChangeNote(note)
     return Finding(
         effect=found.effect.kind,
         on=str(found.effect.place),
@@ -83,18 +88,24 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
         log10_p=log10_p(log_p),
         gain=gain,
         rivals=others,
-        note=describe_effect(found, signed, std, inner_std, sizes),
+        note=change.note,
+        after_sample=change.after_sample,
+        surely_within=change.surely_within,
+        row=change.row,
     )
 
 
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
     effect, nonlinear = found.effect, found.effect.nonlinear
-    size = format_value(abs(value), std, *DISPLAY_UNITS.get(effect.unit, (effect.unit, 1.0)))
+    unit = DISPLAY_UNITS.get(effect.unit, (effect.unit, 1.0))
+    if effect.has(Role.CHANGE) and effect.unit == "m" and abs(value) > LEAST_MM:
+        unit = ("mm", 1e3)
+    size = format_value(abs(value), std, *unit)
     inner = ""
     if found.value is not None and nonlinear is not None:
         inner = format_value(found.value, inner_std, *NONLINEAR_UNITS.get(nonlinear.unit, (nonlinear.unit, 1.0)))
-    sentence = effect.sentence.format(size=size, inner=inner)
+    sentence = effect.sentence.format(size=size, inner=inner, more="more" if value > 0 else "less")
     if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
         sentence = sentence.replace(" grow ", " shrink ")
     if found.has(Role.GEAR_CURVE):

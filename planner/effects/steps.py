@@ -1,0 +1,188 @@
+"""What changes at an unknown sample of a run: something that stood elsewhere before, or a row that is wrong.
+
+Whatever is fitted may step: a fixture that was knocked, a wire clamped anew, a tool that slipped, a joint's zero. A
+step counts from the samples before it, so that the rest of the model is how things stand at the end of the run.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.effects.basis import ONE, BasisFunction, EffectVariable, Times
+from planner.effects.catalogue import register
+from planner.effects.compliance import LEAST_LOAD, WeightTorque
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Place, Role, joint_place
+from planner.effects.excitation import Excitation
+from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+
+STEP, SLIP = "step", "wrong row"
+USUAL_STEP, LARGEST_STEP = 2e-4, 0.2  # [m, rad]: one sigma, and the most that is plausible
+USUAL_SLIP, LARGEST_SLIP = 1e-2, 100.0  # [m, rad] a digit may be wrong anywhere in a reading
+FREE = frozenset({"fixture", "tool", "zero"})  # what places a gauge
+ESTIMATED = "estimated"
+
+
+@dataclass(frozen=True)
+class BeforeSample(BasisFunction, key="before:INDEX:PHI", static=False, gauge=True):
+    """φ = −PHI in the samples before this one, from 0, and 0 from it on; a run without numbers came later."""
+
+    sample: int
+    phi: BasisFunction = ONE
+
+    def __call__(self, c: Context) -> Array:
+        """Return the function before the step."""
+        number = c.samples.number
+        return np.zeros(1) if number is None else np.where(number < self.sample, -c.value(self.phi), 0.0)
+
+    def plot_variable(self, c: Context) -> EffectVariable | None:
+        """Draw against the sample."""
+        return _against_sample(c)
+
+
+@dataclass(frozen=True)
+class AtSample(BasisFunction, key="row:INDEX", static=False, gauge=True):
+    """φ = 1 in one sample, from 0, else 0."""
+
+    sample: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the indicator."""
+        number = c.samples.number
+        return np.zeros(1) if number is None else np.asarray(number == self.sample, dtype=float)
+
+    def plot_variable(self, c: Context) -> EffectVariable | None:
+        """Draw against the sample."""
+        return _against_sample(c)
+
+
+def _against_sample(c: Context) -> EffectVariable | None:
+    return None if c.samples.number is None else EffectVariable("sample of the run", c.samples.number + 1.0)
+
+
+@register(STEP, SLIP, needs="nothing that can be planned: nobody knows when something moves")
+def made_by_change_points(run: Excitation) -> Iterator[Effect]:
+    """None of these is offered beforehand: the search finds the sample."""
+    yield from ()
+
+
+@dataclass(frozen=True)
+class Steppable:
+    """Something that may step: its parameters as they would act all along, and a sentence with ``{size}``."""
+
+    place: Place
+    sentence: str
+    parameters: tuple[Parameter, ...]
+
+    def step(self, sample: int, scanned: int) -> Effect:
+        """Return the step before sample ``sample``, from 0; ``scanned``: how many samples and things were tried."""
+        parameters = tuple(
+            replace(
+                p,
+                name=f"step{sample}_{p.name}",
+                prior=USUAL_STEP,
+                what=f"step after sample {sample}: {p.what}",
+                moves=tuple(replace(m, phi=BeforeSample(sample, m.phi)) for m in p.moves),
+            )
+            for p in self.parameters
+        )
+        sentence = f"after sample {sample} {self.sentence}"
+        return Effect(
+            STEP, self.place, parameters, sentence, LARGEST_STEP, ESTIMATED, static=False, role=Role.CHANGE,
+            scanned=scanned,
+        )  # fmt: skip
+
+
+def acting_throughout(p: Parameter) -> Parameter:
+    """Return the parameter of a step as it would act in every sample."""
+    moves = (replace(m, phi=m.phi.phi) if isinstance(m.phi, BeforeSample) else m for m in p.moves)
+    return replace(p, moves=tuple(moves))
+
+
+def wrong_row(width: int, sample: int, scanned: int) -> Effect:
+    """Return the effect of one reading, of so many numbers, that has nothing to do with its pose."""
+    parameters = tuple(
+        Parameter(
+            f"row{sample + 1}_{k + 1}", "m" if k < 3 else "rad", USUAL_SLIP,
+            f"error of the reading in row {sample + 1}", reading_move(AtSample(sample), k),
+        )
+        for k in range(width)
+    )  # fmt: skip
+    sentence = f"row {sample + 1} is off by {{size}}"
+    place = Place(f"row {sample + 1}")
+    return Effect(
+        SLIP, place, parameters, sentence, LARGEST_SLIP, ESTIMATED, static=False, role=Role.CHANGE, scanned=scanned
+    )
+
+
+def steppables(run: Excitation) -> Iterator[Steppable]:
+    """Yield everything in a set-up that may step: what places the gauge, base, payload, and each joint's zero."""
+    setup, several = run.setup, len(run.setup.place_names) > 1
+    groups: dict[str, list[Parameter]] = {}
+    for p in setup.gauge.parameters(setup, FREE):
+        groups.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)
+    if several:
+        groups["base"] = [
+            Parameter(f"base_{r}{a}", "m", 1.0, f"base {'about' if r else 'along'} {a}", transform_move(first + k))
+            for r, first in (("", 0), ("r", 3)) for k, a in enumerate("xyz")
+        ]  # fmt: skip
+    for label, group in groups.items():
+        part, sentence = _words(label, several)
+        yield Steppable(Place(part), sentence, tuple(_as_shift(run, p) for p in group))
+    for i in run.joints:
+        zero = Parameter(f"theta{i + 1}", "rad", 1.0, f"zero of joint {i + 1}", transform_move(run.rotation(i)))
+        yield Steppable(joint_place(i), f"the zero of joint {i + 1} stood {{size}} elsewhere", (zero,))
+    yield from _payload(run)
+
+
+def _words(label: str, several: bool) -> tuple[str, str]:
+    """Return place and sentence of a group of the gauge's parameters."""
+    thing, _, name = label.partition("_")
+    if thing == "fixture":
+        which, article = (f"fixture {name}", "") if name else ("fixture", "the ")
+        return which, f"{article}{which}{'' if several else ' (or the base)'} stood {{size}} elsewhere"
+    if thing == "zero":
+        which = f"{name} gauge".strip()
+        return which, f"the {which} read {{size}} {{more}}"
+    if thing == "map":
+        which, article = (f"tool point {name}", "") if name else ("tool point", "the ")
+        return which, f"{article}{which} sat {{size}} elsewhere on the flange"
+    if thing == "probe":
+        return "probe", "the probe was turned otherwise on the flange, by {size}"
+    if name or not several:
+        which = f"gauge at {name}" if name else "gauge's frame"
+        return which, f"the {which}{'' if name else ' (or the base)'} stood {{size}} elsewhere"
+    return "base", "the base stood {size} elsewhere"
+
+
+def _as_shift(run: Excitation, p: Parameter) -> Parameter:
+    """Return a turn of the base as the shift [m] that it gives the measured points, about the middle of them."""
+    move = p.main
+    if move.on != "transform" or not 3 <= move.index < 6:
+        return p
+    x = run.context.motion.x
+    centre = x.mean(axis=1)
+    lever = max(float(np.sqrt(((x - centre[:, None]) ** 2).sum(axis=0).mean() * 2 / 3)), 1e-3)
+    back = -np.cross(np.eye(3)[move.index - 3], centre) / lever
+    moves = [replace(move, phi=Times(1 / lever, move.phi))]
+    moves += [ParameterMove("transform", k, Times(float(b), move.phi)) for k, b in enumerate(back) if b]
+    return replace(p, unit="m", moves=tuple(moves))
+
+
+def _payload(run: Excitation) -> Iterator[Steppable]:
+    """Yield the payload: it turns the joints that yield to it, each by its torque, most of all the two most loaded."""
+    n = run.setup.robot.n_joints
+    phis = [WeightTorque(i, n) for i in run.joints]
+    load = np.array([np.ptp(run.values(phi)) for phi in phis])
+    which = [int(i) for i in np.sort(np.argsort(-load, kind="stable")[:2]) if load[i] > LEAST_LOAD]
+    parameters = tuple(
+        Parameter(
+            f"payload_at{i + 1}", "rad", 1.0, f"turn of joint {i + 1} under another payload",
+            transform_move(run.rotation(i), Times(1 / run.largest(phis[i]), phis[i])),
+        )
+        for i in which
+    )  # fmt: skip
+    if parameters:
+        yield Steppable(Place("payload"), "the payload was another one, its joints turn {size} under it", parameters)

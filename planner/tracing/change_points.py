@@ -1,0 +1,231 @@
+"""Steps at an unknown sample, and rows that are wrong: scored by cumulative sums of what is already computed.
+
+A step of a thing with whitened columns A, less what the fitted parameters take up (basis Q), explains before sample j
+
+    aᵀ (S − WᵀW)⁻¹ a,   S = Σ Aᵢᵀ Aᵢ,   W = Σ Qᵢᵀ Aᵢ,   a = Σ Aᵢᵀ eᵢ   (sums over i < j, e the residual)
+
+so that all samples are tried in one pass (the score test for a change at an unknown time: Andrews 1993, Econometrica
+61(4)). That the best of all samples and things is taken is paid for by Bonferroni's correction and by the rank.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.effects.basis import BasisFunction
+from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
+from planner.identification.least_squares import MEDIAN_RMS
+from planner.tracing.dictionary import whiten
+from planner.tracing.ranking import merit_of
+from planner.tracing.score_test import EffectScore, ScoreTest, score_gains
+from planner.tracing.search_context import SearchContext
+from planner.tracing.significance import LOG_SIGNIFICANCE
+from planner.tracing.state import FittedEffect, SearchState
+
+FEWEST_SAMPLES = 3  # on either side of a step
+# tries that are as good as one: neighbouring samples and things look much alike. Of 200 clean runs of 80, and of 200,
+# poses the surest step in a hundred had a chance of 0.2 and 0.05 by Bonferroni's correction for all tries
+ALIKE = 8
+LEAST_SLIP = 8.0  # robust standard deviations from which on a row is wrong and no mere outlier
+SIMILAR_GAIN = 0.7  # share of the best one's gain from which on another step is tried beside it
+MOST_OF_A_SERIES = 10  # steps of one thing
+MOST_STEPS = 4  # steps that are tried side by side
+SURE = 0.95  # of the range of samples in which a step lies
+
+
+def rank_changes(
+    test: ScoreTest, things: Sequence[Steppable], effects: tuple[FittedEffect, ...], continuous: bool
+) -> list[EffectScore]:
+    """Return the likeliest steps, each at its best sample, and of poses at rest the row that is worst, if it is wrong.
+
+    Args:
+        test: the model that they would join.
+        things: what may step.
+        effects: those that the model has already: what stepped at a sample does not step there again.
+        continuous: whether the samples follow each other along a path.
+    """
+    if test.problem.samples.number is None or len(test.problem) < 2 * FEWEST_SAMPLES + 2:
+        return []
+    taken = {(f.effect.place, change_sample(f)) for f in effects if f.effect.kind == STEP}
+    steps = [
+        s for s in best_steps(test, things) if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
+    ]
+    best = max((s.gain for s in steps), default=0.0)
+    steps = sorted((s for s in steps if s.gain >= SIMILAR_GAIN * best), key=lambda s: -s.merit)[:MOST_STEPS]
+    return [*([] if continuous else _worst_row(test)), *steps]
+
+
+def change_sample(found: FittedEffect) -> int | None:
+    """Sample, from 0, before which a step's thing stood otherwise, or of a wrong row; ``None`` of other effects."""
+    phi: BasisFunction = found.effect.make(found.value)[0].main.phi
+    return phi.sample if isinstance(phi, BeforeSample | AtSample) else None
+
+
+def best_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[EffectScore]:
+    """Yield the best step of each thing that may step."""
+    for thing, columns in zip(things, _columns(test, things), strict=True):
+        yield _best_step(test, thing, columns, len(things))
+
+
+def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[EffectScore, ...]]:
+    """Return the steps of each thing that steps more than once, those that explain most together first.
+
+    What steps again and again, such as a wire clamped anew each day, looks like anything while only one of its steps
+    is in the model: each thing is given all of its steps before the things are compared.
+    """
+    out = []
+    for thing, columns in zip(things, _columns(test, things), strict=True):
+        steps, left = list[EffectScore](), test
+        while len(steps) < MOST_OF_A_SERIES:
+            score = _best_step(left, thing, columns, len(things))
+            if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
+                break
+            steps.append(score)
+            left = _beside(left, columns, score)
+        if len(steps) > 1:
+            out.append(tuple(steps))
+    return sorted(out, key=lambda steps: -series_merit(test, steps))
+
+
+def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
+    """Merit of several steps of a thing together, by the noise that the first of them would leave."""
+    return sum(merit_of(test, s) for s in steps)
+
+
+def _beside(test: ScoreTest, columns: Array, score: EffectScore) -> ScoreTest:
+    """Return the test with a step of columns (n, r, k) in the model."""
+    sample = change_sample(FittedEffect(score.effect))
+    before = np.asarray(test.problem.samples.number) < sample
+    A = np.where(before[:, None, None], -columns, 0.0).reshape(-1, columns.shape[2])
+    # with the prior's rows below Q, the part of a column that is left has the length of the score's information
+    mu, axes = np.linalg.eigh(score.information)
+    seen = mu > 1e-9 * mu[-1]
+    root = axes[:, seen] / np.sqrt(mu[seen])
+    U = (A - test.basis @ (test.basis.T @ A)) @ root
+    return replace(
+        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ (root.T @ score.along),
+        dof=max(1.0, test.dof - U.shape[1]),
+    )  # fmt: skip
+
+
+def _best_step(test: ScoreTest, thing: Steppable, columns: Array, things: int) -> EffectScore:
+    """Score a thing's step, of columns (n, r, k), at the sample at which it explains most."""
+    number = np.asarray(test.problem.samples.number)
+    information, along, length = _sums_before(test, columns)
+    gain, size = score_gains(information, along, length)
+    allowed = np.arange(FEWEST_SAMPLES, len(number) - FEWEST_SAMPLES + 1) - 1
+    j = int(allowed[np.argmax(gain[allowed])])
+    effect = thing.step(int(number[j + 1]), -(-len(number) * things // ALIKE))
+    return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
+
+
+def _columns(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[Array]:
+    """Yield the whitened columns (n, r, k) of each thing, as they would act all along."""
+    problem = test.problem
+    parameters = tuple(p for thing in things for p in thing.parameters)
+    model = replace(problem.model.fixing(test.errors), parameters=parameters)
+    white = whiten(problem, model.linear_in(problem.context, None).rows)
+    first = 0
+    for thing in things:
+        yield white[:, :, first : first + len(thing.parameters)]
+        first += len(thing.parameters)
+
+
+def _sums_before(test: ScoreTest, A: Array) -> tuple[Array, Array, Array]:
+    """Return information (n − 1, k, k), products with the residual and squared lengths (n − 1, k) of a step.
+
+    Of the columns −A (n, r, k) summed over the samples up to 0 … n − 2.
+    """
+    n, r, _ = A.shape
+    Q, e = test.basis.reshape(n, r, -1), test.residual.reshape(n, r)
+    S = np.cumsum(np.einsum("nri,nrj->nij", A, A), axis=0)[:-1]
+    W = np.cumsum(np.einsum("nrp,nri->npi", Q, A), axis=0)[:-1]
+    along = -np.cumsum(np.einsum("nri,nr->ni", A, e), axis=0)[:-1]
+    return S - np.einsum("npi,npj->nij", W, W), along, np.einsum("nii->ni", S)
+
+
+def _worst_row(test: ScoreTest) -> list[EffectScore]:
+    """Return the row whose reading fits its pose worst, where that is beyond any outlier."""
+    n, r = len(test.problem), test.problem.model.width
+    Q, e = test.basis.reshape(n, r, -1), test.residual.reshape(n, r)
+    own = np.eye(r) - np.einsum("nrp,nsp->nrs", Q, Q)  # what a row's own reading is worth beyond all others
+    gain = np.einsum("nr,nr->n", e, np.linalg.solve(own + 1e-9 * np.eye(r), e[..., None])[..., 0])
+    size = np.sqrt(gain / r)
+    k = int(np.argmax(gain))
+    if size[k] < LEAST_SLIP * np.median(size) / MEDIAN_RMS[r]:
+        return []
+    root = test.problem.whitener.root[k] * np.sqrt(test.problem.weight[k])
+    row = int(np.asarray(test.problem.samples.number)[k])
+    score = EffectScore(wrong_row(r, row, n), None, float(gain[k]), r, root.T @ own[k] @ root, root.T @ e[k])
+    return [_with_chance(test, score)]
+
+
+def _with_chance(test: ScoreTest, score: EffectScore) -> EffectScore:
+    log_p = test.log_p(score.gain, score.size, score.effect.scanned)
+    return replace(score, log_p=log_p, merit=merit_of(test, score))
+
+
+@dataclass(frozen=True)
+class StepTime:
+    """When something stepped: before sample ``sample``, from 0, surely before one of ``first`` … ``last``."""
+
+    sample: int
+    first: int
+    last: int
+
+
+def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
+    """Return where a step lies, everything else as fitted: its likeliest sample, and the range that holds it surely.
+
+    With the residual e as if nothing had stepped and what the step adds, s, the misfit of a step before sample j is
+    Σ_{i<j} |e + s|² + Σ_{i≥j} |e|²; every sample is as likely beforehand.
+    """
+    problem, errors = state.fit.problem, state.fit.errors
+    piece = problem.piece(slice(None), errors)
+    number = np.asarray(problem.samples.number)
+    here = change_sample(found)
+    assert here is not None
+    shift = _acting_throughout(state, found)
+    before = (number < here)[:, None]
+    still = np.where(before, piece.residual - shift, piece.residual)  # as if it had stood always as at the end
+    fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[:-1]
+    scale = max(1.0, float((piece.residual**2).mean()))
+    chance = np.exp((fall - fall.max()) / (2 * scale))
+    chance /= chance.sum()
+    low, high = np.searchsorted(np.cumsum(chance), [(1 - SURE) / 2, (1 + SURE) / 2])
+    last = len(fall) - 1
+    return StepTime(*(int(number[1 + min(int(k), last)]) for k in (np.argmax(fall), low, high)))
+
+
+def relocate_steps(
+    context: SearchContext, state: SearchState, things: Sequence[Steppable], rounds: int = 3
+) -> SearchState:
+    """Move each step to its likeliest sample with everything else in the model, and refit, until none moves."""
+    for _ in range(rounds):
+        moved = tuple(_relocated(state, f, things) for f in state.effects)
+        if [change_sample(f) for f in moved] == [change_sample(f) for f in state.effects]:
+            break
+        trial = context.try_refit(state, moved)
+        if trial is None or context.evidence_fall(state, trial) < 0:
+            break
+        state = trial
+    return state
+
+
+def _relocated(state: SearchState, found: FittedEffect, things: Sequence[Steppable]) -> FittedEffect:
+    if found.effect.kind != STEP:
+        return found
+    thing = next(t for t in things if t.place == found.effect.place)
+    effect = thing.step(locate_step(state, found).sample, found.effect.scanned)
+    return replace(found, effect=replace(effect, repeat=found.effect.repeat))
+
+
+def _acting_throughout(state: SearchState, found: FittedEffect) -> Array:
+    """Whitened change (n, r) that a step, as fitted, would make in every sample."""
+    problem, own = state.fit.problem, state.positions(found)
+    parameters = tuple(acting_throughout(state.fit.model.parameters[k]) for k in own)
+    model = replace(state.fit.model.fixing(state.fit.errors), parameters=parameters)
+    rows = whiten(problem, model.linear_in(problem.context, None).rows)
+    return np.asarray(rows @ state.fit.errors[own])
