@@ -13,4 +13,5 @@ __all__ = [
     "nonparametric",
     "parameters",
     "phi_keys",
+    "steps",
 ]
