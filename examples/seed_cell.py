@@ -19,7 +19,7 @@ def main(folder: str = "seed_cell", cell: str = "kuka-kr6-r700/edbb", poses: int
     found.write(out / "calibrated")
 
     program = next(path for path in (out / "session").iterdir() if path.suffix == ".src")
-    corrected = compensate(program, model=found, keep_unsolved=True)  # singular targets stay and are listed
+    corrected = compensate(program, model=found)  # singular targets stay and are listed
     print(corrected.summary())
     corrected.write(out / program.name)
 

@@ -103,7 +103,7 @@ def test_the_table_of_targets_is_corrected(tmp_path):
 def test_the_options_that_compensate_is_said_to_have_are_there():
     own = README.split("`compensate` takes a program")[1].split("Held out means")[0]
     options = set(re.findall(r"`(--[a-z-]+)`", own))
-    assert options == {"--keep-unsolved", "--tool", "--base", "--frames"}
+    assert options == {"--strict", "--tool", "--base", "--frames"}
     assert all(option in help_of("compensate") for option in options)
 
 

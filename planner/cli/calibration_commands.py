@@ -19,6 +19,7 @@ from planner.cli.terminal import (
     give_file,
     print_notes,
 )
+from planner.common.errors import PARTLY_DONE
 
 
 def simulate_command(
@@ -89,8 +90,8 @@ def compensate_command(
     tool: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="tool in the flange, mm and degrees")] = None,
     base: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="base of poses, mm and degrees")] = None,
     frames: Annotated[Path | None, typer.Option(metavar="FILE", help="tools and bases: $config.dat, a module")] = None,
-    keep_unsolved: Annotated[
-        bool, typer.Option("--keep-unsolved", help="leave targets without a correction as they are")
+    strict: Annotated[
+        bool, typer.Option("--strict", help="write nothing unless every target of the file can be corrected")
     ] = False,
     cell: Annotated[
         str | None, typer.Option(metavar="CELL", help="the cell, to make sure that its controller does not correct too")
@@ -106,11 +107,13 @@ def compensate_command(
         tool=tool,
         base=base,
         frames=frames,
-        keep_unsolved=keep_unsolved,
+        strict=strict,
         cell=cell,
     )
     errors.print(done.summary(), markup=False)
     give_file(done.file.text, done.write, output)
+    if done.file.partly:
+        raise typer.Exit(PARTLY_DONE)
 
 
 def accuracy_command(

@@ -2,6 +2,9 @@
 
 from difflib import get_close_matches
 
+PARTLY_DONE = 5
+"""Exit code of a command that has written its result, and has left parts of the input as they were."""
+
 
 class PlannerError(Exception):
     """Root of all errors raised on purpose; the message is one clear sentence for the person at the cell."""

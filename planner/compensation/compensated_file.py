@@ -1,5 +1,6 @@
 """One file in, the same file with corrected targets out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,10 +9,13 @@ import numpy as np
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.reading import read_bytes
 from planner.common.units import DEG, Array
-from planner.compensation.arm_shapes import has_shapes, shape_of
+from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
-from planner.compensation.languages import detect_dialect, read_targets
+from planner.compensation.head_comment import add_head
+from planner.compensation.languages import comment_style, companion_of, detect_dialect, family_of, read_targets
 from planner.compensation.nominal_angles import solve_nominal_angles
+from planner.compensation.other_robot import check_reach, foreign_robot_notes
+from planner.compensation.printed import read_printed
 from planner.compensation.report import (
     CompensationReport,
     large_joint_motions,
@@ -20,7 +24,8 @@ from planner.compensation.report import (
     summary,
 )
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.targets import Note, Target, TargetReading, ToolAndBase, list_lines
+from planner.compensation.service_points import SENTENCE, is_service_name
+from planner.compensation.targets import SAME, CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
 from planner.kinematics.robot import Robot
 from planner.programs.languages.text import Slot, write_values
 
@@ -41,6 +46,33 @@ class CompensatedFile:
         """What was done, for the person at the screen."""
         return summary(self.name, self.report)
 
+    @property
+    def partly(self) -> bool:
+        """Whether targets or moves of the file were left as they were."""
+        return bool(self.report.kept)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file as it was read: name, language, text, the other half of its module, and who is to drive it."""
+
+    name: str
+    dialect: str
+    companion: str
+    robot: Robot
+    frames: ToolAndBase
+
+    def read(self, text: str) -> TargetReading:
+        """Return what ``text`` asks the robot to do.
+
+        Raises:
+            InputError: the meaning of the whole file is uncertain.
+        """
+        reading = TargetReading(self.name, self.robot, self.frames, self.companion)
+        read_targets(self.dialect, text, reading)
+        reading.check()
+        return reading
+
 
 def compensate_file(
     path: Path,
@@ -49,9 +81,13 @@ def compensate_file(
     *,
     dialect: str | None = None,
     frames: ToolAndBase = NO_FRAMES,
-    keep_unsolved: bool = False,
+    strict: bool = False,
 ) -> CompensatedFile:
     """Replace every target in a file by its fake target; the text between the numbers stays byte for byte.
+
+    What cannot be corrected for certain is left exactly as it is; the report and a comment at the head of the
+    file list its lines and the reasons. The corrected text is read again as a file of its own: a target that does
+    not come back as it was meant is left as it was.
 
     Args:
         path: targets (CSV) or a robot program (KRL, RAPID, PDL2, G-code of the shipped dialects).
@@ -59,36 +95,117 @@ def compensate_file(
         calibrated: the robot as it is.
         dialect: name of the dialect, or ``csv``, where suffix and content do not tell.
         frames: tool and base of Cartesian targets that the file does not say.
-        keep_unsolved: leave targets without a correction as they are, and list them, instead of failing.
+        strict: fail instead of leaving anything as it is.
 
     Raises:
-        InputError: the file cannot be read, or lines of it are not understood (each is named).
-        NoSolutionError: targets cannot be corrected (each line is named, with the reason).
+        InputError: the file cannot be read, or nothing in it can be corrected for certain (each line is named).
+        NoSolutionError: no target has a correction, or most are out of the robot's reach.
     """
     text, encoding = _read(path)
-    targets, notes = _targets(path, text, nominal, dialect, frames)
+    language = dialect or detect_dialect(path, text)
+    source = _Source(path.name, language, companion_of(path, language, _read), nominal, frames)
+    notes = list(foreign_robot_notes(path.name, text, nominal))
+    if is_service_name(path.stem):
+        raise InputError(f"{path}: the file {SENTENCE}")
+    reading = source.read(text)
+    targets = _understood(path, reading, strict)
     q, problems = solve_nominal_angles(nominal, targets)
+    if foreign := check_reach(path.name, nominal, targets, q, problems):
+        raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
-    good = np.zeros(0, dtype=bool)
+    good, q_new = np.zeros(0, dtype=bool), q[done]
     if done.size:
         correction = correct_joints(nominal, NominalPoser(nominal), calibrated, q[done])
         problems += _problems([targets[i].line for i in done], nominal, correction)
-        good = correction.good
-    if not good.any() or (problems and not keep_unsolved):
-        raise NoSolutionError(
-            "\n".join([_summary(path, problems, targets, keep_unsolved), *list_lines(path.name, problems)])
-        )
-    done, q_new = done[good], correction.q[good]
-    chosen = [targets[i] for i in done]
-    text = write_values(text, _values(nominal, chosen, q[done], q_new))
-    again, _ = _targets(path, text, nominal, dialect, frames)
-    report = report_of(nominal, calibrated, chosen, [again[i] for i in done], q[done], q_new)
-    notes += [
-        *large_joint_motions(nominal, chosen, q[done], q_new),
-        *near_singular_angles(chosen, [again[i] for i in done]),
-    ]
-    report = replace(report, notes=tuple(notes), kept=tuple(sorted(problems)))
-    return CompensatedFile(path.name, text, encoding, report)
+        good, q_new = correction.good, correction.q
+    if not good.any() or (problems and strict):
+        said = [*problems, *reading.left]
+        raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, said)]))
+    written = _write(source, text, targets, calibrated, done[good], q[done[good]], q_new[good])
+    problems += written.wrong
+    if not written.rows.size or (written.wrong and strict):
+        raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, problems)]))
+    return _finish(source, encoding, written, targets, calibrated, q, (*notes, *reading.notes), [*reading.left, *problems])
+
+
+@dataclass(frozen=True)
+class _Written:
+    """The corrected text, its targets as they are read again, and which of them were corrected to what."""
+
+    text: str
+    printed: list[Target]
+    rows: np.ndarray
+    q_new: Array
+    q_printed: Array
+    wrong: list[Note]
+
+
+def _write(
+    source: _Source, text: str, targets: list[Target], calibrated: Poser, rows: np.ndarray, q: Array, q_new: Array
+) -> _Written:
+    """Write the corrected numbers, and read them again until every one of them is what was meant."""
+    wrong: list[Note] = []
+    while True:
+        chosen = [targets[i] for i in rows]
+        new_text = write_values(text, _values(source.robot, chosen, q, q_new))
+        printed = source.read(new_text).take_targets()
+        if [t.line for t in printed] != [t.line for t in targets]:
+            raise NoSolutionError(f"{source.name}: the corrected file does not read as the same targets")
+        q_printed, bad = read_printed(source.robot, calibrated, printed, rows, q, q_new)
+        if not bad:
+            return _Written(new_text, printed, rows, q_new, q_printed, wrong)
+        wrong += [(targets[rows[k]].line, why) for k, why in bad]
+        kept = np.setdiff1d(np.arange(len(rows)), [k for k, _ in bad])
+        rows, q, q_new = rows[kept], q[kept], q_new[kept]
+        if not kept.size:
+            return _Written(text, targets, rows, q_new, q_new, wrong)
+
+
+def _finish(
+    source: _Source,
+    encoding: str,
+    written: _Written,
+    targets: list[Target],
+    calibrated: Poser,
+    q: Array,
+    notes: Sequence[Note],
+    left: list[Note],
+) -> CompensatedFile:
+    """Measure what was done, and say at the head of the file what was not."""
+    nominal, rows = source.robot, written.rows
+    chosen, printed = [targets[i] for i in rows], [written.printed[i] for i in rows]
+    report = report_of(nominal, calibrated, chosen, q[rows], written.q_new, written.q_printed)
+    more = (*large_joint_motions(nominal, chosen, q[rows], written.q_new), *near_singular_angles(chosen, printed))
+    report = replace(report, notes=(*notes, *more), kept=tuple(sorted(left)))
+    text = written.text
+    if report.kept:
+        style = comment_style(source.dialect)
+        text = add_head(text, family_of(source.dialect), style, nominal.name, report.corrected, report.kept)
+    return CompensatedFile(source.name, text, encoding, report)
+
+
+def _understood(path: Path, reading: TargetReading, strict: bool) -> list[Target]:
+    """Return the targets whose meaning is certain.
+
+    Raises:
+        InputError: there is none; or, where all are wanted, one is left.
+    """
+    targets = reading.take_targets()
+    if not has_shapes(reading.robot):
+        for t in targets:
+            if t.pose is not None and t.pose.start is None:
+                reading.refuse(
+                    t.line,
+                    f"a pose without joint angles found; {reading.robot.title} has no spherical wrist, so joint targets "
+                    "are allowed, or a table of poses with joint angles to start from",
+                )
+        reading.check()
+    if reading.left and (strict or not targets):
+        what = "" if targets else f"{path}: holds no target that could be compensated\n"
+        raise InputError(what + "\n".join(list_lines(path.name, reading.left)))
+    if not targets:
+        raise InputError(f"{path}: holds no target that could be compensated")
+    return targets
 
 
 def _read(path: Path) -> tuple[str, str]:
@@ -100,29 +217,6 @@ def _read(path: Path) -> tuple[str, str]:
         return data.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
         return data.decode("latin-1"), "latin-1"
-
-
-def _targets(
-    path: Path, text: str, nominal: Robot, dialect: str | None, frames: ToolAndBase
-) -> tuple[list[Target], list[Note]]:
-    reading = TargetReading(path.name, nominal, frames)
-    read_targets(dialect or detect_dialect(path, text), text, reading)
-    if not has_shapes(nominal):
-        for t in reading.targets:
-            if t.pose is not None and t.pose.start is None:
-                reading.refuse(
-                    t.line,
-                    f"a pose without joint angles found; {nominal.title} has no spherical wrist, so joint targets are "
-                    "allowed, or a table of poses with joint angles to start from",
-                )
-    reading.check()
-    if not reading.targets:
-        raise InputError(f"{path}: holds no target that could be compensated{_why_none(reading)}")
-    return reading.targets, reading.notes
-
-
-def _why_none(reading: TargetReading) -> str:
-    return "".join(f"; line {line}: {sentence}" for line, sentence in reading.notes[:3])
 
 
 def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Note]:
@@ -148,11 +242,10 @@ def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Note]:
     return problems
 
 
-def _summary(path: Path, problems: list[Note], targets: list[Target], kept: bool) -> str:
+def _summary(path: Path, problems: list[Note], targets: list[Target]) -> str:
     return (
         f"{path.name}: {len(problems)} of {len(targets)} targets have no fake target near the nominal one; move them "
         "away from limits and singular positions (a wrist that is straight)"
-        + ("" if kept else ", or keep them as they are (--keep-unsolved)")
     )
 
 
@@ -168,14 +261,22 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
     poses = [p for t in targets if (p := t.pose) is not None]
     T = inverse(np.array([p.T_WB for p in poses])) @ frame(*NominalPoser(robot).flange(q_new[at]))
     T = T @ np.array([p.T_FT for p in poses])
-    shaped = has_shapes(robot)
-    before, after = (shape_of(robot, v[at]) if shaped else np.zeros(len(at), int) for v in (q, q_new))
+    arms = _arms(robot, q[at], q_new[at])
     for k, (i, pose) in enumerate(zip(at, poses, strict=True)):
         to_words = to_abc if pose.spelling == "abc" else to_quaternion
         numbers = [*T[k, :3, 3], *to_words(T[k : k + 1, :3, :3], pose.words[None])[0]]
         if pose.configuration is not None:
-            numbers += pose.configuration.renewed(int(before[k]), int(after[k]), q[i], q_new[i])
+            numbers += pose.configuration.renewed(arms[k])
         elif pose.start is not None:
             numbers += q_new[i].tolist()
         out += zip(targets[i].slots, [float(v) for v in numbers], strict=True)
     return out
+
+
+def _arms(robot: Robot, q: Array, q_new: Array) -> list[CorrectedArm]:
+    """Return how the arm stands at corrected angles q_new, and how near to a border what is written still holds."""
+    before, after = (shape_margins(robot, v) if has_shapes(robot) else np.zeros((len(v), 3)) for v in (q, q_new))
+    q_slack, margins_slack = (
+        np.where(np.abs(new - old) > SAME, SAME, NEAR) for old, new in ((q, q_new), (before, after))
+    )
+    return [CorrectedArm(*row) for row in zip(q_new, after, q_slack, margins_slack, strict=True)]

@@ -1,5 +1,6 @@
 """Which language a file is in: by its suffix, and where that is not known by what it says; and who reads it."""
 
+import glob
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 from planner.common.errors import InputError, did_you_mean
 from planner.compensation.formats import csv, gcode, krl, pdl2, rapid
 from planner.compensation.targets import TargetReading
-from planner.programs.dialect import Dialect, dialect_names, load_dialect
+from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect
 
 TABLE = "csv"  # stands for a table of targets among the names of dialects
 READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
@@ -16,6 +17,7 @@ READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
     "rapid": rapid.read,
     "pdl2": pdl2.read,
 }
+HALVES = {".src": ".dat", ".dat": ".src"}
 MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
     "krl": r"^\s*(&ACCESS|DEF(DAT)?\s+\w+)",
@@ -43,6 +45,25 @@ def detect_dialect(path: Path, text: str) -> str:
         f"{path}: neither the suffix '{suffix}' nor the content tells the language; suffixes that do: "
         f"{', '.join(sorted(known))}; or name the dialect (csv, {', '.join(dialect_names())})"
     )
+
+
+def family_of(name: str) -> str:
+    """Return the family of languages that a dialect belongs to, or ``csv``."""
+    return TABLE if name == TABLE else load_dialect(name).reading.family
+
+
+def comment_style(name: str) -> CommentStyle:
+    """Return how a remark is written in a dialect, or in a table."""
+    return CommentStyle(start="# ") if name == TABLE else load_dialect(name).comment
+
+
+def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
+    """Return the text of the other half of a KRL module, which lies beside it, or nothing."""
+    other = HALVES.get(path.suffix.lower())
+    if other is None or name == TABLE or name not in dialect_names() or family_of(name) != "krl":
+        return ""
+    beside = next((p for p in sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if p.suffix.lower() == other), None)
+    return "" if beside is None or not beside.is_file() else read(beside)[0]
 
 
 def read_targets(name: str, text: str, reading: TargetReading) -> None:

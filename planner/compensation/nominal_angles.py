@@ -17,6 +17,7 @@ SEEDS = 15  # log2 of how many arm positions are kept to start from
 STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
 ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
 FOUND = 1e-7  # [m and rad] of a pose that is reached
+UNREACHED = "the nominal robot does not reach the pose"
 
 
 def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Note]]:
@@ -63,20 +64,33 @@ def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems:
         pose, follows = targets[i].pose, targets[i].follows
         assert pose is not None
         wanted = None if pose.configuration is None else pose.configuration.shape
-        shapes[i] = shapes[follows] if wanted is None and follows is not None else wanted or 0
+        shapes[i] = shapes[follows[0]] if wanted is None and follows else wanted or 0
         poses.append(pose)
     found, ok = _search(robot, flange_of(poses), shapes[rows])
     for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
         target = targets[i]
-        before = None if target.follows is None else targets[target.follows].line
-        if before is not None and np.isnan(q[target.follows]).any():
+        before = targets[target.follows[0]].line if target.follows else None
+        if before is not None and np.isnan(q[target.follows[0]]).any():
             problems.append((target.line, f"it follows line {before}, whose joint angles are not known"))
         elif not good:
-            problems.append((target.line, f"the nominal robot does not reach the pose in {_shape_sentence(before)}"))
+            problems.append((target.line, f"{UNREACHED} in {_shape_sentence(before)}"))
         else:
-            q[i], why = _choose_turns(robot, pose, solution, q, target.follows)
+            q[i], why = _choose_turns(robot, pose, solution, q, target.follows[0] if target.follows else None)
             if why:
                 problems.append((target.line, f"in {_shape_sentence(before)} {why}"))
+    _agree(robot, targets, q, problems)
+
+
+def _agree(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) -> None:
+    """Take back the angles of a pose that the arm reaches in another way when it comes from another of its targets."""
+    for i, target in enumerate(targets):
+        for other in target.follows[1:]:
+            both = q[[i, other]]
+            if np.isnan(both).any() or len(set(shape_of(robot, both))) > 1 or np.abs(both[0] - both[1]).max() > np.pi:
+                line = targets[other].line
+                problems.append((target.line, f"the arm comes from line {line} too, and may reach it in another way"))
+                q[i] = np.nan
+                break
 
 
 def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarray]:

@@ -1,14 +1,13 @@
 """What a compensated file does, measured on the numbers as printed, and what a person should look at."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.common.units import DEG, MM, UM, Array
-from planner.compensation.correction import NominalPoser, Poser, flange_deviation, solve_flange_ik
-from planner.compensation.nominal_angles import flange_of
-from planner.compensation.targets import Note, Target, list_lines
+from planner.compensation.correction import NominalPoser, Poser, flange_deviation
+from planner.compensation.targets import Note, Target, line_ranges, list_lines
 from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
 
@@ -63,44 +62,41 @@ class CompensationReport:
         shift_mean_m, shift_max_m: how far the nominal robot now stands from where the file said [m]: the error undone.
         moved_max_rad: largest correction of a joint [rad].
         left_m, left_rad: largest deviation of the calibrated robot as the numbers are printed [m, rad].
-        kept: (line, why) of targets that were left as they were.
+        corrected: lines of the targets that were corrected.
+        kept: (line, why) of targets and moves that were left as they were.
     """
 
     joint_targets: int
     poses: int
-    notes: tuple[tuple[int, str], ...]
+    notes: tuple[Note, ...]
     shift_mean_m: float
     shift_max_m: float
     moved_max_rad: float
     left_m: float
     left_rad: float
-    kept: tuple[Note, ...] = field(default=())
+    corrected: tuple[int, ...] = ()
+    kept: tuple[Note, ...] = ()
 
 
 def report_of(
-    robot: Robot, calibrated: Poser, targets: list[Target], printed: list[Target], q: Array, q_new: Array
+    robot: Robot, calibrated: Poser, targets: list[Target], q: Array, q_new: Array, q_printed: Array
 ) -> CompensationReport:
-    """Read the printed numbers back, and say where the calibrated robot stands with them."""
+    """Say where the calibrated robot stands at the angles (n, N) [rad] that the printed numbers give."""
     nominal = NominalPoser(robot)
     p, R = nominal.flange(q)
-    q_printed = q_new.copy()
-    for i, t in enumerate(printed):
-        q_printed[i] = q_new[i] if t.q is None else t.q
-    at = [i for i, t in enumerate(printed) if t.pose is not None]
-    if at:
-        T = flange_of([pose for t in printed if (pose := t.pose) is not None])
-        q_printed[at], _ = solve_flange_ik(robot, nominal, q_new[at], T[:, :3, 3], T[:, :3, :3])
+    poses = sum(t.pose is not None for t in targets)
     left, turned = flange_deviation(robot, calibrated, q_printed, p, R)
     shift = np.linalg.norm(nominal.flange(q_printed)[0] - p, axis=1)
     return CompensationReport(
-        joint_targets=len(targets) - len(at),
-        poses=len(at),
+        joint_targets=len(targets) - poses,
+        poses=poses,
         notes=(),
         shift_mean_m=float(shift.mean()) if len(shift) else 0.0,
         shift_max_m=float(shift.max(initial=0.0)),
         moved_max_rad=float(np.abs(q_new - q).max(initial=0.0)),
         left_m=float(left.max(initial=0.0)),
         left_rad=float(turned.max(initial=0.0)),
+        corrected=tuple(sorted({t.line for t in targets})),
     )
 
 
@@ -113,5 +109,8 @@ def summary(name: str, report: CompensationReport) -> str:
         f"as printed {report.left_m / UM:.2f} µm and {report.left_rad * 1e6:.2f} µrad of error are left at most",
     ]
     lines += list_lines(name, report.notes)
+    if report.kept:
+        lines.append(f"corrected lines: {line_ranges(report.corrected)}")
+        lines.append(f"lines left as they were: {line_ranges(line for line, _ in report.kept)}")
     lines += (f"left as it was: {line}" for line in list_lines(name, report.kept))
     return "\n".join(lines)

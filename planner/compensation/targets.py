@@ -1,8 +1,8 @@
 """What a file asks the robot to do, whatever its language: joint targets and poses, and where their numbers stand."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +17,9 @@ Note = tuple[int, str]
 
 SHOWN_LINES = 20  # refused lines that one message lists
 MM_DECIMALS, DEG_DECIMALS = 4, 5  # fewest digits of a number that is written anew
-EXTERNAL_NOTE = "external axes are moved: they are kept, and the robot's own base is taken as standing still"
+SAME = 1e-6  # [m, m² or rad] nearer to a border, rounding decides on which side a joint stands: what is written stays
+EXTERNAL = "external axes are not at zero: the file does not say whether they carry the robot or the part"
+FOLLOWS_NONE = "the target that it follows is not known here, and with it the shape of the arm"
 
 
 class Configuration(Protocol):
@@ -30,13 +32,25 @@ class Configuration(Protocol):
     def turns(self, q: Array) -> np.ndarray:
         """Return for angles (n, N) [rad] whether each joint is in the turn that is meant, (n, N) bool."""
 
-    def renewed(self, before: int, after: int, q: Array, q_new: Array) -> tuple[int, ...]:
-        """Return the numbers that say the corrected configuration.
+    def renewed(self, arm: "CorrectedArm") -> tuple[int, ...]:
+        """Return the numbers that say the corrected configuration: as written where they hold, else those of ``arm``."""
 
-        Args:
-            before, after: the arm's shape at the nominal and at the corrected angles.
-            q, q_new: nominal and corrected angles, (N,) [rad].
-        """
+
+@dataclass(frozen=True)
+class CorrectedArm:
+    """Where the arm stands at one corrected target.
+
+    Attributes:
+        q: corrected angles, (N,) [rad].
+        margins: how clearly the arm has each bit of its shape, (3,), see ``shape_margins``.
+        q_slack, margins_slack: nearer to a border than this, what is written holds; a joint that the correction has
+            not moved stands as well as it did.
+    """
+
+    q: Array
+    margins: Array
+    q_slack: Array
+    margins_slack: Array
 
 
 @dataclass(frozen=True)
@@ -71,14 +85,14 @@ class Target:
             (or, with a start, of its joint angles).
         q: joint angles as written (N,) [rad], or None for a pose.
         pose: the pose, or None for joint angles.
-        follows: index of the target that the arm comes from, for a pose without configuration.
+        follows: indices of the targets that the arm comes from, for a pose without configuration; all must agree.
     """
 
     line: int
     slots: tuple[Slot, ...]
     q: Array | None = None
     pose: CartesianTarget | None = None
-    follows: int | None = None
+    follows: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,11 +103,13 @@ class ToolAndBase:
         T_FT: tool in the flange, (4, 4) [m], or None.
         T_WB: base in the robot's own frame, (4, 4) [m], or None.
         data: text of the controller's own table of frames (KUKA ``$config.dat``, a RAPID module).
+        uncorrected: somebody has said that the controller's own accuracy model is off.
     """
 
     T_FT: Array | None = None
     T_WB: Array | None = None
     data: str = ""
+    uncorrected: bool = False
 
 
 @dataclass
@@ -105,23 +121,31 @@ class TargetReading:
         robot: the nominal robot.
         axes: names of the robot's joints in this language.
         frames: tool and base that the person has named, for files that do not say them.
-        targets: found so far.
-        refused: (line, sentence) of what is not understood, collected so that a person sees all at once.
+        companion: text of the other half of the module (KRL: ``.src`` and ``.dat``), or nothing.
+        refused: (line, sentence) of what makes the meaning of the whole file uncertain.
+        left: (line, sentence) of moves and points that stay as they are.
         notes: (line, sentence) that the person should know.
     """
 
     name: str
     robot: Robot
     frames: ToolAndBase
+    companion: str = ""
     axes: tuple[str, ...] = ()
-    targets: list[Target] = field(default_factory=list)
     refused: list[Note] = field(default_factory=list)
+    left: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
+    _found: list[Target | None] = field(default_factory=list)
 
     def refuse(self, line: int, sentence: str) -> None:
-        """Note that ``line`` cannot be compensated, and why."""
+        """Note that the file cannot be compensated because of ``line``, and why."""
         if (line, sentence) not in self.refused:
             self.refused.append((line, sentence))
+
+    def leave(self, line: int, sentence: str) -> None:
+        """Note that the target in ``line`` stays as it is, and why."""
+        if (line, sentence) not in self.left:
+            self.left.append((line, sentence))
 
     def check(self) -> None:
         """Raise what was refused.
@@ -132,64 +156,39 @@ class TargetReading:
         if self.refused:
             raise InputError("\n".join(list_lines(self.name, self.refused)))
 
-    def add_joints(self, line: int, found: Sequence[PlacedNumber]) -> None:
+    def reserve(self) -> int:
+        """Return the index of a target that is filled in later."""
+        self._found.append(None)
+        return len(self._found) - 1
+
+    def add(self, target: Target, index: int | None = None) -> int:
+        """Note a target, at the index that was reserved for it, and return the index."""
+        index = self.reserve() if index is None else index
+        self._found[index] = target
+        return index
+
+    def add_joints(self, line: int, found: Sequence[PlacedNumber], index: int | None = None) -> int:
         """Note a joint target with its angles in degrees."""
         slots = tuple(number.slot(DEG, DEG_DECIMALS) for number in found)
-        self.targets.append(Target(line, slots, q=read_only(np.array([number.value for number in found]) * DEG)))
+        q = read_only(np.array([number.value for number in found]) * DEG)
+        return self.add(Target(line, slots, q=q), index)
 
+    def take_targets(self) -> list[Target]:
+        """Return the targets in order, without the places that stayed empty; what follows one of those is left."""
+        while True:
+            lost = {i for i, t in enumerate(self._found) if t is None}
+            orphans = [i for i, t in enumerate(self._found) if t is not None and not lost.isdisjoint(t.follows)]
+            if not orphans:
+                break
+            for i in orphans:
+                self.leave(self._line(i), FOLLOWS_NONE)
+                self._found[i] = None
+        places = {i: k for k, i in enumerate(i for i, t in enumerate(self._found) if t is not None)}
+        return [replace(t, follows=tuple(places[i] for i in t.follows)) for t in self._found if t is not None]
 
-FramePair = tuple[Array | None, Array | None]
-"""Tool in the flange and base in the robot's own frame, None where they are not known."""
-
-
-@dataclass
-class DeclaredPose:
-    """A pose declared by name: its line, its value as the language has it, and the frames of the moves that use it."""
-
-    line: int
-    value: Any
-    frames: list[Any] = field(default_factory=list)
-
-
-class PointTable:
-    """Positions by name: which a file declares, where moves use them, and where the program computes them."""
-
-    def __init__(self, reading: TargetReading, container: str) -> None:
-        self.reading, self.container = reading, container
-        self.poses: dict[str, DeclaredPose] = {}
-        self.declared: set[str] = set()
-        self.assigned: dict[str, int] = {}
-        self._used: dict[str, int] = {}
-
-    def declare(self, name: str, pose: DeclaredPose | None = None) -> None:
-        """Note that the file declares ``name``; without ``pose`` its value is of another kind."""
-        self.declared.add(name)
-        if pose is not None:
-            self.poses[name] = pose
-
-    def use(self, name: str, line: int, frames: object) -> None:
-        """Note that the move in ``line`` goes to ``name``."""
-        self._used.setdefault(name, line)
-        if name in self.poses:
-            self.poses[name].frames.append(frames)
-
-    def check(self) -> None:
-        """Refuse the use of points that the program computes, and note those that are declared elsewhere."""
-        for name in self._used.keys() & self.assigned.keys():
-            sentence = f"{name} is computed while the program runs (line {self.assigned[name]})"
-            self.reading.refuse(self._used[name], sentence)
-        for name, line in sorted(self._used.items(), key=lambda item: item[1]):
-            if name not in self.declared and name not in self.assigned:
-                sentence = f"{name} is declared elsewhere: compensate the {self.container} that declares it too"
-                self.reading.notes.append((line, sentence))
-
-
-def common_frames(frames: Sequence[FramePair]) -> FramePair:
-    """Return tool and base if all moves to a point agree about both, else neither."""
-    for one, other in ((frames[0][k], pair[k]) for pair in frames[1:] for k in (0, 1)):
-        if one is None or other is None or not np.array_equal(one, other):
-            return None, None
-    return frames[0]
+    def _line(self, index: int) -> int:
+        target = self._found[index]
+        return 0 if target is None else target.line
 
 
 def list_lines(name: str, lines: Iterable[Note]) -> Iterator[str]:
@@ -198,3 +197,14 @@ def list_lines(name: str, lines: Iterable[Note]) -> Iterator[str]:
     yield from (f"{name}:{line}: {sentence}" for line, sentence in ordered[:SHOWN_LINES])
     if len(ordered) > SHOWN_LINES:
         yield f"{name}: and {len(ordered) - SHOWN_LINES} more lines like these"
+
+
+def line_ranges(numbers: Iterable[int]) -> str:
+    """Return line numbers as ``3, 5-9``."""
+    runs: list[list[int]] = []
+    for n in sorted(set(numbers)):
+        if runs and n == runs[-1][1] + 1:
+            runs[-1][1] = n
+        else:
+            runs.append([n, n])
+    return ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs)

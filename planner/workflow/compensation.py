@@ -39,7 +39,14 @@ class CompensationResult(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what was done, and the corrected text."""
-        return {"file": self.file.name, "summary": self.summary(), "text": self.file.text}
+        report = self.file.report
+        return {
+            "file": self.file.name,
+            "summary": self.summary(),
+            "corrected_lines": list(report.corrected),
+            "left_lines": [{"line": line, "because": why} for line, why in report.kept],
+            "text": self.file.text,
+        }
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write the corrected file to a path, in the encoding in which it was read."""
@@ -56,7 +63,7 @@ def compensate(
     tool: str | None = None,
     base: str | None = None,
     frames: Path | str | None = None,
-    keep_unsolved: bool = False,
+    strict: bool = False,
     cell: str | None = None,
 ) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
@@ -68,12 +75,13 @@ def compensate(
         tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
         base: the same of the base.
         frames: the controller's own table of frames (``$config.dat``, a RAPID module).
-        keep_unsolved: leave targets without a correction as they are.
-        cell: the cell, whose controller must not correct the robot itself.
+        strict: fail instead of leaving anything as it is.
+        cell: the cell, whose controller must not correct the robot itself; points that were taught with the accuracy
+            model of the controller (KUKA's status bit 4) are corrected only where a cell says that it is off.
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood.
-        NoSolutionError: targets have no fake target near the nominal one.
+        NoSolutionError: no target has a fake target near the nominal one, or most are out of the robot's reach.
     """
     if not isinstance(model, Path | str):
         with TemporaryDirectory() as folder:
@@ -86,8 +94,7 @@ def compensate(
             f"{model}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
             "give the robot.toml that 'edbb identify' wrote"
         )
-    if cell is not None:
-        _check_controller(cell, robot.name)
+    uncorrected = cell is not None and _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
     done = compensate_file(
         Path(targets),
@@ -98,13 +105,15 @@ def compensate(
             _frame("--tool", tool),
             _frame("--base", base),
             "" if frames is None else _text(Path(frames)),
+            uncorrected,
         ),
-        keep_unsolved=keep_unsolved,
+        strict=strict,
     )
     return CompensationResult(done, calibrated.sentence)
 
 
-def _check_controller(reference: str, robot: str) -> None:
+def _check_controller(reference: str, robot: str) -> bool:
+    """Return whether the cell itself says that the controller's accuracy model is off."""
     cell = load_cell(reference, planning=False)
     if cell.robot.name != robot:
         raise InputError(f"{cell.path}: has the robot '{cell.robot.name}', but the model is of '{robot}'")
@@ -113,6 +122,7 @@ def _check_controller(reference: str, robot: str) -> None:
             f"{cell.path}: controller.accuracy_model = 'on': the controller already corrects the robot, and "
             "compensation would do it twice; switch it off, measure again with it off, and compensate then"
         )
+    return "accuracy_model" in cell.file.controller.model_fields_set
 
 
 def _frame(option: str, text: str | None) -> Array | None:

@@ -44,7 +44,7 @@ def test_joints_that_move_far_for_a_small_correction_are_named(kuka, tmp_path):
 def test_of_many_the_farthest_are_told_and_the_others_counted(kuka, tmp_path):
     robot, real = kuka
     q = np.radians([[10, -80, 100, 20, b, 30] for b in np.linspace(1.4, 2.0, 20)])
-    done = compensate_file(joint_table(tmp_path / "t.csv", q), robot, real, keep_unsolved=True)
+    done = compensate_file(joint_table(tmp_path / "t.csv", q), robot, real)
     moved = np.abs(np.loadtxt(done.text.splitlines()[1:], delimiter=",") - np.degrees(q)).max(axis=1)
     told = [line - 2 for line, s in done.report.notes if "moves by" in s and "over" not in s]
     assert len(told) == 8
@@ -83,7 +83,7 @@ def test_angles_that_spell_almost_the_same_are_told(kuka, tmp_path):
 
 def refused(path, robot, real):
     with pytest.raises(NoSolutionError) as caught:
-        compensate_file(path, robot, real)
+        compensate_file(path, robot, real, strict=True)
     return str(caught.value)
 
 
@@ -95,7 +95,6 @@ def test_a_turn_that_the_pose_does_not_have_is_told_with_the_angle(kuka, tmp_pat
     (tmp_path / "p.src").write_text(text.replace(",T 2,", ",T 3,"))
     said = refused(tmp_path / "p.src", robot, real)
     assert "p.src:5: in the shape that is said joint 1 would stand at 10.00°, which is not in the turn" in said
-    assert "keep them as they are (--keep-unsolved)" in said
 
 
 def test_a_pose_without_turns_outside_the_limits_names_joint_and_limits(kuka, tmp_path):

@@ -87,7 +87,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
         values.append(float(match[2]) * _UNITS[unit])
     numbers = np.array(values)
     if not columns.pose:
-        reading.targets.append(Target(number, tuple(slots), q=read_only(numbers)))
+        reading.add(Target(number, tuple(slots), q=read_only(numbers)))
         return
     words, q = numbers[3 : len(columns.pose)], numbers[len(columns.pose) :]
     if columns.spelling == "quaternion" and abs(np.linalg.norm(words) - 1.0) > 1e-3:
@@ -96,7 +96,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     pose = CartesianTarget(
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *_frames(reading), start=read_only(q)
     )
-    reading.targets.append(Target(number, tuple(slots), pose=pose))
+    reading.add(Target(number, tuple(slots), pose=pose))
 
 
 def _frames(reading: TargetReading) -> tuple[Array, Array]:

@@ -101,7 +101,7 @@ class _GcodeTargets:
             )
             self.reading.refuse(block.line, sentence)
             return
-        self.reading.targets.append(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
+        self.reading.add(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
 
     def _why_not(self, block: Block, names: list[str]) -> str | None:
         """Say why a block with axis words cannot be compensated."""

@@ -16,6 +16,7 @@ AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
 POSE_KEYS = ("X", "Y", "Z", "A", "B", "C")
 _NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
 _WHOLE = r"'B\s*[01]+'|'H\s*[0-9A-F]+'|\d+"
+_MOST_LINES = 20  # of one statement: beyond, a brace has been forgotten
 _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 
 
@@ -68,10 +69,18 @@ class Bas(st.Statement):
 
 
 def parse(text: str) -> Iterator[st.Statement]:
-    """Yield the statements of a file, one a line."""
-    for line, start, code in Lines.of(mask_comments(text, r";[^\r\n]*")):
-        if code.strip():
-            yield _statement(code, line, start)
+    """Yield the statements of a file, one a line, or more where braces are open or a backslash ends the line."""
+    masked = mask_comments(text, r";[^\r\n]*")
+    begun: tuple[int, int] | None = None
+    for line, start, code in Lines.of(masked):
+        first, place = begun or (line, start)
+        whole = masked[place : start + len(code)]
+        goes_on = whole.count("{") > whole.count("}") or whole.rstrip().endswith("\\")
+        begun = (first, place) if goes_on and line - first < _MOST_LINES else None
+        if begun is None and whole.strip():
+            yield _statement(re.sub(r"[\r\n\\]", " ", whole), first, place)
+    if begun is not None:
+        yield _statement(re.sub(r"[\r\n\\]", " ", masked[begun[1] :]), *begun)
 
 
 def _statement(code: str, line: int, start: int) -> st.Statement:

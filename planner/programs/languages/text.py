@@ -78,8 +78,10 @@ def number_text(old: str, value: float, decimals: int) -> str:
     shown = len(old.partition(".")[2]) if "." in old and "e" not in old.lower() else 0
     places = max(decimals, shown)
     if old.startswith("'"):  # a whole number in bits or hexadecimal digits
-        base = 2 if old[1] in "Bb" else 16
-        return old if int(old[2:-1], base) == value else f"{value:.0f}"
+        base, digits = (2, "b") if old[1] in "Bb" else (16, "X")
+        if int(old[2:-1], base) == value:
+            return old
+        return f"{old[:2]}{round(value):0{len(old[2:-1].strip())}{digits}}'"
     if old and abs(float(old) - value) < 0.5 * 10.0**-places:
         return old
     text = f"{value:.{places}f}"

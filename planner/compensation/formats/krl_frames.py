@@ -1,0 +1,143 @@
+"""Which tool and base hold at a statement of a KRL program, as far as its files say it for certain."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+import planner.programs.languages.statements as st
+from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.points import Frame, FramePair
+from planner.compensation.rotations import frame, from_abc
+from planner.compensation.targets import ToolAndBase
+from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
+
+_TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
+_RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
+_STATE = {"TOOL": 0, "BASE": 1}
+_EVERYWHERE = ("$ROBROOT", "$WORLD")
+
+
+def transform(found: Aggregate | None) -> Array | None:
+    """Return the transform (4, 4) [m] of a value with X, Y, Z, A, B, C, else None."""
+    numbers = {} if found is None else found.numbers or {}
+    if not set(POSE_KEYS) <= numbers.keys():
+        return None
+    values = np.array([numbers[key].value for key in POSE_KEYS])
+    return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
+
+
+def _plain(value: str) -> Array | None:
+    if value.upper() == "$NULLFRAME":
+        return np.eye(4)
+    return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
+
+
+class FrameState:
+    """Tool and base as they stand at a statement, or why the files do not say them for certain."""
+
+    def __init__(self, statements: Sequence[st.Statement], given: ToolAndBase) -> None:
+        self._given = given.T_FT, given.T_WB
+        self._values: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
+        self._everywhere = ""
+        own = [s for s in statements if isinstance(s, st.Assignment)]
+        for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
+            self._take_value(statement)
+        self._taught = {s.name[1:]: s.value.upper() for s in own if s.kind == "FDAT" and s.name.startswith("F")}
+        self.forget()
+
+    def _take_value(self, statement: st.Assignment) -> None:
+        """Take in a frame that has a name; one that changes has no certain value anywhere."""
+        name = re.sub(r"\s", "", statement.name)
+        T = None if statement.part else _plain(statement.value)
+        if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
+            self._everywhere = f"{_variable(statement)} is set in line {statement.line}"
+        elif name.startswith("$") or (T is None and name not in self._values and not _TABLE.fullmatch(name)):
+            return
+        elif (table := _TABLE.fullmatch(name)) and not table[2].isdigit():
+            for index in range(1, 129):
+                self._values[f"{table[1]}_DATA[{index}]"] = _changed(statement)
+        elif T is None or not np.array_equal(T, self._values.get(name, T)):
+            self._values[name] = _changed(statement)
+        else:
+            self._values[name] = T
+
+    def forget(self) -> None:
+        """Forget what was set: another program may have set something else."""
+        self._now: dict[str, Frame] = {"TOOL": "", "BASE": ""}
+        self._depth, self._doubtful, self._on_tool = 0, False, ""
+
+    def now(self) -> FramePair:
+        """Return tool and base at this statement."""
+        if self._on_tool or self._everywhere:
+            return (self._on_tool or self._everywhere,) * 2
+        tool, base = ("" if self._doubtful and isinstance(f, np.ndarray) else f for f in self._now.values())
+        return self._or_given(tool, base)
+
+    def given(self) -> FramePair:
+        """Return tool and base of a point that no move of the file uses."""
+        return (self._everywhere,) * 2 if self._everywhere else self._or_given("", "")
+
+    def _or_given(self, tool: Frame, base: Frame) -> FramePair:
+        pair = [
+            given if given is not None and isinstance(f, str) and not f else f
+            for given, f in zip(self._given, (tool, base), strict=True)
+        ]
+        return pair[0], pair[1]
+
+    def of_point(self, name: str) -> FramePair | None:
+        """Return tool and base of a point taught by inline form: XP1 goes with FP1; None where it has no FDAT."""
+        data = self._taught.get(name[1:]) if name.startswith("X") else None
+        if data is None:
+            return None
+        numbers = dict(re.findall(r"\b(TOOL|BASE)_NO\s+(-?\d+)", data))
+        if re.search(r"IPO_FRAME\s+#TCP", data):
+            return ("its tool stands still and the robot carries the part",) * 2
+        if self._everywhere or len(numbers) != 2:
+            return (self._everywhere,) * 2
+        return self._or_given(*(self._values.get(f"{which}_DATA[{numbers[which]}]", "") for which in _STATE))
+
+    def branch(self, depth: int) -> None:
+        """Count how deep in IF and loops the next statement is."""
+        self._depth += depth
+
+    def select(self, statement: Bas) -> None:
+        """Take in a call of BAS that selects frames by number, or forgets them."""
+        if statement.what in self._now:
+            index = statement.value
+            known = self._values.get(f"{statement.what}_DATA[{int(index)}]", "") if index.isdigit() else ""
+            self._set(statement.what, known)
+        elif statement.what in _RESETS_FRAMES:
+            self._set("TOOL", "")
+            self._set("BASE", "")
+
+    def assign(self, statement: st.Assignment) -> None:
+        """Take in what is given to ``$TOOL``, ``$BASE`` or ``$IPO_MODE``."""
+        if statement.name == "$IPO_MODE":
+            stands = statement.value.upper() != "#BASE"
+            self._on_tool = f"$IPO_MODE is {statement.value} since line {statement.line}" if stands else ""
+            return
+        T: Frame | None = None if statement.part else _plain(statement.value)
+        if T is None and not statement.part:
+            T = self._values.get(re.sub(r"\s", "", statement.value).upper())
+        self._set(statement.name[1:], _changed(statement) if T is None else T)
+
+    def _set(self, which: str, T: Frame) -> None:
+        self._now[which] = T
+        self._doubtful |= self._depth > 0
+
+
+def _variable(statement: st.Assignment) -> str:
+    return f"{statement.name}.{statement.part}" if statement.part else statement.name
+
+
+def _changed(statement: st.Assignment) -> str:
+    return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
+
+
+def frame_sources(statements: Sequence[st.Statement]) -> Iterator[tuple[str, int]]:
+    """Yield (name, line) of whatever a tool or a base is made from."""
+    for s in statements:
+        if isinstance(s, st.Assignment) and (s.name in ("$TOOL", "$BASE", *_EVERYWHERE) or _TABLE.fullmatch(s.name)):
+            for name in re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper()):
+                yield name, s.line

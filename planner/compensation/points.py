@@ -1,0 +1,136 @@
+"""Positions by name: which a file declares, where moves use them with which frames, and which the program computes."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.compensation.targets import TargetReading
+from planner.programs.languages.statements import PlacedNumber
+
+Frame = Array | str
+"""A transform (4, 4) [m], or why it is not known; empty where nobody has said it."""
+
+FramePair = tuple[Frame, Frame]
+"""Tool in the flange, and base in the robot's own frame."""
+
+Numbers = dict[str, PlacedNumber] | list[PlacedNumber]
+@dataclass
+class DeclaredPose:
+    """A position declared by name.
+
+    Attributes:
+        name: with its index, where it is one of a row.
+        line: where its numbers stand; 0 in another file.
+        value: its numbers, by name or in order; None where they are not in this file or are not plain numbers.
+        frames: tool and base at each move to it.
+        follows: index of the target before each move to it, None where that is not certain.
+        index: its place among the targets, once a move has used it.
+    """
+
+    name: str
+    line: int
+    value: Numbers | None
+    typed: bool = True
+    frames: list[FramePair] = field(default_factory=list)
+    follows: list[int | None] = field(default_factory=list)
+    linear: list[bool] = field(default_factory=list)
+    index: int | None = None
+
+
+class PointTable:
+    """The named positions of a file."""
+
+    def __init__(self, reading: TargetReading, container: str) -> None:
+        self.reading, self.container = reading, container
+        self._poses: dict[str, list[DeclaredPose]] = {}
+        self._computed: dict[str, str] = {}
+        self._missing: dict[str, int] = {}
+
+    def declare(self, pose: DeclaredPose) -> None:
+        """Note that the file, or its other half, gives ``pose`` a value."""
+        self._poses.setdefault(_base(pose.name), []).append(pose)
+
+    def has(self, name: str) -> bool:
+        """Return whether ``name`` is declared."""
+        return bool(self._named(name))
+
+    def compute(self, name: str, why: str) -> None:
+        """Note why ``name`` has no certain value; an index that is computed means every one of a row."""
+        self._computed.setdefault(name if _fixed_index(name) else _base(name), why)
+
+    def use(self, name: str, line: int, frames: FramePair, follows: int | None, linear: bool) -> int | None:
+        """Note that a move goes to ``name``, and return its index among the targets, if it is one.
+
+        ``line`` is the move's, 0 in another file.
+        """
+        found = self._named(name)
+        if not found and line:
+            self._missing.setdefault(name, line)
+        for pose in found:
+            if pose.line and pose.index is None:
+                pose.index = self.reading.reserve()
+            pose.frames.append(frames)
+            pose.follows.append(follows)
+            pose.linear.append(linear)
+        if line and (why := self._why_computed(name)):
+            self.reading.leave(line, f"{_shown(name)} {why}")
+        return found[0].index if len(found) == 1 else None
+
+    def finish(self) -> Iterator[DeclaredPose]:
+        """Yield the positions to be corrected, and note those that stay as they are."""
+        for name, line in self._missing.items():
+            if not self._why_computed(name):
+                sentence = f"{_shown(name)} is declared elsewhere: compensate the {self.container} that declares it too"
+                self.reading.leave(line, sentence)
+        for poses in self._poses.values():
+            for pose in poses:
+                if not pose.line or not (pose.typed or pose.frames):
+                    continue
+                if why := self._why_not(pose, poses):
+                    self.reading.leave(pose.line, why)
+                else:
+                    yield pose
+
+    def _why_not(self, pose: DeclaredPose, others: list[DeclaredPose]) -> str:
+        if sum(other.name == pose.name for other in others) > 1:
+            return f"{_shown(pose.name)} has more than one value in this file"
+        if why := self._why_computed(pose.name):
+            return f"{_shown(pose.name)} {why}"
+        return "" if pose.value is not None else f"{_shown(pose.name)}: plain numbers are allowed"
+
+    def _why_computed(self, name: str) -> str:
+        return self._computed.get(name, self._computed.get(_base(name), ""))
+
+    def _named(self, name: str) -> list[DeclaredPose]:
+        found = self._poses.get(_base(name), [])
+        return [pose for pose in found if pose.name == name] if _fixed_index(name) else found
+
+
+def _shown(name: str) -> str:
+    """Return a name without the module and the routine that it belongs to."""
+    return name.rpartition(".")[2]
+
+
+def _base(name: str) -> str:
+    return name.partition("[")[0].partition("{")[0]
+
+
+def _fixed_index(name: str) -> bool:
+    """Return whether a name has no index, or one that is a number."""
+    return re.fullmatch(r"[^\[{]*([\[{]\s*\d+\s*[\]}])?", name) is not None
+
+
+def common_frames(frames: Sequence[FramePair]) -> FramePair:
+    """Return tool and base if all moves to a point agree about both, else why not."""
+    for pair in frames:
+        for one, other in zip(frames[0], pair, strict=True):
+            if isinstance(one, str) or isinstance(other, str):
+                why = next(f for f in (one, other) if isinstance(f, str))
+                return why, why
+            if not np.array_equal(one, other):
+                why = "its moves have different tools or bases"
+                return why, why
+    return frames[0]
