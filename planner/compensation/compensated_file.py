@@ -125,7 +125,9 @@ def compensate_file(
     problems += written.wrong
     if not written.rows.size or (written.wrong and strict):
         raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, problems)]))
-    return _finish(source, encoding, written, targets, calibrated, q, (*notes, *reading.notes), [*reading.left, *problems])
+    return _finish(
+        source, encoding, written, targets, calibrated, q, (*notes, *reading.notes), [*reading.left, *problems]
+    )
 
 
 @dataclass(frozen=True)

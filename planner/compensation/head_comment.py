@@ -39,9 +39,7 @@ def add_head(
     return text[:at] + gap + "".join(row + end for row in head) + text[at:]
 
 
-def _sentences(
-    robot: str, corrected: Sequence[int], left: Sequence[Note], before: int, shift: int
-) -> Iterator[str]:
+def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], before: int, shift: int) -> Iterator[str]:
     def lines(numbers: Sequence[int]) -> str:
         return line_ranges(n + shift if n > before else n for n in numbers)
 

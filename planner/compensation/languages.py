@@ -62,7 +62,9 @@ def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]])
     other = HALVES.get(path.suffix.lower())
     if other is None or name == TABLE or name not in dialect_names() or family_of(name) != "krl":
         return ""
-    beside = next((p for p in sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if p.suffix.lower() == other), None)
+    beside = next(
+        (p for p in sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if p.suffix.lower() == other), None
+    )
     return "" if beside is None or not beside.is_file() else read(beside)[0]
 
 

@@ -17,6 +17,8 @@ FramePair = tuple[Frame, Frame]
 """Tool in the flange, and base in the robot's own frame."""
 
 Numbers = dict[str, PlacedNumber] | list[PlacedNumber]
+
+
 @dataclass
 class DeclaredPose:
     """A position declared by name.

@@ -160,7 +160,11 @@ REFUSED = {
     "expression.ngc": ("G53 G1 X[1+2] Y2 Z3 A4 B5 C6\nM2\n", 1, "computes axis X"),
     "inches.ngc": ("G20\nG53 G1 X1 Y2 Z3 A4 B5 C6\nM2\n", 1, "inches"),
     "named.pdl": ("PROGRAM p\nBEGIN\n  MOVE TO pnt1\nEND p\n", 3, "plain angles are corrected"),
-    "cartesian.pdl": ("PROGRAM p\nBEGIN\n  MOVE TO POS(1, 2, 3, 4, 5, 6, '')\nEND p\n", 3, "plain angles are corrected"),
+    "cartesian.pdl": (
+        "PROGRAM p\nBEGIN\n  MOVE TO POS(1, 2, 3, 4, 5, 6, '')\nEND p\n",
+        3,
+        "plain angles are corrected",
+    ),
     "letters.csv": ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,3,x,5,6\n", 2, "'x' found in column 4"),
     "short.csv": ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,3\n", 2, "3 cells found"),
     "columns.csv": ("q1_deg,q2_deg\n1,2\n", 1, "q1_deg … q6_deg"),

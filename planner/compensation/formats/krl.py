@@ -197,9 +197,7 @@ class _KrlTargets:
         pose = tg.CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
         return self.reading.add(tg.Target(line, tuple(slots), pose=pose, follows=tuple(follows)), index)
 
-    def _why_not(
-        self, found: Numbers, frames: FramePair, configuration: StatusTurn | None, follows: list[int]
-    ) -> str:
+    def _why_not(self, found: Numbers, frames: FramePair, configuration: StatusTurn | None, follows: list[int]) -> str:
         """Say why the file does not say for certain where the arm is to stand, if it does not."""
         written = _configuration(found)
         if written is not None and written.status & ACCURATE and not self.reading.frames.uncorrected:

@@ -111,7 +111,9 @@ class _RapidTargets:
         first = 0
         if move.word.startswith("search"):  # signal, what is found, and then the targets
             first = 2
-            found = self.names.resolve(p, move.arguments[min(1, len(move.arguments) - 1)].text) if move.arguments else ""
+            found = (
+                self.names.resolve(p, move.arguments[min(1, len(move.arguments) - 1)].text) if move.arguments else ""
+            )
             self.points.compute(found, f"{_COMPUTED} (line {move.line})")
         last = first + (2 if re.match(r"(move|trigg|search|arc|cap|disp|paint)c", move.word) else 1)
         for argument in move.arguments[first:last]:
@@ -170,9 +172,7 @@ class _RapidTargets:
         units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4
         units += [(1.0, 0)] * 4 if configuration else []
         slots = tuple(number.slot(*unit) for number, unit in zip(found, units, strict=False))
-        pose = tg.CartesianTarget(
-            _pose_of(values), "quaternion", read_only(values[3:7]), T_WB, T_FT, configuration
-        )
+        pose = tg.CartesianTarget(_pose_of(values), "quaternion", read_only(values[3:7]), T_WB, T_FT, configuration)
         return self.reading.add(tg.Target(line, slots, pose=pose, follows=() if configuration else tuple(known)), index)
 
     def _why_not(self, values: list[float], frames: FramePair, off: bool) -> str:
