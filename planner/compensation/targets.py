@@ -33,7 +33,7 @@ class Configuration(Protocol):
         """Return for angles (n, N) [rad] whether each joint is in the turn that is meant, (n, N) bool."""
 
     def renewed(self, arm: "CorrectedArm") -> tuple[int, ...]:
-        """Return the numbers that say the corrected configuration: as written where they hold, else those of ``arm``."""
+        """Return the numbers that say the corrected configuration: as written where they hold, else of ``arm``."""
 
 
 @dataclass(frozen=True)
