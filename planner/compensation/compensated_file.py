@@ -198,8 +198,8 @@ def _understood(path: Path, reading: TargetReading, strict: bool) -> list[Target
             if t.pose is not None and t.pose.start is None:
                 reading.refuse(
                     t.line,
-                    f"a pose without joint angles found; {reading.robot.title} has no spherical wrist, so joint targets "
-                    "are allowed, or a table of poses with joint angles to start from",
+                    f"a pose without joint angles found; {reading.robot.title} has no spherical wrist, so joint "
+                    "targets are allowed, or a table of poses with joint angles to start from",
                 )
         reading.check()
     if reading.left and (strict or not targets):

@@ -185,7 +185,8 @@ class _KrlTargets:
             self._leave(line, why)
             return None
         T_FT, T_WB = frames
-        assert not isinstance(T_FT, str) and not isinstance(T_WB, str)
+        assert not isinstance(T_FT, str)
+        assert not isinstance(T_WB, str)
         slots = [found[k].slot(MM, tg.MM_DECIMALS) for k in "XYZ"] + [
             found[k].slot(DEG, tg.DEG_DECIMALS) for k in "ABC"
         ]

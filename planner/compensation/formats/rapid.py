@@ -166,7 +166,8 @@ class _RapidTargets:
             self.reading.leave(line, why)
             return None
         T_FT, T_WB = frames
-        assert not isinstance(T_FT, str) and not isinstance(T_WB, str)
+        assert not isinstance(T_FT, str)
+        assert not isinstance(T_WB, str)
         conf = [round(v) for v in values[7:11]]
         configuration = None if off - {0} else ConfData((conf[0], conf[1], conf[2]), conf[3])
         units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4
