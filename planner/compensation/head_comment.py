@@ -5,9 +5,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 
 from planner.compensation.targets import Note, line_ranges
-from planner.programs.dialect import CommentStyle
+from planner.programs.dialect import CommentStyle, comment_text
 from planner.programs.languages.text import Lines
-from planner.programs.steps import comment_text
 
 REASONS = 20  # that are told; the lines are all told
 LENGTH = 160  # characters of a reason

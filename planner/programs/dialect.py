@@ -20,6 +20,7 @@
 To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
 """
 
+import unicodedata
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -67,6 +68,13 @@ class CommentStyle(StrictModel):
     end: str = ""
     forbid: str = ""
     max_length: int = Field(default=72, gt=8)
+
+
+def comment_text(text: str, style: CommentStyle) -> str:
+    """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
+    ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    kept = "".join(" " if c in style.forbid or not c.isprintable() else c for c in ascii_text)
+    return " ".join(kept.split())[: style.max_length].rstrip()
 
 
 class BlendStyle(StrictModel):

@@ -9,10 +9,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from jinja2.environment import TemplateModule
 
 from planner.common.errors import InputError
-from planner.programs.dialect import Dialect, dialect_root
+from planner.programs.dialect import Dialect, comment_text, dialect_root
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
 from planner.programs.motion_words import format_fixed
-from planner.programs.steps import ProgramStep, comment_text, lower_program
+from planner.programs.steps import ProgramStep, lower_program
 
 NUMBERS = ("tool", "base", "load")
 

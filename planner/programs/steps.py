@@ -1,12 +1,11 @@
 """From the neutral program to the steps that a template prints: words chosen, numbers rounded, poses marked."""
 
-import unicodedata
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 import planner.programs.instructions as ins
 from planner.common.errors import InputError
-from planner.programs.dialect import CommentStyle, Dialect
+from planner.programs.dialect import Dialect, comment_text
 from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, speed_value
 
 
@@ -79,13 +78,6 @@ class ProgramStep:
     move: MoveWords | None = None
     pulse: bool = False
     log: bool = False
-
-
-def comment_text(text: str, style: CommentStyle) -> str:
-    """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
-    ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    kept = "".join(" " if c in style.forbid or not c.isprintable() else c for c in ascii_text)
-    return " ".join(kept.split())[: style.max_length].rstrip()
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
