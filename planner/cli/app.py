@@ -1,7 +1,10 @@
 """The command ``edbb``: its verbs, each loaded when it is called; a failure ends in one sentence and its exit code."""
 
 import sys
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
+from inspect import Parameter, signature
 from typing import Annotated, Any
 
 import typer
@@ -10,6 +13,8 @@ from typer.core import TyperCommand, TyperGroup
 from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import PlannerError
+from planner.common.files import OVERWRITING
+from planner.common.reading import INPUTS
 
 PLANNING, CALIBRATION = "plan_commands", "calibration_commands"
 VERBS = {  # name: (module, function, line in the list of commands)
@@ -43,6 +48,27 @@ class Verb(TyperCommand):
         return hide_switch_types(super().get_params(ctx))
 
 
+Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
+
+
+def with_force(function: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that writes files the switch ``--force``."""
+    plain = signature(function)
+    if "output" not in plain.parameters:
+        return function
+
+    @wraps(function)
+    def wrapped(*, force: bool = False, **values: object) -> None:
+        OVERWRITING.allowed = force
+        function(**values)
+
+    switch = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force)
+    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in plain.parameters.values()]
+    wrapped.__signature__ = plain.replace(parameters=[*parameters, switch])  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {**function.__annotations__, "force": Force}
+    return wrapped
+
+
 class Verbs(TyperGroup):
     """The list of all verbs, and the one that is called."""
 
@@ -73,7 +99,7 @@ def load_command(name: str) -> Any:
     """Return the command ``name``, with the libraries that it needs."""
     module, function, _ = VERBS[name]
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name, cls=Verb)(getattr(import_module(f"planner.cli.{module}"), function))
+    alone.command(name, cls=Verb)(with_force(getattr(import_module(f"planner.cli.{module}"), function)))
     return typer.main.get_command(alone)
 
 
@@ -98,7 +124,8 @@ def root(version: Annotated[bool, typer.Option("--version", help="print the vers
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
     try:
-        app(standalone_mode=True)
+        with INPUTS.watch():
+            app(standalone_mode=True)
     except PlannerError as err:
         errors.print(f"edbb: {err}", markup=False)
         sys.exit(err.exit_code)

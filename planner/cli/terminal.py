@@ -15,7 +15,9 @@ from rich.progress import Progress as Bar
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
+from planner.common.result_folder import check_overwriting
 
+RESULTS = ("plan.json", "cell.toml", "trajectory.csv", "report.html", "identification.json", "robot.toml")
 errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
 CELL = "a cell file, or robot/cell for a shipped one"
@@ -79,6 +81,7 @@ def check_folder(output: Path) -> None:
     there = next(p for p in (output, *output.absolute().parents) if p.exists())
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")
+    check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()])
     try:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as err:

@@ -2,15 +2,38 @@
 
 import json
 import os
+import platform
+import re
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.reading import INPUTS
 
 
-def write_text(path: Path, text: str, encoding: str = "utf-8") -> None:
+class Overwriting:
+    """Whether a command may write over what somebody else has written; ``--force`` allows it."""
+
+    def __init__(self) -> None:
+        self.allowed = False
+
+
+OVERWRITING = Overwriting()
+
+
+def draft_prefix() -> str:
+    """Return how the name of a draft begins: by it a later command knows whether its writer still lives."""
+    host = re.sub(r"\W+", "_", platform.node())[:40]
+    return f".edbb-{host}-{os.getpid()}-"
+
+
+def short_path(path: Path) -> str:
+    """Return a path for a message, its middle left out where it is very long."""
+    text = str(path)
+    return text if len(text) <= 300 else f"{text[:150]}…{text[-100:]}"
+
+
+def write_text(path: Path, text: str, encoding: str = "utf-8", own: bool = False) -> None:
     """Write ``text`` to ``path`` as it is (line ends are kept), replacing what was there in one step.
 
     Raises:
@@ -20,7 +43,7 @@ def write_text(path: Path, text: str, encoding: str = "utf-8") -> None:
         data = text.encode(encoding)
     except UnicodeEncodeError as err:
         raise InputError(f"{path}: the character {text[err.start]!r} does not exist in {encoding}") from err
-    write_bytes(path, data)
+    write_bytes(path, data, own)
 
 
 def document_text(content: object) -> str:
@@ -28,16 +51,25 @@ def document_text(content: object) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
     """Write ``data`` to ``path``; a failure leaves the old file, or none, and no temporary file.
 
+    A link is followed, a device is written to. ``own``: the file is the caller's, whatever it holds.
+
     Raises:
-        InputError: the folder does not exist, or may not be written.
+        InputError: the folder does not exist, or may not be written; this command has read the file, or somebody else
+            has written it, and overwriting was not asked for.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as err:
-        raise InputError(f"{path}: cannot be written ({err.strerror or err})") from err
+        path = path.resolve()
+        if path.exists() and not path.is_file() and not path.is_dir():
+            path.write_bytes(data)
+            return
+        if not own:
+            _check_overwriting(path, data)
+        handle, name = tempfile.mkstemp(prefix=draft_prefix(), dir=path.parent)
+    except (OSError, RuntimeError, ValueError) as err:
+        raise InputError(f"{short_path(path)}: cannot be written ({getattr(err, 'strerror', None) or err})") from err
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -49,6 +81,32 @@ def write_bytes(path: Path, data: bytes) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def check_writing(path: Path) -> None:
+    """Refuse a file that :func:`write_bytes` would refuse, before anything is changed.
+
+    Raises:
+        InputError: this command has read it, or somebody else has written it.
+    """
+    if path.is_file():
+        _check_overwriting(path.resolve(), b"")
+
+
+OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written
+HEAD_BYTES = 4096
+
+
+def _check_overwriting(path: Path, data: bytes) -> None:
+    """Refuse to write over what was read, or what neither is the same nor bears a mark of this tool."""
+    if INPUTS.holds(path):
+        raise InputError(f"{path}: this command has read it and does not write over it; name another file with -o")
+    if not INPUTS.watching or OVERWRITING.allowed or not path.is_file():
+        return
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    if head and not data.startswith(head) and not any(mark in head for mark in OWN_MARKS):
+        raise InputError(f"{path}: is there already, and was not written by edbb; name another file, or add --force")
 
 
 def _file_mode(path: Path) -> int:
@@ -73,23 +131,3 @@ def data_folder(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise FileNotFoundError(f"the data folder '{name}' is missing from this installation")
-
-
-@contextmanager
-def draft_folder(folder: Path) -> Iterator[Path]:
-    """A folder beside ``folder`` in which to write what is moved there once all of it is right."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".edbb-") as name:
-        yield Path(name)
-
-
-def move_all(draft: Path, folder: Path) -> list[Path]:
-    """Move every file of ``draft`` into ``folder``, which is made where it is not there."""
-    folder.mkdir(exist_ok=True)
-    moved = []
-    for path in sorted(p for p in draft.rglob("*") if p.is_file()):
-        target = folder / path.relative_to(draft)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(target)
-        moved.append(target)
-    return moved

@@ -2,10 +2,44 @@
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
 
+
+class Inputs:
+    """The files that the present command has read; nothing is kept before a command begins to watch them."""
+
+    def __init__(self) -> None:
+        self.watching = False
+        self._seen: set[tuple[int, int]] = set()
+
+    @contextmanager
+    def watch(self) -> Iterator[None]:
+        """Keep what is read while a command runs."""
+        self.watching, self._seen = True, set()
+        try:
+            yield
+        finally:
+            self.watching, self._seen = False, set()
+
+    def add(self, found: os.stat_result) -> None:
+        """Note that a file was read."""
+        if self.watching:
+            self._seen.add((found.st_dev, found.st_ino))
+
+    def holds(self, path: Path) -> bool:
+        """Tell whether the file at ``path`` was read, by whatever name."""
+        try:
+            found = path.stat()
+        except OSError:
+            return False
+        return (found.st_dev, found.st_ino) in self._seen
+
+
+INPUTS = Inputs()
 MOST_TEXT = 100_000_000  # bytes of a settings, plan, program or run file
 MOST_TOML = 20_000_000
 
@@ -26,6 +60,7 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT) -> None:
         raise InputError(f"{path}: cannot be read (it is {kind}, and a file is needed)")
     if found.st_size > most_bytes:
         raise InputError(f"{path}: has {found.st_size} bytes, at most {most_bytes} are read")
+    INPUTS.add(found)
 
 
 def read_bytes(path: Path, most_bytes: int = MOST_TEXT) -> bytes:

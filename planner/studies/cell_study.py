@@ -13,6 +13,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.design.observability.information import find_rule
 from planner.report.matplotlib_backend import chart_png
 from planner.studies.basis import compute_basis
@@ -58,13 +59,10 @@ class StudyResult(Result):
             files = {name: table(self.findings).encode() for name, table in TABLES.items()}
             files |= {name: picture(self.findings) for name, picture in PICTURES.items()}
         files["study.json"] = self.to_json().encode()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            raise InputError(f"{folder}: cannot be made ({err.strerror or err})") from err
-        for name in NAMES:
-            write_bytes(folder / name, files[name])
-        return [folder / name for name in NAMES]
+        with draft_folder(folder) as draft:
+            for name in NAMES:
+                write_bytes(draft / name, files[name])
+            return move_all(draft, folder)
 
     def preview(self) -> Plot:
         """Return the map of places for the fixture."""

@@ -8,9 +8,10 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import draft_folder, move_all, write_bytes, write_text
+from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import UM
 from planner.instruments.accuracy.precision import (
     Mastering,

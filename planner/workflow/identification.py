@@ -10,9 +10,10 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import draft_folder, move_all, write_bytes, write_text
+from planner.common.files import write_bytes, write_text
 from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration

@@ -8,9 +8,10 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import draft_folder, move_all, write_bytes, write_text
+from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.loaded.circle_candidates import with_circles
 from planner.instruments.loaded.common_fit import CommonFit, UnloadedPoses, predict_common_fit
 from planner.instruments.loaded.place_results import describe_places, places_content, places_csv

@@ -13,9 +13,10 @@ import tomli_w
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import data_folder, document_text, draft_folder, move_all, write_text
+from planner.common.files import check_writing, data_folder, document_text, write_text
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
+from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.circular.document import circular_document
 from planner.instruments.circular.plan import CircularPlan
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
@@ -95,7 +96,10 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
         targets.append(path.with_name((path.stem if same else other.stem) + other.suffix))
     if len({t.name.lower() for t in targets}) < len(targets):
         raise InputError(f"{path}: this name is that of another file of the program; {first.name} starts it")
-    for target, file in zip(targets, files, strict=True):
+    check_writing(path)
+    if len(files) > 1:
+        path.unlink(missing_ok=True)  # a kill between the files leaves nothing that could be started
+    for target, file in zip(reversed(targets), reversed(files), strict=True):  # what starts it comes last
         write_text(target, file.text, file.encoding)
     said = (
         [f"{path} is written; the controller takes it under the name {first.name}"] if path.name != first.name else []

@@ -145,7 +145,7 @@ def _resume_journal(output: Path, path: Path, way: PlannedPath) -> Journal:
         )
     journal = Journal(output, head, rows)
     if torn:
-        write_text(path, b"".join(line + b"\n" for line in whole).decode())
+        write_text(path, b"".join(line + b"\n" for line in whole).decode(), own=True)
     if rows:
         journal.write()
     return journal

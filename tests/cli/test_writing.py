@@ -1,0 +1,188 @@
+"""What a command writes: never over what it read, nor over what others wrote; old or new, whenever it is killed."""
+
+import hashlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.common.errors import InputError
+from planner.common.files import OVERWRITING, write_text
+from planner.common.reading import INPUTS, read_utf8
+from planner.common.result_folder import changed_files, draft_folder, move_all
+from planner.workflow.writing import write_program_as
+from tests.command import edbb
+
+MAP = 'schema = "edbb-map/1"\nmeasure = "static"\nheader = false\n[columns]\n' + "".join(
+    f"q{j}_deg = {j}\n" for j in range(1, 7)
+)
+MAP += "length_mm = 7\n"
+
+
+@pytest.fixture(autouse=True)
+def _no_force():
+    OVERWRITING.allowed = False
+    yield
+    OVERWRITING.allowed = False
+
+
+def _results(folder: Path, **files: str) -> None:
+    with draft_folder(folder) as draft:
+        for name, text in files.items():
+            write_text(draft / name.replace("_", "."), text)
+        move_all(draft, folder)
+
+
+def _content(folder: Path) -> dict[str, str]:
+    return {p.name: p.read_text() for p in folder.iterdir() if p.name != "manifest.json"}
+
+
+def test_results_of_an_earlier_command_give_way_and_files_of_others_stay(tmp_path):
+    out = tmp_path / "out"
+    _results(out, plan_json="{1}", a_src="one", b_src="one")
+    (out / "notes.txt").write_text("mine")
+    _results(out, identification_json="{}", robot_toml="one")
+    _results(out, plan_json="{2}", a_src="two")
+    assert _content(out) == {
+        "plan.json": "{2}", "a.src": "two", "notes.txt": "mine", "identification.json": "{}", "robot.toml": "one",
+    }  # fmt: skip
+    assert changed_files(out, "plan.json") == []
+    assert changed_files(out, "identification.json") == []
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_file_that_a_person_changed_or_wrote_is_not_written_over(tmp_path):
+    out = tmp_path / "out"
+    _results(out, plan_json="{1}", a_src="one")
+    (out / "a.src").write_text("my correction")
+    with pytest.raises(InputError, match=r"a\.src: was changed since edbb wrote it.*--force"):
+        _results(out, plan_json="{2}", a_src="two")
+    assert _content(out) == {"plan.json": "{1}", "a.src": "my correction"}
+    assert changed_files(out, "plan.json") == ["a.src"]
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "robot.toml").write_text("mine")
+    with pytest.raises(InputError, match=r"robot\.toml: was not written by edbb"):
+        _results(tmp_path / "own", identification_json="{}", robot_toml="new")
+    OVERWRITING.allowed = True
+    _results(out, plan_json="{2}", a_src="two")
+    assert _content(out)["a.src"] == "two"
+
+
+def test_what_was_read_is_never_written_over(tmp_path):
+    out, run = tmp_path / "out", tmp_path / "run.csv"
+    _results(out, plan_json="{1}", cell_toml="cell")
+    run.write_text("# plan_id: 0\n")
+    OVERWRITING.allowed = True
+    with INPUTS.watch():
+        read_utf8(out / "cell.toml")
+        read_utf8(run)
+        with pytest.raises(InputError, match=r"cell\.toml: this command has read it"):
+            _results(out, plan_json="{2}", cell_toml="new")
+        (tmp_path / "link.csv").symlink_to(run)
+        for path in (run, tmp_path / "link.csv"):
+            with pytest.raises(InputError, match="this command has read it"):
+                write_text(path, "new")
+    assert _content(out) == {"plan.json": "{1}", "cell.toml": "cell"}
+    assert run.read_text() == "# plan_id: 0\n"
+
+
+def test_the_folder_that_one_is_in_is_no_folder_of_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="the one that you are in"), draft_folder(Path()):
+        raise AssertionError
+
+
+def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
+    (tmp_path / "real.csv").write_text("plan_id")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "real.csv")
+    write_text(tmp_path / "link.csv", "new plan_id")
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "real.csv").read_text() == "new plan_id"
+    before = os.stat("/dev/null").st_mode
+    write_text(Path("/dev/null"), "gone")
+    assert os.stat("/dev/null").st_mode == before
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for wrong in (tmp_path / "loop", tmp_path / ("x" * 300), tmp_path / "a\0b"):
+        with pytest.raises(InputError, match="cannot be written"):
+            write_text(wrong, "x")
+
+
+def test_a_single_file_of_others_is_not_written_over(tmp_path):
+    path = tmp_path / "p.src"
+    path.write_text("DEF mine ( )\nEND\n")
+    with pytest.raises(InputError, match="was not written by edbb"), INPUTS.watch():
+        write_text(path, "plan_id")
+    trace = tmp_path / "trace.csv"
+    trace.write_text("".join(f"{k},{k * 2},3,4,{50 + k},6,{400 + k}\n" for k in range(20)))
+    (tmp_path / "map.toml").write_text(MAP)
+    words = ("import", trace, "--map", tmp_path / "map.toml", "-o", path.with_suffix(".csv"))
+    assert edbb(*words).returncode == 0
+    assert edbb(*words).returncode == 0, "the same content is no loss"
+    assert edbb(*words[:-1], trace).returncode == 2
+    assert edbb(*words[:-1], trace, "--force").returncode == 2
+    path.with_suffix(".csv").write_text("mine\n")
+    refused = edbb(*words)
+    assert refused.returncode == 2
+    assert "--force" in refused.stderr
+    assert edbb(*words, "--force").returncode == 0
+
+
+def _killed(work, seconds: float) -> None:
+    """Do the work in a process of its own, and kill that after a time."""
+    child = os.fork()
+    if child == 0:
+        try:
+            work()
+        finally:
+            os._exit(0)
+    time.sleep(seconds)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+
+
+def _state(path: Path) -> dict[str, str]:
+    files = sorted(p for p in path.rglob("*") if p.is_file() and not any(q.startswith(".edbb-") for q in p.parts))
+    return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+@pytest.mark.parametrize("kills", [10, pytest.param(140, marks=pytest.mark.long)])
+def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
+    rng, big = np.random.default_rng(kills), "x" * 200_000
+    texts = [{f"f{k}_txt": version * 3 + big for k in range(8)} | {"plan_json": version} for version in "ab"]
+    states = []
+    for text in texts:
+        _results(tmp_path / "out", **text)
+        states.append(_state(tmp_path / "out"))
+    start = time.perf_counter()
+    _results(tmp_path / "out", **texts[0])
+    whole = time.perf_counter() - start
+    seen = set()
+    for k in range(kills):
+        _killed(lambda k=k: _results(tmp_path / "out", **texts[k % 2]), rng.uniform(0.0, 2.0 * whole))
+        found = _state(tmp_path / "out")
+        assert found in states
+        seen.add(states.index(found))
+    assert seen == {0, 1}
+    _results(tmp_path / "out", **texts[0])
+    assert [p.name for p in tmp_path.iterdir()] == ["out"], "drafts of the killed are cleared"
+
+
+@pytest.mark.parametrize("kills", [6, pytest.param(60, marks=pytest.mark.long)])
+def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):
+    from planner.programs.rendering import ProgramFile
+
+    rng = np.random.default_rng(kills)
+    plans = [
+        tuple(ProgramFile(f"p.{end}", f"; plan_id: {i:012x}\n" + "x" * 300_000) for end in ("src", "dat"))
+        for i in (1, 2)
+    ]
+    start = time.perf_counter()
+    write_program_as(plans[0], tmp_path / "p.src")
+    whole = time.perf_counter() - start
+    for k in range(kills):
+        _killed(lambda k=k: write_program_as(plans[k % 2], tmp_path / "p.src"), rng.uniform(0.0, 2.0 * whole))
+        heads = {(tmp_path / n).read_bytes()[:23] for n in ("p.src", "p.dat") if (tmp_path / n).exists()}
+        assert len(heads) == 1 or not (tmp_path / "p.src").exists()
