@@ -53,7 +53,7 @@ Force = Annotated[bool, typer.Option("--force", help="write over files that some
 
 def with_force(function: Callable[..., None]) -> Callable[..., None]:
     """Give a command that writes files the switch ``--force``."""
-    plain = signature(function)
+    plain = signature(function, eval_str=True)
     if "output" not in plain.parameters:
         return function
 
@@ -65,7 +65,7 @@ def with_force(function: Callable[..., None]) -> Callable[..., None]:
     switch = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force)
     parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in plain.parameters.values()]
     wrapped.__signature__ = plain.replace(parameters=[*parameters, switch])  # type: ignore[attr-defined]
-    wrapped.__annotations__ = {**function.__annotations__, "force": Force}
+    wrapped.__annotations__ = {p.name: p.annotation for p in (*parameters, switch)}
     return wrapped
 
 

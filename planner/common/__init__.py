@@ -9,6 +9,7 @@ __all__ = [
     "progress",
     "reading",
     "result",
+    "result_folder",
     "schema",
     "units",
 ]
