@@ -43,8 +43,7 @@ def test_how_the_base_stands_does_not_count(cell):
 def test_a_second_tool_point_does_not_change_what_the_first_one_does(cell):
     """The names are then those of the point, and the tool's own place counts as before."""
     points = tuple(ToolPoint(n, cell.tool.p_FM + d, cell.tool.axis_F) for n, d in (("1", 0.0), ("2", 0.05)))
-    places = tuple(replace(f, point=k) for k in range(2) for f in cell.fixtures)
-    two = replace(cell, tool=replace(cell.tool, points=points), fixtures=places)
+    two = replace(cell, tool=replace(cell.tool, points=points))
     alone, both = ToolError.of(cell), ToolError.of(two)
     assert [n.replace("map_1_", "map_") for n in both.names] == list(alone.names)
     assert np.allclose(both.square, alone.square)

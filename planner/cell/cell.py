@@ -15,6 +15,7 @@ from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
+from planner.runs.run import Mounting
 
 
 @dataclass(frozen=True)
@@ -28,22 +29,31 @@ class ToolPoint:
 
 @dataclass(frozen=True)
 class Tool:
-    """Tool on the flange F: MAP p_FM (3,) [m], axis of its ball joint (3,), mass [kg], com_F (3,) [m], bodies.
+    """Tool on the flange F: its measurement application points (MAP), mass [kg], com_F (3,) [m], bodies.
 
     Where ``known`` is false the cell gives no MAP and it stands at the flange; ``measured`` says that the MAP was
-    measured on the tool, so that ``prior`` is the uncertainty of that. ``points`` are all its MAPs where it has
-    several; p_FM is then the one that the bar hangs from, see :meth:`Cell.at`.
+    measured on the tool, so that ``prior`` is the uncertainty of that. ``points`` are all its MAPs; ``point`` is the
+    one that the gauge is held at, see :meth:`Cell.at`.
     """
 
-    p_FM: Array
-    axis_F: Array
+    points: tuple[ToolPoint, ...]
     mass: float
     com_F: Array
     bodies: tuple[Body, ...]
     prior: float
     known: bool = True
     measured: bool = False
-    points: tuple[ToolPoint, ...] = ()
+    point: int = 0
+
+    @property
+    def p_FM(self) -> Array:
+        """The MAP that the gauge is held at, (3,) [m]."""
+        return self.points[self.point].p_FM
+
+    @property
+    def axis_F(self) -> Array:
+        """The axis of its ball joint, (3,)."""
+        return self.points[self.point].axis_F
 
 
 @dataclass(frozen=True)
@@ -73,21 +83,19 @@ class Nest:
 class Fixture:
     """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m].
 
-    ``point`` is which of the tool's points the bar hangs from: a cup stands here once for each of them.
-
-    ``mount`` (N,) [rad] is the pose where the bar is attached, ``None`` until one is chosen. The artifact of a head
-    with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3) is how they are turned, ``turn`` the
-    prior size of the error of that [rad], and their mount is where the head is mastered or the reflector put in.
+    ``mounts`` (N,) [rad], one for each of the tool's points, are the poses where the bar is attached, ``None`` until
+    one is chosen. The artifact of a head with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3)
+    is how they are turned, ``turn`` the prior size of the error of that [rad], and their mount is where the head is
+    mastered or the reflector put in.
     """
 
     name: str
     p_BX: Array
     axis_B: Array
     prior: float
-    mount: Array | None = None
+    mounts: tuple[Array | None, ...] = (None,)
     R_BX: Array = field(default_factory=lambda: read_only(np.eye(3)))
     turn: float = np.inf
-    point: int = 0
 
 
 @dataclass(frozen=True)
@@ -232,26 +240,52 @@ class Cell:
         """The cell without the cable's twist along the bar, which counts from a mount pose that is not yet chosen."""
         return replace(self, cable=replace(self.cable, tool_about_bar=None))
 
-    def at(self, fixture: int) -> "Cell":
-        """Return the cell with the tool point that the bar hangs from at the entry ``fixture`` of its fixtures."""
-        if not self.tool.points:
-            return self
-        point = self.tool.points[self.fixtures[fixture].point]
-        return replace(self, tool=replace(self.tool, p_FM=point.p_FM, axis_F=point.axis_F))
+    @property
+    def mountings(self) -> tuple[Mounting, ...]:
+        """Every way to hold the gauge: at all fixtures with the first tool point, then with the next."""
+        return tuple(Mounting(k, p) for p in range(len(self.tool.points)) for k in range(len(self.fixtures)))
 
-    def point_name(self, fixture: int) -> str:
-        """Return the name of that tool point; empty where there is but one."""
-        return self.tool.points[self.fixtures[fixture].point].name if self.tool.points else ""
+    def at(self, mounting: Mounting) -> "Cell":
+        """Return the cell with the tool point that the gauge is held at."""
+        return replace(self, tool=replace(self.tool, point=mounting.point))
 
-    def place_name(self, fixture: int) -> str:
-        """Return what a person calls that place of the bar: the fixture, and the tool point where there are several."""
-        point = self.point_name(fixture)
-        return self.fixtures[fixture].name + (f", tool point {point}" if point else "")
+    def only(self, mounting: Mounting) -> "Cell":
+        """Return the cell with that fixture and that tool point, and no other."""
+        fixture, point = self.fixtures[mounting.fixture], self.tool.points[mounting.point]
+        tool = replace(self.tool, points=(point,), point=0)
+        return replace(self, tool=tool, fixtures=(replace(fixture, mounts=(fixture.mounts[mounting.point],)),))
 
-    def place_record(self, fixture: int) -> dict[str, object]:
-        """Return the fixture and, where the tool has several points, the one that the bar hangs from."""
-        point = self.point_name(fixture)
-        place: dict[str, object] = {"fixture": self.fixtures[fixture].name}
+    def mount(self, mounting: Mounting) -> Array | None:
+        """Return the pose (N,) [rad] where the gauge is attached; ``None`` until one is chosen."""
+        return self.fixtures[mounting.fixture].mounts[mounting.point]
+
+    def with_mount(self, mounting: Mounting, q: Array | None) -> "Cell":
+        """Return the cell with the pose q (N,) [rad] where the gauge is attached."""
+        fixtures = list(self.fixtures)
+        mounts = list(fixtures[mounting.fixture].mounts)
+        mounts[mounting.point] = q
+        fixtures[mounting.fixture] = replace(fixtures[mounting.fixture], mounts=tuple(mounts))
+        return replace(self, fixtures=tuple(fixtures))
+
+    def names_of(self, mounting: Mounting) -> tuple[str, str]:
+        """Return the names of fixture and tool point; the point's is empty where there is but one."""
+        points = self.tool.points
+        point = points[mounting.point].name if len(points) > 1 else ""
+        return self.fixtures[mounting.fixture].name, point
+
+    def find_mounting(self, names: tuple[str, str]) -> Mounting | None:
+        """Return the mounting of a fixture and tool point with these names, ``None`` if there is none."""
+        return next((m for m in self.mountings if self.names_of(m) == names), None)
+
+    def place_name(self, mounting: Mounting) -> str:
+        """Return what a person calls that place of the gauge: the fixture, and the tool point where there are more."""
+        fixture, point = self.names_of(mounting)
+        return fixture + (f", tool point {point}" if point else "")
+
+    def place_record(self, mounting: Mounting) -> dict[str, object]:
+        """Return the fixture and, where the tool has several points, the one that the gauge is held at."""
+        fixture, point = self.names_of(mounting)
+        place: dict[str, object] = {"fixture": fixture}
         return place | {"point": point} if point else place
 
     @property
@@ -264,9 +298,9 @@ class Cell:
         """Position of the MAP in the base frame, (n, 3) [m], for controller angles q (n, N) [rad]."""
         return self.chain.carry(self.robot.theta(q), np.zeros(3))
 
-    def bar_length(self, q: Array, fixture: int) -> Array:
-        """Length of the bar at an entry of the fixtures, (n,) [m], for controller angles q (n, N) [rad]."""
-        return bar_state(self.at(fixture).map_position(q), self.fixtures[fixture].p_BX).length
+    def bar_length(self, q: Array, mounting: Mounting) -> Array:
+        """Length of the bar as it is held, (n,) [m], for controller angles q (n, N) [rad]."""
+        return bar_state(self.at(mounting).map_position(q), self.fixtures[mounting.fixture].p_BX).length
 
     def map_jacobian(self, q: Array) -> Array:
         """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""

@@ -12,6 +12,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import StrictModel
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import Vector
+from planner.runs.run import Mounting
 
 CirclePlane = Literal["XY", "XZ", "YZ"]
 CircleDirection = Literal["ccw", "cw"]
@@ -83,6 +84,11 @@ class Circle:
     axis_B: Array | None
     loads: tuple[float, ...]
     repeats: int
+
+    @property
+    def mounting(self) -> Mounting:
+        """The bar is held at the circle's fixture and the tool's first point."""
+        return Mounting(self.fixture)
 
     @property
     def axes(self) -> tuple[Array, Array]:

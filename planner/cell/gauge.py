@@ -22,7 +22,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, Run, Samples
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell, Fixture, IndicatorHead
@@ -58,8 +58,8 @@ class PlannedVisit(Protocol):
         """Nominal distance from the place to the tool point [m]."""
 
     @property
-    def fixture(self) -> int:
-        """Which of the cell's fixtures."""
+    def mounting(self) -> Mounting:
+        """At which of the cell's fixtures, and which of the tool's points."""
 
     @property
     def ball(self) -> int:
@@ -273,7 +273,7 @@ class Gauge(ABC):
 
     def visit_cells(self, cell: "Cell", visit: PlannedVisit) -> tuple[str, str]:
         """Return where a pose is measured and its figure, under ``pose_columns``."""
-        return cell.place_name(visit.fixture), ""
+        return cell.place_name(visit.mounting), ""
 
     def length_text(self, length: float) -> str:
         """Say a planned length [m] where it is what the gauge reads, else nothing."""
@@ -357,7 +357,7 @@ class Gauge(ABC):
 
     # ---- where it reads
 
-    def joint_sampler(self, cell: "Cell", fixture: int, seed: int) -> Callable[[int], JointSamples]:
+    def joint_sampler(self, cell: "Cell", mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Return what draws joint states, as many as it is told; successive draws fill the gaps of those before."""
         from scipy.stats import qmc  # costs most of a second, and few commands need it
 
@@ -378,6 +378,6 @@ class Gauge(ABC):
         """Bounds on the change of each margin over neighbourhoods, (m,) each [m or rad]."""
         return []
 
-    def bodies(self, cell: "Cell", fixture: int) -> list[GaugeBody]:
+    def bodies(self, cell: "Cell") -> list[GaugeBody]:
         """Return the bodies that it brings."""
         return []

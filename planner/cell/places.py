@@ -1,6 +1,5 @@
 """What a cell file says of the tool, the fixtures, the artifact, the tracker and the head of indicators."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +22,8 @@ def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -
         InputError: no tool where a plan needs one, one that is too heavy, or an axis that is none.
     """
     if tool is None and not planning:
-        return Tool(
-            read_only(np.zeros(3)), read_only([0, 0, 1]), 0.0, read_only(np.zeros(3)), (), UNKNOWN_PRIOR, known=False
-        )
+        nowhere = ToolPoint(FIRST_POINT, read_only(np.zeros(3)), read_only([0, 0, 1]))
+        return Tool((nowhere,), 0.0, read_only(np.zeros(3)), (), UNKNOWN_PRIOR, known=False)
     if tool is None:
         raise InputError(
             f"{path}: the section [tool] with map_mm is missing; without it nothing says where the bar's ball sits"
@@ -34,16 +32,13 @@ def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -
         raise InputError(
             f"{path}: tool.mass_kg = {tool.mass_kg:g} exceeds the rated payload of {robot.name}, {robot.payload:g} kg"
         )
-    points = _read_tool_points(path, tool)
     return Tool(
-        points[0].p_FM,
-        points[0].axis_F,
+        _read_tool_points(path, tool),
         tool.mass_kg,
         read_only(from_mm(tool.com_mm)),
         tuple(b.body(f"tool_{k}", path.parent) for k, b in enumerate(tool.bodies)),
         tool.prior_mm * MM if tool.map_sigma_um is None else tool.map_sigma_um * UM,
         measured=tool.map_sigma_um is not None,
-        points=points if len(points) > 1 else (),
     )
 
 
@@ -57,7 +52,7 @@ def _read_tool_points(path: Path, tool: ToolFile) -> tuple[ToolPoint, ...]:
 
 
 def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
-    """Return the cups, each once for every tool point: all cups with the first point, then with the next.
+    """Return the cups.
 
     Raises:
         InputError: a mount pose that is none of the robot's, or one for several tool points.
@@ -70,16 +65,15 @@ def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ..
             f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
             "mount poses are found"
         )
-    cups = tuple(_read_fixture(path, robot, f, file.gauge.mount_deg) for f in file.fixtures)
-    return tuple(replace(cup, point=k) for k in range(len(more) + 1) for cup in cups)
+    return tuple(_read_fixture(path, robot, f, file.gauge.mount_deg, 1 + len(more)) for f in file.fixtures)
 
 
-def _read_fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None) -> Fixture:
+def _read_fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None, points: int) -> Fixture:
     key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
     given = f.mount_deg or common
     mount = None if given is None else read_joint_angles(path, robot, key, given)
     axis = _unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
-    return Fixture(f.name, read_only(from_mm(f.position_mm)), axis, f.prior_mm * MM, mount)
+    return Fixture(f.name, read_only(from_mm(f.position_mm)), axis, f.prior_mm * MM, (mount,) * points)
 
 
 def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:

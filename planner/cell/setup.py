@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.cell import Cell, ToolPoint
+from planner.cell.cell import Cell
 from planner.cell.gauge import Gauge
 from planner.common.errors import InputError
 from planner.common.units import Array
@@ -64,7 +64,6 @@ class MeasurementSetup(RobotSetup):
         place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
         joint_sigma: repeatability of one joint [rad].
         zero: what a bar reads beyond its length, as far as known [m].
-        stands: place and point of each of the cell's fixtures, in their order; see :meth:`visits`.
         loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
     """
 
@@ -82,7 +81,6 @@ class MeasurementSetup(RobotSetup):
     turn_prior: float
     joint_sigma: float
     zero: float = 0.0
-    stands: tuple[tuple[int, int], ...] = ()
     loaded: tuple[str, ...] = ()
 
     @cached_property
@@ -95,14 +93,6 @@ class MeasurementSetup(RobotSetup):
         tool = [Transform(f"map_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
         probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.gauge.angles else []
         return Chain((*_base_transforms(), *self.robot.transforms, *tool, *probe))
-
-    def visits(self, q: Array, fixture: np.ndarray | int = 0) -> Samples:
-        """Return samples at q (n, N) [rad], each with the bar as it hangs at an entry of the cell's fixtures."""
-        which = np.broadcast_to(fixture, (len(q),))
-        if len(self.p_FM) == 1:
-            return Samples(q, which)
-        stands = np.array(self.stands)
-        return Samples(q, stands[which, 0], point=stands[which, 1])
 
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
@@ -150,32 +140,27 @@ def _base_transforms() -> list[Transform]:
 
 def setup_of(cell: Cell) -> MeasurementSetup:
     """Return the setup as the cell describes it; frames that it does not give are the base's and the flange's own."""
-    names = tuple(dict.fromkeys(f.name for f in cell.fixtures))
-    cups = [next(f for f in cell.fixtures if f.name == name) for name in names]
-    tool = cell.tool
-    used = sorted({f.point for f in cell.fixtures} or range(len(tool.points)))
-    points = [tool.points[k] for k in used] if tool.points else [ToolPoint("", tool.p_FM, tool.axis_F)]
-    n = max(1, len(names))
+    fixtures, tool, points = cell.fixtures, cell.tool, cell.tool.points
+    n = max(1, len(fixtures))
     return MeasurementSetup(
         robot=cell.robot,
         gauge=cell.gauge,
-        p_BX=np.array([f.p_BX for f in cups]).reshape(-1, 3),
+        p_BX=np.array([f.p_BX for f in fixtures]).reshape(-1, 3),
         R_BG=np.broadcast_to(np.eye(3), (n, 3, 3)),
         p_BG=np.zeros((n, 3)),
         p_FM=np.array([p.p_FM for p in points]),
         R_FM=np.broadcast_to(np.eye(3), (len(points), 3, 3)),
         p_GS=np.array([b.p_GS for b in cell.balls]).reshape(-1, 3),
-        place_names=names or ("",),
+        place_names=tuple(f.name for f in fixtures) or ("",),
         point_names=tuple(p.name for p in points) if len(points) > 1 else ("",),
-        place_prior=np.array([f.prior for f in cups] or [np.inf]),
+        place_prior=np.array([f.prior for f in fixtures] or [np.inf]),
         tool_prior=tool.prior,
-        turn_prior=min([f.turn for f in cups] or [np.inf]),
+        turn_prior=min([f.turn for f in fixtures] or [np.inf]),
         joint_sigma=_repeatability_of_joint(cell),
         gravity_B=cell.base.R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
         tool_mass=tool.mass,
         com_F=tool.com_F,
-        stands=tuple((names.index(f.name), used.index(f.point)) for f in cell.fixtures),
-        loaded=tuple(dict.fromkeys(cell.fixtures[c.fixture].name for c in cell.circles if c.loads)),
+        loaded=tuple(dict.fromkeys(fixtures[c.fixture].name for c in cell.circles if c.loads)),
     )
 
 

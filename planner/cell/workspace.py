@@ -10,11 +10,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import FilterStage, PointTravel
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Transform
+from planner.runs.run import FIRST_MOUNTING, Mounting
 
 STAGES: tuple[FilterStage, ...] = ("joint_limits", "workspace", "cones", "cable")
 SAFETY_MARGIN = 2e-3  # [m or rad] that a measuring pose keeps from every limit, so that a path can reach it
@@ -23,15 +24,20 @@ SIDE = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True)
 class Workspace:
-    """Constraints of a cell with one fixture; ``bar`` says whether the bar is attached."""
+    """Constraints of a cell with the gauge held in one way; ``bar`` says whether the bar is attached."""
 
     cell: Cell
-    fixture: int = 0
+    mounting: Mounting = FIRST_MOUNTING
     bar: bool = True
 
     def __post_init__(self) -> None:
-        """Take the tool point that the bar hangs from there."""
-        object.__setattr__(self, "cell", self.cell.at(self.fixture))
+        """Take the tool point that the bar hangs from."""
+        object.__setattr__(self, "cell", self.cell.at(self.mounting))
+
+    @property
+    def fixture(self) -> Fixture:
+        """The fixture that holds the gauge."""
+        return self.cell.fixtures[self.mounting.fixture]
 
     @cached_property
     def columns(self) -> tuple[tuple[FilterStage, str], ...]:
@@ -59,7 +65,7 @@ class Workspace:
             return np.column_stack([empty, *sums, *spin])
         if not self.bar:
             return empty
-        return cell.gauge.margins(stage, cell.fixtures[self.fixture], cell.map_position(q), cell.map_axis(q))
+        return cell.gauge.margins(stage, self.fixture, cell.map_position(q), cell.map_axis(q))
 
     def spin(self, q: Array) -> Array:
         """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at the mount pose (at home while there is none).
@@ -94,11 +100,11 @@ class Workspace:
 
     @cached_property
     def _zero(self) -> Array:
-        mount = self.cell.fixtures[self.fixture].mount
+        mount = self.cell.mount(self.mounting)
         return (self.cell.home if mount is None else mount)[None]
 
     def _raw_spin(self, q: Array) -> Array:
-        fixture = self.cell.fixtures[self.fixture]
+        fixture = self.fixture
         chain, theta = self.cell.chain, self.cell.robot.theta(q)
         d = bar_state(self.cell.map_position(q), fixture.p_BX).direction
         axis = self.cell.map_axis(q)

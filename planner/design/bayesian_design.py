@@ -20,6 +20,7 @@ from planner.design.selection.certificate import ActiveSet, Dual, Pricing, gener
 from planner.design.selection.matrix_forms import quadratic_form, sum_largest
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.undeclared_errors import ASSUMED, UndeclaredErrors, undeclared_errors
+from planner.runs.run import Samples
 
 
 @dataclass
@@ -198,9 +199,9 @@ class BayesianDesign:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return float(self.after[-1]) / self.bound - 1.0
 
-    def with_poses(self, q: Array, fixture: np.ndarray) -> float:
-        """Return the expected error [m] after readings at other poses q (n, N) [rad] on the fixtures (n,)."""
-        white = self.unknown.white(q, fixture)
+    def error_after(self, samples: Samples) -> float:
+        """Return the expected error [m] after readings at other poses."""
+        white = self.unknown.white(samples)
         covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
         return float(np.sqrt((self.unknown.weight_per_prior * covariance).sum()))
 
@@ -219,8 +220,8 @@ def select_bayesian_poses(
             f"{poses} poses are wanted, and only {len(pool)} candidates are left: widen the cones, the cable's "
             "budget or the clearance, or raise plan.candidates"
         )
-    unknown = undeclared_errors(cell, pool.q, pool.fixture)
-    white, weight = unknown.white(pool.q, pool.fixture), unknown.weight_per_prior
+    unknown = undeclared_errors(cell, pool.samples)
+    white, weight = unknown.white(pool.samples), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
     begun = BayesianPosterior.prior(white * _start_factors(unknown), weight)
     chosen = select_greedily(begun, min(poses or MOST, len(pool)), target, progress)

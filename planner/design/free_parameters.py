@@ -24,15 +24,15 @@ DEFAULT_POSES = 80  # poses, where the plan does not say how many
 UNMEASURED_TOOL_PRIOR = 1.0  # [m] what is known of a tool point that nobody measured: nothing
 
 
-def planned_model(cell: Cell, q: Array, place: np.ndarray) -> Model:
-    """Return the model of everything that the cell's ``[plan]`` frees, seen from poses q (n, N) [rad].
+def planned_model(cell: Cell, samples: Samples) -> Model:
+    """Return the model of everything that the cell's ``[plan]`` frees, seen from the poses ``samples``.
 
     Raises:
         InputError: an effect that the catalogue does not have, or that these poses do not show.
     """
     model = Model.from_cell(cell)
-    rows = np.unique(np.linspace(0, len(q) - 1, min(PROBE_POSES, len(q))).astype(int))
-    return model.plus(declared_parameters(cell, model.setup, model.setup.visits(q[rows], place[rows])))
+    rows = np.unique(np.linspace(0, len(samples) - 1, min(PROBE_POSES, len(samples))).astype(int))
+    return model.plus(declared_parameters(cell, model.setup, samples.take(rows)))
 
 
 def declared_parameters(
@@ -66,7 +66,7 @@ def check_effects(cell: Cell) -> None:
         InputError: as :func:`declared_parameters`.
     """
     setup = setup_of(cell)
-    _ = declared_parameters(cell, setup, setup.visits(uniform_states(cell, PROBE_STATES, 0)))
+    _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, PROBE_STATES, 0)))
 
 
 def preference_order(model: Model) -> list[int]:

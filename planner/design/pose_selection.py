@@ -27,6 +27,7 @@ from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.refinement import refine_off_grid
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
+from planner.runs.run import Samples
 
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
@@ -39,8 +40,7 @@ class PoseChoice:
     Attributes:
         model: the measurement model with the identifiable parameters only.
         seen: what the candidates can see, and why the rest is dropped.
-        q: chosen controller angles, refined off the grid where asked, (n, N) [rad].
-        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
+        samples: chosen controller angles, refined off the grid where asked, and how the gauge is held there.
         chosen: positions of the on-grid selection in the pool, (n,) int.
         index: name of the index.
         value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
@@ -52,8 +52,7 @@ class PoseChoice:
 
     model: Model
     seen: Identifiability
-    q: Array
-    fixture: np.ndarray
+    samples: Samples
     chosen: np.ndarray
     index: str
     value: float
@@ -64,18 +63,25 @@ class PoseChoice:
     ball: np.ndarray | None = None
     approach: np.ndarray | None = None
 
+    @property
+    def q(self) -> Array:
+        """Controller angles, (n, N) [rad]."""
+        return self.samples.q
+
     def with_poses(self, q: Array, chosen: np.ndarray, pool: PoseSet) -> "PoseChoice":
         """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
-        grid = index_value(self.index, self.model.jacobian(pool.q[chosen], self.fixture))
-        ball = None if pool.ball is None else pool.ball[chosen]
-        return replace(self.with_angles(q), chosen=chosen, on_grid_value=grid, ball=ball)
+        there = pool.take(chosen)
+        grid = index_value(self.index, self.model.rows(there.samples))
+        moved = replace(self, samples=there.samples, chosen=chosen, on_grid_value=grid, ball=there.ball)
+        return moved.with_angles(q)
 
     def with_angles(self, q: Array) -> "PoseChoice":
         """Return the choice with its poses moved off the grid to q (n, N) [rad], the indices computed anew."""
-        rows = self.model.jacobian(q, self.fixture)
+        samples = replace(self.samples, q=q)
+        rows = self.model.rows(samples)
         value = index_value(self.index, rows)
         raw, scaled = all_indices(rows), all_indices(rows, self.model.prior)
-        return replace(self, q=q, value=value, raw=raw, scaled=scaled)
+        return replace(self, samples=samples, value=value, raw=raw, scaled=scaled)
 
 
 def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
@@ -84,14 +90,14 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
     Raises:
         NoSolutionError: too few candidates to tell.
     """
-    model = planned_model(cell, pool.q, pool.fixture)
+    model = planned_model(cell, pool.samples)
     if len(pool) < MIN_CANDIDATES_PER_PARAMETER * len(model.names):
         raise NoSolutionError(
             f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
             "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
         )
-    rows = model.jacobian(pool.q, pool.fixture)
-    noise = float(np.median(model.noise(pool.q[:1000], pool.fixture[:1000])))
+    rows = model.rows(pool.samples)
+    noise = float(np.median(model.noise(pool.samples.take(slice(1000)))))
     out = hold_measured_tool(cell, model, rows, noise)
     names, free = model.names, [k for k, name in enumerate(model.names) if name not in {d.name for d in out}]
     if out:
@@ -133,26 +139,25 @@ def select_poses(
             chosen = exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
         else:
             chosen = detmax(rows, n, seed=seed, group=pool.ball)
-    q, fixture = pool.q[chosen], pool.fixture[chosen]
-    ball = None if pool.ball is None else pool.ball[chosen]
-    final, grid = model.jacobian(q, fixture), index_value(index, rows[chosen])
+    there = pool.take(chosen)
+    final, grid = model.rows(there.samples), index_value(index, rows[chosen])
     values = index_value(index, final), grid, certificate, all_indices(final), all_indices(final, model.prior)
-    return PoseChoice(model, seen, q, fixture, chosen, index, *values, ball), curve
+    return PoseChoice(model, seen, there.samples, chosen, index, *values, there.ball), curve
 
 
 def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
     """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
     if not cell.plan.refine or choice.ball is not None:
         return choice
-    filters = [(Workspace(cell, k), CollisionWorld.from_cell(cell, k)) for k in range(len(cell.fixtures))]
+    filters = [(choice.samples.held(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings]
 
     def rows(states: Array, pose: np.ndarray) -> Array:
-        return choice.model.jacobian(states, choice.fixture[pose])
+        return choice.model.rows(replace(choice.samples.take(pose), q=states))
 
     def valid(states: Array, pose: np.ndarray) -> np.ndarray:
         ok = np.zeros(len(states), dtype=bool)
-        for k, (workspace, world) in enumerate(filters):
-            mine = np.flatnonzero(choice.fixture[pose] == k)
+        for held, workspace, world in filters:
+            mine = np.flatnonzero(held[pose])
             mine = mine[(workspace.margins(states[mine]) > SAFETY_MARGIN).all(axis=1)]
             ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
         return ok

@@ -11,6 +11,7 @@ from planner.effects.compliance import compliance_parameters
 from planner.effects.nonparametric import CURVE_SIZE, gear_curve
 from planner.model.model import Model
 from planner.model.tool_error import ToolError
+from planner.runs.run import Samples
 
 HIGHEST_WAVE = 15.0  # waves a turn within which most of a gear's error is expected
 ASSUMED = (
@@ -41,19 +42,18 @@ class UndeclaredErrors:
         """The weight for errors in prior sizes, (P, P) [m²]."""
         return np.asarray(self.weight * np.outer(self.prior, self.prior))
 
-    def white(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
-        """Return the rows of readings at q (n, N) [rad] in standard deviations per prior size, (n, P)."""
-        noise = self.model.noise(q, fixture)
-        return np.asarray(self.model.jacobian(q, fixture)[:, 0] / noise[:, None] * self.prior)
+    def white(self, samples: Samples) -> Array:
+        """Return the rows of readings in standard deviations per prior size, (n, P)."""
+        return np.asarray(self.model.rows(samples)[:, 0] / self.model.noise(samples)[:, None] * self.prior)
 
 
-def undeclared_errors(cell: Cell, q: Array, fixture: np.ndarray) -> UndeclaredErrors:
-    """Return what may have to be found in a cell, seen from poses q (n, N) [rad] on the fixtures (n,).
+def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
+    """Return what may have to be found in a cell, seen from the poses ``samples``.
 
     Raises:
         InputError: the cell declares an effect that these poses do not show.
     """
-    base = planned_model(cell, q, fixture)
+    base = planned_model(cell, samples)
     ends = np.array(cell.joint_range)
     gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base.setup, ends, j, HIGHEST_WAVE).make(None)]
     declared = set(base.names)

@@ -134,7 +134,7 @@ class BallGauge(FrameGauge):
             f"gauge.head.uncalibrated_mm = {self.head.uncalibrated / MM:g} says; give smaller errors with --truth",
         )
 
-    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+    def bodies(self, cell: Cell) -> list[GaugeBody]:
         """The indicators' tips on the flange, and the artifact with balls and stems as the cell says that it stands."""
         if self.head is None:
             return []

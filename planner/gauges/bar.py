@@ -112,7 +112,7 @@ class LengthGauge(LineGauge):
 
     @classmethod
     def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
-        """Return the fixtures, once for each tool point."""
+        """Return the fixtures."""
         if not file.fixtures:
             raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
         return read_fixtures(path, robot, file)
@@ -142,13 +142,14 @@ class LengthGauge(LineGauge):
 
     def describe(self, cell: Cell) -> str:
         """Say the range and the fixtures."""
-        names = ", ".join(dict.fromkeys(f.name for f in cell.fixtures))
-        points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if cell.tool.points else ""
+        names = ", ".join(f.name for f in cell.fixtures)
+        several = len(cell.tool.points) > 1
+        points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if several else ""
         return f"bar {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
 
     def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
         """Return fixture and length."""
-        return cell.place_name(visit.fixture), f"{float(to_mm(visit.length)):.2f}"
+        return cell.place_name(visit.mounting), f"{float(to_mm(visit.length)):.2f}"
 
     def length_text(self, length: float) -> str:
         """Say the length of the bar."""
@@ -165,8 +166,8 @@ class LengthGauge(LineGauge):
 
     def reach_surfaces(self, cell: Cell) -> tuple[tuple[Array, Array, float, float], ...]:
         """Return both shells about each fixture, as far as its cone is open."""
-        cups = [f for f in cell.fixtures if f.point == 0]
-        return tuple((f.p_BX, f.axis_B, r, self.cone_fixture) for f in cups for r in (self.length_min, self.length_max))
+        ends = (self.length_min, self.length_max)
+        return tuple((f.p_BX, f.axis_B, r, self.cone_fixture) for f in cell.fixtures for r in ends)
 
     @property
     def _range_text(self) -> str:
@@ -174,7 +175,7 @@ class LengthGauge(LineGauge):
 
     def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
         """Return length, fixture and, where the tool has several points, the one that the bar hangs from."""
-        return {"length_mm": visit.length * 1e3, **cell.place_record(visit.fixture)}
+        return {"length_mm": visit.length * 1e3, **cell.place_record(visit.mounting)}
 
     def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
         """Fixtures, tool points and zeros, as far as they are free."""
@@ -262,7 +263,7 @@ class LengthGauge(LineGauge):
                     f"to {high / MM:g} mm: these look like {words}"
                 )
 
-    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+    def bodies(self, cell: Cell) -> list[GaugeBody]:
         """Housing along z from the fixture's ball, rod along −z from the tool's ball, together always the whole bar."""
         rod_length = min(self.length_max - self.housing, self.length_min - self.trim)
         housing_length = max(self.housing, self.length_max - rod_length)

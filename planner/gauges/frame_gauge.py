@@ -61,7 +61,7 @@ class FrameGauge(LineGauge):
         placed = cls.placed(path, file)
         R, p = placed_frame(placed)
         turn = float(from_deg(placed.prior_deg))
-        return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, mount, R, turn),)
+        return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, (mount,), R, turn),)
 
     def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
         """Return the ball and how far off centre it is met."""

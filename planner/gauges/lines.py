@@ -10,16 +10,17 @@ from planner.cell.gauge import FilterStage, Gauge, JointSamples, PointTravel
 from planner.common.units import Array
 from planner.gauges.shell import sample_shell, sobol_sequence
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
+from planner.runs.run import Mounting
 
 
 @dataclass(frozen=True)
 class LineGauge(Gauge):
     """A gauge whose workspace is a spherical shell about a place, narrowed by a cone at either end."""
 
-    def joint_sampler(self, cell: Cell, fixture: int, seed: int) -> Callable[[int], JointSamples]:
+    def joint_sampler(self, cell: Cell, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Draw states whose first joint brings the tool point into the shell."""
         sequence = sobol_sequence(cell, seed)
-        return lambda count: sample_shell(cell, fixture, sequence.random(count))
+        return lambda count: sample_shell(cell, mounting, sequence.random(count))
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:

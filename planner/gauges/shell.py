@@ -13,6 +13,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge import JointSamples
 from planner.common.errors import InputError
 from planner.common.units import Array
+from planner.runs.run import Mounting
 
 if TYPE_CHECKING:
     from scipy.stats import qmc
@@ -34,19 +35,19 @@ def sobol_sequence(cell: Cell, seed: int) -> "qmc.Sobol":
     return qmc.Sobol(cell.robot.n_joints - 1, scramble=True, rng=np.random.default_rng(seed))
 
 
-def sample_shell(cell: Cell, fixture: int, points: Array) -> JointSamples:
+def sample_shell(cell: Cell, mounting: Mounting, points: Array) -> JointSamples:
     """Bring low-discrepancy points into the shell of one fixture.
 
     Args:
         cell: the cell.
-        fixture: which fixture holds the bar.
+        mounting: how the gauge is held.
         points: samples of all joints but the first in the unit cube, (m, N − 1).
     """
-    cell = cell.at(fixture)
+    cell, p_BX = cell.at(mounting), cell.fixtures[mounting.fixture].p_BX
     lower, upper = cell.sampling_range
     q = np.empty((len(points), cell.robot.n_joints))
     q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
-    start, length = _arcs_in_shell(cell, fixture, q, lower[0], upper[0])
+    start, length = _arcs_in_shell(cell, p_BX, q, lower[0], upper[0])
     return _sample_arcs(q, start, length, float(upper[0] - lower[0]))
 
 
@@ -64,7 +65,7 @@ def _sample_arcs(q: Array, start: Array, length: Array, full: float) -> JointSam
     return JointSamples(out, max(len(out), round(len(q) * full / spacing)))
 
 
-def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: float) -> tuple[Array, Array]:
+def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float) -> tuple[Array, Array]:
     """Arcs of the first joint that lie in the shell, for q with q1 = 0: start and length, (m, A) [rad].
 
     L² = h² + r² + f² − 2 r f cos φ: h along axis 1, r and f the distances of the MAP and the fixture from it,
@@ -74,7 +75,7 @@ def _arcs_in_shell(cell: Cell, fixture: int, q: Array, lower: float, upper: floa
     first = next(k for k, t in enumerate(chain.transforms) if t.joint == 0)
     motion = chain.forward(cell.robot.theta(q[:1]))
     u, c = motion.u[first, :, 0], motion.p[first, :, 0]
-    x, f = cell.map_position(q) - c, cell.fixtures[fixture].p_BX - c
+    x, f = cell.map_position(q) - c, p_BX - c
     e1 = f - (f @ u) * u
     f_radial = float(np.linalg.norm(e1))
     e1 = e1 / f_radial if f_radial > 1e-9 else np.linalg.svd(u[None])[2][1]

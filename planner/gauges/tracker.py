@@ -103,7 +103,7 @@ class Tracker(FrameGauge):
         seen = [(n.name, (R_BW @ n.p_WN + p_BW - place.p_BX) @ place.R_BX) for n in cell.nests]
         return ReferenceReadings(tuple((name, read_only(p + self.noise * rng.standard_normal(3))) for name, p in seen))
 
-    def bodies(self, cell: Cell, fixture: int) -> list[GaugeBody]:
+    def bodies(self, cell: Cell) -> list[GaugeBody]:
         """The beam from the reflector on, past all that the robot can put in its way."""
         reach = float(axis_reach(cell.chain.transforms, cell.robot.n_joints)[0])
         far = float(np.linalg.norm(cell.fixtures[0].p_BX)) - reach

@@ -127,7 +127,12 @@ def _of_pull(run: Run) -> list[str]:
 
 def _other_point(run: Run, cell: Cell) -> list[str]:
     """Return a warning if the run names a tool point and the cell has a single one without a name."""
-    if len(run.points) > 1 or run.points[0] in ("", FIRST_POINT) or not cell.gauge.is_attached or cell.tool.points:
+    if (
+        len(run.points) > 1
+        or run.points[0] in ("", FIRST_POINT)
+        or not cell.gauge.is_attached
+        or len(cell.tool.points) > 1
+    ):
         return []
     return [
         f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "

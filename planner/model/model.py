@@ -90,23 +90,12 @@ class Model:
         """Return the model with every parameter fixed at ``errors`` (P,)."""
         return replace(self, parameters=(), fixed=(*self.fixed, *zip(self.parameters, errors, strict=True)))
 
-    def reading(self, q: Array, fixture: np.ndarray | int = 0, errors: Array | None = None) -> Array:
-        """Predict the readings, (n, r) [m, rad].
-
-        Args:
-            q: controller angles, (n, N) [rad].
-            fixture: which fixture holds the bar, (n,) or one number.
-            errors: values of the parameters, (P,); zero when not given.
-        """
-        samples = self.setup.visits(q, fixture)
-        return -self.residual(samples, self.setup.gauge.zero_targets(len(q)), errors)
-
-    def jacobian(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
-        """Identification Jacobian at nominal parameters, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4)."""
-        return self.rows(self.setup.visits(q, fixture))
+    def reading(self, samples: Samples, errors: Array | None = None) -> Array:
+        """Predict the readings, (n, r) [m, rad]; ``errors`` (P,) are the parameters' values, zero if not given."""
+        return -self.residual(samples, self.setup.gauge.zero_targets(len(samples)), errors)
 
     def rows(self, samples: Samples, errors: Array | None = None) -> Array:
-        """Identification Jacobian for any samples, (n, r, P); it does not depend on the readings."""
+        """Identification Jacobian, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4); readings do not matter to it."""
         out = np.empty((len(samples), self.width, len(self.parameters)))
         for part in chunks(len(samples)):
             out[part] = self.linear_in(Context(self.setup, samples.take(part)), None, errors).rows
@@ -132,9 +121,9 @@ class Model:
         ]
         return Linearization(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
 
-    def noise(self, q: Array, fixture: np.ndarray | int = 0) -> Array:
-        """Standard deviation of one reading, (n,) [m], for controller angles q (n, N) [rad]."""
-        return self.reading_noise(self.setup.visits(q, fixture)).std
+    def noise(self, samples: Samples) -> Array:
+        """Standard deviation of one reading, (n,) [m]."""
+        return self.reading_noise(samples).std
 
     def reading_noise(self, samples: Samples) -> ReadingNoise:
         """Return how much the readings of samples are declared to scatter."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from planner.common.errors import InputError
+from planner.runs.run import Mounting
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class JointMove:
     """Largest |dx/ds| of the leg, s from 0 to 1 along it [mm]; unknown: speed times duration stands in."""
     tool_limit_mm_s: float = math.inf
     """What the tool's speed must not exceed on the leg [mm/s]."""
-    fixture: int | None = None
+    mounting: Mounting | None = None
     """Where a gauge is attached on the leg, counted from 0; its own rate is limited as well."""
 
     @property

@@ -16,6 +16,7 @@ from planner.motion.collision.scene import build_scene
 from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
 from planner.report.plan_data import sample_drive
+from planner.runs.run import Mounting
 from planner.session.plan_types import Drive, Plan
 
 AROUND, RINGS = 20, 5  # facets around a capsule, and from the rim of a cap to its pole
@@ -152,9 +153,11 @@ def build_cell_view(plan: Plan) -> CellView:
     return compose_cell_view(
         cell,
         frames,
-        cloud=np.vstack([to_mm(cell.at(d.fixture).map_position(thin.q[thin.fixture == d.fixture])) for d in drives]),
-        paths=tuple(to_mm(cell.at(d.fixture).map_position(sample_drive(cell, d).motion.q)) for d in drives),
-        ways=tuple(to_mm(cell.at(d.fixture).map_position(d.course.travel.trajectory.sample(0.05).q)) for d in drives),
+        cloud=np.vstack(
+            [to_mm(cell.at(d.mounting).map_position(thin.q[thin.samples.held(d.mounting)])) for d in drives]
+        ),
+        paths=tuple(to_mm(cell.at(d.mounting).map_position(sample_drive(cell, d).motion.q)) for d in drives),
+        ways=tuple(to_mm(cell.at(d.mounting).map_position(d.course.travel.trajectory.sample(0.05).q)) for d in drives),
         spots=tuple(s for d in drives for s in _spots(cell, d)),
     )
 
@@ -215,7 +218,7 @@ def _group(name: str, pieces: list[SceneBody], colours: list[str], carrier: dict
 def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
     """Poses of all carriers along the way there, and a line of text for each."""
     way = sample_drive(cell, drive, count)
-    name = f"fixture {cell.place_name(drive.fixture)}   " if len(cell.fixtures) > 1 else ""
+    name = f"fixture {cell.place_name(drive.mounting)}   " if len(cell.mountings) > 1 else ""
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
@@ -223,17 +226,17 @@ def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
         + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )
-    return ViewFrames(carrier_poses(cell, drive.fixture, way.motion.q), labels)
+    return ViewFrames(carrier_poses(cell, drive.mounting, way.motion.q), labels)
 
 
-def carrier_poses(cell: Cell, fixture: int, q: Array) -> Array:
+def carrier_poses(cell: Cell, mounting: Mounting, q: Array) -> Array:
     """Poses of links 0 … N, housing and rod at controller angles q (n, N) [rad], (n, N + 3, 3, 4) [mm]."""
-    robot, p_BX = cell.robot, cell.fixtures[fixture].p_BX
+    robot, p_BX = cell.robot, cell.fixtures[mounting.fixture].p_BX
     out = np.zeros((len(q), robot.n_joints + 3, 3, 4))
     for link, end in enumerate(robot.link_end):
         motion = Chain(robot.transforms[:end]).forward(robot.theta(q))
         out[:, link, :, :3], out[:, link, :, 3] = np.moveaxis(motion.R, 2, 0), to_mm(motion.x.T)
-    x = cell.at(fixture).map_position(q)
+    x = cell.at(mounting).map_position(q)
     along = np.array([rotation_from_z(d) for d in bar_state(x, p_BX).direction])
     out[:, -2:, :, :3] = along[:, None]
     out[:, -2, :, 3], out[:, -1, :, 3] = to_mm(p_BX), to_mm(x)
@@ -245,7 +248,7 @@ def _shells(cell: Cell) -> tuple[Mesh, ...]:
 
 
 def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:
-    x = to_mm(cell.at(drive.fixture).map_position(np.array([v.q for v in drive.visits])))
+    x = to_mm(cell.at(drive.mounting).map_position(np.array([v.q for v in drive.visits])))
     return [
         ViewPose(
             p, v.role, f"pose {v.id}, {v.role}" + (f": {text}" if (text := cell.gauge.length_text(v.length)) else "")

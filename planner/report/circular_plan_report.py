@@ -60,7 +60,7 @@ def circular_view(plan: CircularPlan) -> CellView:
     poses, labels = [], []
     for arc in arcs:
         rows = np.linspace(0, len(arc.q) - 1, VIEW_FRAMES // len(arcs)).astype(int)
-        poses.append(carrier_poses(cell, arc.circle.fixture, arc.q[rows]))
+        poses.append(carrier_poses(cell, arc.circle.mounting, arc.q[rows]))
         labels += [
             f"circle {arc.circle.name}   {to_deg(arc.angle[k]):.0f} deg   bar {to_mm(arc.length[k]):.1f} mm   "
             f"axes {'  '.join(f'{a:.1f}' for a in to_deg(arc.q[k]))} deg"
@@ -68,8 +68,8 @@ def circular_view(plan: CircularPlan) -> CellView:
         ]
     spots = []
     for drive in plan.drives:
-        x = cell.map_position(np.asarray(cell.fixtures[drive.fixture].mount)[None])
-        length = bar_state(x, cell.fixtures[drive.fixture].p_BX).length[0]
+        x = cell.map_position(np.asarray(cell.mount(drive.mounting))[None])
+        length = bar_state(x, cell.fixtures[drive.mounting.fixture].p_BX).length[0]
         spots.append(ViewPose(to_mm(x[0]), "mount", f"the bar is attached: {to_mm(length):.1f} mm"))
     return compose_cell_view(
         cell,

@@ -10,6 +10,7 @@ from planner.common.units import Array
 from planner.design.observability.information import predict_covariance
 from planner.effects.parameters import Parameter
 from planner.motion.timing.trajectory import MotionSamples
+from planner.runs.run import Mounting
 from planner.session.course import axis_limits
 from planner.session.plan_types import Drive, Plan
 from planner.session.tour_cost import cost_name, leg_times
@@ -47,16 +48,16 @@ def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> Drive
     returns = len(trajectory.waypoint_time) > count
     ends = float(trajectory.waypoint_time[count - 1]) if returns else trajectory.duration_s
     motion = trajectory.at(np.linspace(0.0, ends, samples))
-    workspace = Workspace(cell, drive.fixture)
+    workspace = Workspace(cell, drive.mounting)
     cones = np.array([cell.gauge.cone_fixture, cell.gauge.cone_map])
     passed = trajectory.waypoint_time[:count][drive.path.node >= 0]
     return DrivenPath(
         motion=motion,
-        length=cell.bar_length(motion.q, drive.fixture),
+        length=cell.bar_length(motion.q, drive.mounting),
         tilt=cones - workspace.stage("cones", motion.q),
         share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
         passed=passed,
-        passed_length=cell.bar_length(trajectory.at(passed).q, drive.fixture),
+        passed_length=cell.bar_length(trajectory.at(passed).q, drive.mounting),
         ends=ends,
         returns=returns,
     )
@@ -79,12 +80,12 @@ def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
     q = np.array([v.q for v in drive.visits if v.repeats is None][: len(order)])
     sorted_q = np.vstack([q, q[:1]])
     unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
-    unsorted_t, sorted_t = (_clock(cell, drive.fixture, way) for way in (unsorted_q, sorted_q))
+    unsorted_t, sorted_t = (_clock(cell, drive.mounting, way) for way in (unsorted_q, sorted_q))
     return TourOrders(unsorted_t, unsorted_q, sorted_t, sorted_q, cost_name(cell))
 
 
-def _clock(cell: Cell, fixture: int, q: Array) -> Array:
-    legs = leg_times(cell, fixture, q[:-1], q[1:])
+def _clock(cell: Cell, mounting: Mounting, q: Array) -> Array:
+    legs = leg_times(cell, mounting, q[:-1], q[1:])
     return np.concatenate([[0.0], np.cumsum(legs)])
 
 
@@ -104,6 +105,6 @@ class ParameterForecast:
 def forecast_parameters(plan: Plan) -> tuple[ParameterForecast, ...]:
     """Predict what one reading at each chosen pose leaves unknown of every parameter."""
     choice = plan.choice
-    noise = choice.model.noise(choice.q, choice.fixture)
-    std = predict_covariance(choice.model.jacobian(choice.q, choice.fixture), noise[:, None]).std
+    noise = choice.model.noise(choice.samples)
+    std = predict_covariance(choice.model.rows(choice.samples), noise[:, None]).std
     return tuple(ParameterForecast(p, float(s)) for p, s in zip(choice.model.parameters, std, strict=True))

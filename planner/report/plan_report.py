@@ -145,4 +145,4 @@ def _drive(plan: Plan, k: int) -> dict[str, Any]:
         plan_charts.speed_chart(cell, way, drive, suffix),
     )
     facts = {"tour": _tour_facts(cell, drive), "path": _path_facts(cell, drive)}
-    return facts | {"fixture": cell.place_name(drive.fixture), "charts": charts}
+    return facts | {"fixture": cell.place_name(drive.mounting), "charts": charts}

@@ -2,12 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.common.units import Array, read_only
 
 IntArray = np.ndarray  # of integers
+
+
+class Mounting(NamedTuple):
+    """Between what a gauge is held: one of the fixtures and one of the tool's points, both counted from 0."""
+
+    fixture: int = 0
+    point: int = 0
+
+
+FIRST_MOUNTING = Mounting()
 
 
 @dataclass(frozen=True)
@@ -57,6 +68,21 @@ class Samples:
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.q)
+
+    @classmethod
+    def at(cls, q: Array, mounting: Mounting = FIRST_MOUNTING) -> "Samples":
+        """Return samples at angles q (n, N) [rad] that all have the gauge held in one way."""
+        place, point = (read_only(np.full(len(q), k), int) for k in mounting)
+        return cls(q, place, point=point)
+
+    def mounting(self, k: int) -> Mounting:
+        """Return how the gauge is held at sample ``k``."""
+        return Mounting(int(self.place[k]), 0 if self.point is None else int(self.point[k]))
+
+    def held(self, mounting: Mounting) -> np.ndarray:
+        """Tell which samples have the gauge held like that, (n,) bool."""
+        point = 0 if self.point is None else self.point
+        return np.asarray((self.place == mounting.fixture) & (point == mounting.point))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":

@@ -18,6 +18,7 @@ from planner.design.pose_selection import (
 )
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
+from planner.runs.run import Samples
 from planner.session.approaches import TourStop
 from planner.session.course import is_continuous
 from planner.session.mount import drop_unreachable, with_mounts
@@ -26,7 +27,7 @@ from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseSession, Selection
 from planner.session.replacement import replace_all, replace_pose
-from planner.session.tour_drive import FixtureSession
+from planner.session.tour_drive import MountingSession
 
 DRIVEN_SAMPLES = 2000
 
@@ -90,12 +91,13 @@ class BarPoses(PoseSession):
             return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
 
     def _unjoined(self, choice: PoseChoice) -> np.ndarray:
-        """Positions of the chosen poses that are not in the part of their fixture's mount pose."""
+        """Positions of the chosen poses that are not in the part of their mount pose."""
         lost = []
-        for k, fixture in enumerate(self.cell.fixtures):
-            mine = np.flatnonzero(choice.fixture == k)
-            states = np.vstack([np.array(fixture.mount), choice.q[mine], self.pool.q[self.pool.fixture == k]])
-            part = connected_parts(Constraints(self.cell, k), states, self.options.seed, certain=1 + len(mine))
+        for m in self.cell.mountings:
+            mine = np.flatnonzero(choice.samples.held(m))
+            near = self.pool.q[self.pool.samples.held(m)]
+            states = np.vstack([np.array(self.cell.mount(m)), choice.q[mine], near])
+            part = connected_parts(Constraints(self.cell, m), states, self.options.seed, certain=1 + len(mine))
             lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
         return np.concatenate(lost)
 
@@ -105,13 +107,13 @@ class BarPoses(PoseSession):
         count = min(self.cell.plan.validate, len(others))
         return np.sort(np.random.default_rng(self.options.seed).choice(others, count, replace=False))
 
-    def places(self) -> list[FixtureSession]:
+    def places(self) -> list[MountingSession]:
         """Return every place of the bar, to be measured with it and travelled to without."""
         repeats = 0 if is_continuous(self.cell) else self.cell.plan.repeat
         out = []
-        for k in range(len(self.cell.fixtures)):
-            cell, near = self.cell.at(k), self.pool.q[self.pool.fixture == k]
-            out.append(FixtureSession(cell, k, Constraints(cell, k), Constraints(cell, k, bar=False), near, repeats))
+        for m in self.cell.mountings:
+            cell, near = self.cell.at(m), self.pool.q[self.pool.samples.held(m)]
+            out.append(MountingSession(cell, m, Constraints(cell, m), Constraints(cell, m, bar=False), near, repeats))
         return out
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
@@ -134,7 +136,7 @@ class BarPoses(PoseSession):
                 q = d.trajectory.at(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)).q
             else:
                 q = np.array([v.q for v in d.visits if v.role == "calibrate"])
-            rows.append(choice.model.jacobian(q, d.fixture))
+            rows.append(choice.model.rows(Samples.at(q, d.mounting)))
         return np.vstack(rows)
 
     def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.timing.limits import Limits, ReadingLimits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
+from planner.runs.run import Mounting
 
 Role = Literal["calibrate", "repeat", "validate", "mount"]
 """What a pose is for."""
@@ -71,27 +72,27 @@ class Pass:
 
 @dataclass(frozen=True)
 class Course:
-    """All that a program needs for one fixture.
+    """All that a program needs for one mounting of the gauge.
 
     Attributes:
-        fixture: which.
+        mounting: at which fixture and tool point.
         start: where its session starts and ends, in words.
         travel: the way there from home; it is driven back at the end.
         passes: what is driven with the gauge, in order; poses are one pass, both ways where asked.
     """
 
-    fixture: int
+    mounting: Mounting
     start: str
     travel: TimedPath
     passes: tuple[Pass, ...]
 
     @classmethod
-    def of_poses(cls, cell: Cell, fixture: int, travel: TimedPath, measuring: TimedPath) -> "Course":
-        """Return the course through the poses at one fixture."""
+    def of_poses(cls, cell: Cell, mounting: Mounting, travel: TimedPath, measuring: TimedPath) -> "Course":
+        """Return the course through the poses of one mounting."""
         if not cell.gauge.is_attached:
-            return cls(fixture, "where the session starts", travel, (Pass(measuring, "measuring"),))
-        place = f"fixture {cell.place_name(fixture)}"
-        return cls(fixture, f"the mount pose of {place}", travel, (Pass(measuring, f"measuring on {place}"),))
+            return cls(mounting, "where the session starts", travel, (Pass(measuring, "measuring"),))
+        place = f"fixture {cell.place_name(mounting)}"
+        return cls(mounting, f"the mount pose of {place}", travel, (Pass(measuring, f"measuring on {place}"),))
 
     @property
     def measuring(self) -> TimedPath:
@@ -127,12 +128,12 @@ def tool_speed(cell: Cell, bar: bool) -> float:
     return cell.motion.tool_speed if limited else np.inf
 
 
-def reading_limits(cell: Cell, fixture: int, bar: bool) -> ReadingLimits | None:
-    """Limits of the gauge's own rate and acceleration while it is attached at a fixture, else none."""
+def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits | None:
+    """Limits of the gauge's own rate and acceleration while it is attached, else none."""
     gauge = cell.gauge
     if not (bar and gauge.is_attached and np.isfinite(gauge.rate)):
         return None
-    p_BX = cell.fixtures[fixture].p_BX
+    p_BX = cell.fixtures[mounting.fixture].p_BX
     return ReadingLimits(
         gauge.rate,
         gauge.acceleration,
@@ -162,25 +163,25 @@ def rests_at_poses(cell: Cell) -> bool:
     return not (is_continuous(cell) and cell.gauge.reads_moving)
 
 
-def time_course(cell: Cell, fixture: int, travel: Waypoints, measuring: Waypoints) -> Course:
+def time_course(cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
-    cell = cell.at(fixture)
+    cell = cell.at(mounting)
     return Course.of_poses(
-        cell, fixture, time_path(cell, travel, fixture, bar=False), time_measuring(cell, measuring, fixture)
+        cell, mounting, time_path(cell, travel, mounting, bar=False), time_measuring(cell, measuring, mounting)
     )
 
 
-def time_measuring(cell: Cell, path: Waypoints, fixture: int) -> TimedPath:
+def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath:
     """Time a measuring path, given one way, as it is driven: both ways where asked, at rest at the poses or not."""
     moving = is_continuous(cell)
     if moving and cell.motion.both_ways:
         path = path.there_and_back()
     rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds
-    return time_path(cell, path, fixture, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
+    return time_path(cell, path, mounting, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
 
 
-def time_path(cell: Cell, path: Waypoints, fixture: int, bar: bool, dwell: Array | None = None) -> TimedPath:
-    """Time a path with or without the bar, which hangs from ``fixture``; ``dwell`` (m,) [s] at its points."""
+def time_path(cell: Cell, path: Waypoints, mounting: Mounting, bar: bool, dwell: Array | None = None) -> TimedPath:
+    """Time a path with or without the bar, attached as ``mounting`` says; ``dwell`` (m,) [s] at its points."""
     trajectory = plan_trajectory(
         path.q,
         stop=path.blend == 0,
@@ -190,6 +191,6 @@ def time_path(cell: Cell, path: Waypoints, fixture: int, bar: bool, dwell: Array
         limits=axis_limits(cell, bar),
         tool_speed=leg_speed(cell, path.visit, bar),
         dwell=0.0 if dwell is None else dwell,
-        reading=reading_limits(cell, fixture, bar),
+        reading=reading_limits(cell, mounting, bar),
     )
     return TimedPath(path.q, path.visit, path.blend, trajectory)

@@ -11,6 +11,7 @@ from planner.kinematics.bar_geometry import bar_state
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
+from planner.runs.run import Mounting
 from planner.session.course import TimedPath, is_continuous
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
@@ -19,10 +20,10 @@ LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the
 STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
 
 
-def joint_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointMove]:
+def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[JointMove]:
     """One joint move a leg of the path, with the blends that the trajectory has.
 
-    ``fixture``: where the gauge is attached meanwhile, or ``None``.
+    ``mounting``: how the gauge is attached meanwhile, or ``None``.
     """
     robot, trajectory = cell.robot, path.trajectory
     percent = axis_percent(
@@ -31,12 +32,12 @@ def joint_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointM
         tool_jacobian=cell.map_jacobian,
         limits=Limits(robot.speed, robot.acceleration, robot.jerk),
     )
-    highest = 100.0 if fixture is not None and is_continuous(cell) else 100.0 * cell.motion.travel
-    run = _leg_travel(cell, path.q, fixture, LEG_SAMPLES, LEG_MARGIN)
+    highest = 100.0 if mounting is not None and is_continuous(cell) else 100.0 * cell.motion.travel
+    run = _leg_travel(cell, path.q, mounting, LEG_SAMPLES, LEG_MARGIN)
     shortest = run.shortest_times(trajectory.tool_speed_limit, cell.gauge.rate)
     quickest = (np.abs(np.diff(path.q, axis=0)) / robot.speed).max(axis=1)
     percent = np.minimum(percent, 100.0 * quickest / np.maximum(shortest, 1e-9))
-    tool = np.minimum(trajectory.leg_peak_tool_speed, cell.gauge.rate if fixture is not None else np.inf)
+    tool = np.minimum(trajectory.leg_peak_tool_speed, cell.gauge.rate if mounting is not None else np.inf)
     radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(path.q), axis=1)
     return [
         JointMove(
@@ -48,7 +49,7 @@ def joint_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointM
             pose=int(path.visit[k + 1]) if path.visit[k + 1] >= 0 else None,
             tool_travel_mm=float(run.point[k]) * 1e3,
             tool_limit_mm_s=float(trajectory.tool_speed_limit[k]) * 1e3,
-            fixture=fixture,
+            mounting=mounting,
         )
         for k in range(len(path.q) - 1)
     ]
@@ -66,19 +67,19 @@ class LegTravel:
         return np.maximum(self.point / tool_speed, self.length / rate)
 
 
-def _leg_travel(cell: Cell, q: Array, fixture: int | None, samples: int, margin: float) -> LegTravel:
+def _leg_travel(cell: Cell, q: Array, mounting: Mounting | None, samples: int, margin: float) -> LegTravel:
     leg, share = np.diff(q, axis=0), np.linspace(0.0, 1.0, samples)
     states = (q[:-1, None] + share[:, None] * leg[:, None]).reshape(-1, q.shape[1])
     J = cell.map_jacobian(states).reshape(len(leg), samples, 3, -1)
     velocity = np.einsum("lsij,lj->lsi", J, leg)
     point = np.linalg.norm(velocity, axis=2).max(axis=1) * margin
-    if fixture is None or not cell.gauge.is_attached:
+    if mounting is None or not cell.gauge.is_attached:
         return LegTravel(point, np.zeros(len(leg)))
-    along = bar_state(cell.map_position(states), cell.fixtures[fixture].p_BX).direction.reshape(velocity.shape)
+    along = bar_state(cell.map_position(states), cell.fixtures[mounting.fixture].p_BX).direction.reshape(velocity.shape)
     return LegTravel(point, np.abs(np.einsum("lsi,lsi->ls", velocity, along)).max(axis=1) * margin)
 
 
-def dense_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointMove]:
+def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[JointMove]:
     """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
     trajectory, ids = path.trajectory, path.visit
     t = _dense_times(cell, trajectory)
@@ -89,7 +90,7 @@ def dense_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointM
         if i >= 0
     }
     limit = np.full(len(t) - 1, trajectory.tool_speed_limit.max())
-    run = _leg_travel(cell, motion.q, fixture, STEP_SAMPLES, STEP_MARGIN)
+    run = _leg_travel(cell, motion.q, mounting, STEP_SAMPLES, STEP_MARGIN)
     step = np.maximum(np.diff(t), run.shortest_times(limit, cell.gauge.rate))
     full = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed / step[:, None] * 100
     out = []
@@ -99,7 +100,9 @@ def dense_moves(cell: Cell, path: TimedPath, fixture: int | None) -> list[JointM
         rest = k + 1 == len(step) or motion.tool_speed[k + 1] == 0.0
         blend, pose = 0.0 if rest else 1e3 * DENSE_TRAVEL / 2, marks.get(k)
         angles = degrees(motion.q[k + 1])
-        out.append(JointMove(angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, fixture))
+        out.append(
+            JointMove(angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, mounting)
+        )
     return out
 
 

@@ -7,6 +7,7 @@ from planner.common.units import Array, to_mm
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import ProgramMismatchError
+from planner.runs.run import Mounting
 
 PIECES = 32  # of a leg, whose chords give the largest speed on it
 SLACK = 1.0 + 1e-3
@@ -26,28 +27,28 @@ def check_emitted_speeds(
     """
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
     q = np.deg2rad(np.vstack([program.home_deg, path_deg]))
-    for fixture in sorted({program.moves[k].fixture for k in limited}, key=str):
-        rows = np.array([k for k in limited if k > 0 and program.moves[k].fixture == fixture], dtype=int)
+    for mounting in sorted({program.moves[k].mounting for k in limited}, key=str):
+        rows = np.array([k for k in limited if k > 0 and program.moves[k].mounting == mounting], dtype=int)
         if not len(rows):
             continue
-        travel, change = _largest_travel(cell, q[rows], q[rows + 1], fixture)
+        travel, change = _largest_travel(cell, q[rows], q[rows + 1], mounting)
         seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
         limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
         _refuse(rows, travel, seconds, limit, "the tool")
-        if fixture is not None and cell.gauge.is_attached:
+        if mounting is not None and cell.gauge.is_attached:
             _refuse(rows, change, seconds, np.full(len(rows), cell.gauge.rate), "the gauge")
 
 
-def _largest_travel(cell: Cell, start: Array, end: Array, fixture: int | None) -> tuple[Array, Array]:
+def _largest_travel(cell: Cell, start: Array, end: Array, mounting: Mounting | None) -> tuple[Array, Array]:
     """Largest travel of the tool and change of the gauge's length per share of each leg, (m,) [m]."""
     share = np.linspace(0.0, 1.0, PIECES + 1)[:, None, None]
     states = start + share * (end - start)
-    at = cell if fixture is None else cell.at(fixture)
+    at = cell if mounting is None else cell.at(mounting)
     x = at.map_position(states.reshape(-1, start.shape[1])).reshape(*states.shape[:2], 3)
     travel = np.linalg.norm(np.diff(x, axis=0), axis=2).max(axis=0) * PIECES
-    if fixture is None:
+    if mounting is None:
         return travel, np.zeros(len(start))
-    length = np.linalg.norm(x - cell.fixtures[fixture].p_BX, axis=2)
+    length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
     return travel, np.abs(np.diff(length, axis=0)).max(axis=0) * PIECES
 
 

@@ -13,6 +13,7 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
+from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import round_angles
 
 POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
@@ -35,7 +36,7 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
 
 
 def with_mounts(cell: Cell, seed: int) -> Cell:
-    """Return the cell with a mount pose for every fixture: its own, checked, or one that is found.
+    """Return the cell with a mount pose for every fixture and tool point: its own, checked, or one that is found.
 
     The twist of a cable along the bar is counted from there, so it is settled before the candidates are drawn.
 
@@ -44,15 +45,13 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
         NoSolutionError: no pose at all holds the bar.
     """
     check_home(cell, Constraints(cell, bar=False))
-    fixtures = []
-    for k, fixture in enumerate(cell.fixtures):
-        mount = round_angles(_find_mount(cell, k, seed)) if fixture.mount is None else fixture.mount
-        fixtures.append(replace(fixture, mount=mount))
-    cell = replace(cell, fixtures=tuple(fixtures))
-    for k, fixture in enumerate(cell.fixtures):
-        reason = Constraints(cell, k).reason(np.asarray(fixture.mount))
+    for m in cell.mountings:
+        if cell.mount(m) is None:
+            cell = cell.with_mount(m, round_angles(_find_mount(cell, m, seed)))
+    for m in cell.mountings:
+        reason = Constraints(cell, m).reason(np.asarray(cell.mount(m)))
         if reason is not None:
-            raise InputError(f"{cell.path}: mount_deg of fixture {cell.place_name(k)} cannot hold the bar: {reason}")
+            raise InputError(f"{cell.path}: mount_deg of fixture {cell.place_name(m)} cannot hold the bar: {reason}")
     return cell
 
 
@@ -78,20 +77,20 @@ def drop_unreachable(
 def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.ndarray:
     """Tell which candidates lie in their mount pose's part; those in ``certain`` by roadmap edges of their own."""
     kept = np.zeros(len(pool), dtype=bool)
-    for k, fixture in enumerate(cell.fixtures):
-        mine = np.flatnonzero(pool.fixture == k)
-        first = certain[pool.fixture[certain] == k]
+    for m in cell.mountings:
+        held = pool.samples.held(m)
+        mine, first = np.flatnonzero(held), certain[held[certain]]
         rows = np.concatenate([first, np.setdiff1d(mine, first)])
         part = connected_parts(
-            Constraints(cell, k), np.vstack([np.array(fixture.mount), pool.q[rows]]), seed, 1 + len(first)
+            Constraints(cell, m), np.vstack([np.array(cell.mount(m)), pool.q[rows]]), seed, 1 + len(first)
         )
         kept[rows] = part[1:] == part[0]
     return kept
 
 
-def _find_mount(cell: Cell, fixture: int, seed: int) -> Array:
+def _find_mount(cell: Cell, mounting: Mounting, seed: int) -> Array:
     """Of the poses in the largest part of the shell with the most room to every limit, the quickest to reach."""
-    one = replace(cell.unwound, fixtures=(cell.fixtures[fixture],), plan=replace(cell.plan, grid_step=None))
+    one = replace(cell.unwound.only(mounting), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, TRIED, seed).q
     q = q[connected_parts(Constraints(one), q, seed) == 0]
     workspace = Workspace(one)
@@ -113,7 +112,7 @@ def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | Non
         NoSolutionError: no pose turns the head upwards.
     """
     check_home(cell, away)
-    given = cell.fixtures[0].mount
+    given = cell.mount(FIRST_MOUNTING)
     if given is not None:
         reason = away.reason(given)
         if reason is not None:
@@ -121,8 +120,7 @@ def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | Non
         return cell
     found = _draw_upright(cell, away, seed) if pool is None else pool
     seconds = (np.abs(found - cell.home) / cell.robot.speed).max(axis=1)
-    mount = round_angles(found[int(np.argmin(seconds))])
-    return replace(cell, fixtures=(replace(cell.fixtures[0], mount=mount),))
+    return cell.with_mount(FIRST_MOUNTING, round_angles(found[int(np.argmin(seconds))]))
 
 
 def _draw_upright(cell: Cell, away: Constraints, seed: int) -> Array:

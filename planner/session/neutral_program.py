@@ -23,6 +23,7 @@ from planner.programs.instructions import (
 )
 from planner.programs.program_files import write_checked
 from planner.programs.rendering import ProgramFile
+from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath, rests_at_poses
 from planner.session.driven_moves import degrees, dense_moves, joint_moves
 from planner.session.emitted_speeds import check_emitted_speeds
@@ -83,11 +84,11 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
 
 
 def _course_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
-    """The session of one fixture, from home and back home."""
-    cell = cell.at(one.fixture)
+    """The session of one mounting, from home and back home."""
+    cell = cell.at(one.mounting)
     bare = ", without the bar" if cell.gauge.is_attached else ""
     travel = joint_moves(cell, one.travel, None)
-    there = [Section(f"to {one.start}{bare}"), *travel, *preparation(cell, one.fixture), WaitInput("gauge ready")]
+    there = [Section(f"to {one.start}{bare}"), *travel, *preparation(cell, one.mounting), WaitInput("gauge ready")]
     after = [Pause("take the bar off")] if cell.gauge.is_attached else []
     moves = _pass_instructions(cell, one, dense and not rests_at_poses(cell))
     return [*there, *moves, *after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
@@ -105,7 +106,7 @@ def _pass_instructions(cell: Cell, course: Course, dense: bool) -> list[Instruct
         out.append(Section(one.heading))
         key, number = (id(one.trajectory), id(one.path.q)), min(one.marks, default=0)
         if key not in written:  # a repeat is the same path with other marks
-            written[key] = number, measured_moves(cell, one.path, course.fixture, dense)
+            written[key] = number, measured_moves(cell, one.path, course.mounting, dense)
         first, moves = written[key]
         out += [_shift_mark(item, number - first) for item in moves] if number != first else moves
     return out
@@ -120,14 +121,14 @@ def _shift_mark(item: Instruction, shift: int) -> Instruction:
     return item
 
 
-def preparation(cell: Cell, fixture: int) -> list[Instruction]:
+def preparation(cell: Cell, mounting: Mounting) -> list[Instruction]:
     """Return what a person does with the gauge before the first pose is measured."""
     if not cell.gauge.is_attached:
         said, asked = cell.gauge.preparation(cell)
         return [*([Comment(said)] if said else []), Pause(asked)]
-    point = cell.point_name(fixture)
+    fixture, point = cell.names_of(mounting)
     tool = f"tool point {point}" if point else "tool"
-    return [Pause(f"attach the bar (fixture {cell.fixtures[fixture].name} to {tool}), set its zero")]
+    return [Pause(f"attach the bar (fixture {fixture} to {tool}), set its zero")]
 
 
 def moves_back(there: list[JointMove], q: Array) -> list[JointMove]:
@@ -142,7 +143,7 @@ def move_home(cell: Cell) -> JointMove:
     return JointMove(degrees(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def measured_moves(cell: Cell, path: TimedPath, fixture: int, dense: bool) -> list[Instruction]:
+def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, dense: bool) -> list[Instruction]:
     """The measuring path with a mark at every pose; where the robot rests there, it settles and dwells.
 
     A ball is centred before the mark: the axes are logged where the centring led them. ``dense``: in small steps.
@@ -151,7 +152,7 @@ def measured_moves(cell: Cell, path: TimedPath, fixture: int, dense: bool) -> li
     if dense:
         out.append(Comment("the blended path in small steps: every corner is already cut"))
     rests = rests_at_poses(cell) and not dense
-    for move in dense_moves(cell, path, fixture) if dense else joint_moves(cell, path, fixture):
+    for move in dense_moves(cell, path, mounting) if dense else joint_moves(cell, path, mounting):
         out.append(move)
         if move.pose is None:
             continue

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
 from planner.common.units import Array, to_mm
 from planner.design.discrimination.power import UNSURE, Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
@@ -32,12 +31,12 @@ def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
     """Return what is to be told of poses nearer to the bar's ends than is known where it hangs."""
     low, high, out = cell.gauge.length_min, cell.gauge.length_max, []
     for drive in drives:
-        prior = float(np.hypot(cell.fixtures[drive.fixture].prior, cell.tool.prior))
+        prior = float(np.hypot(cell.fixtures[drive.mounting.fixture].prior, cell.tool.prior))
         room = [min(v.length - low, high - v.length) for v in drive.visits if v.role != "mount"]
         near = sum(r < prior for r in room)
         if near:
             out.append(
-                f"{near} of {len(room)} poses at fixture {cell.place_name(drive.fixture)} come within "
+                f"{near} of {len(room)} poses at fixture {cell.place_name(drive.mounting)} come within "
                 f"{to_mm(prior):.2g} mm of the bar's ends, and it is known no better where fixture and tool point are "
                 "(their prior_mm): measure both first, or narrow gauge.length_mm, so that the bar meets no stop"
             )
@@ -46,7 +45,7 @@ def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
 
 def _speed_notes(cell: Cell) -> list[str]:
     """Programs name one tool; who measures at several points of it is told which one."""
-    if not cell.tool.points:
+    if len(cell.tool.points) == 1:
         return []
     first = cell.tool.points[0].name
     return [f"the tool's point in a program, and its speed, are those of tool point {first} at all places of the bar"]
@@ -63,7 +62,7 @@ def _repeat_notes(cell: Cell) -> list[str]:
 
 def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:
     """Return how surely the plan tells findings from rivals, as it is driven."""
-    parts = [_samples_in_passing(cell, d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
+    parts = [_samples_in_passing(d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
     return parted.as_driven(tuple(Samples.concatenate([p[k] for p in parts]) for k in range(ways)))
 
@@ -126,23 +125,23 @@ def _samples_at_rest(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
     t = drive.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
     approach = np.array([v.approach for v in visits], dtype=float)
     q = np.array([v.q for v in visits])
-    return (replace(setup_of(cell).visits(q, drive.fixture), t=t, direction=approach),)
+    return (replace(Samples.at(q, drive.mounting), t=t, direction=approach),)
 
 
-def _samples_in_passing(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
+def _samples_in_passing(drive: Drive) -> tuple[Samples, ...]:
     """Every visit in passing, for each way driven."""
     ways: dict[int, list[int]] = {}
     for k in _measured_waypoints(drive):
         ways.setdefault(int(drive.course.measuring.visit[k]), []).append(int(k))
     count = min(len(way) for way in ways.values())
-    return tuple(_sample_passage(cell, drive, np.array([way[j] for way in ways.values()])) for j in range(count))
+    return tuple(_sample_passage(drive, np.array([way[j] for way in ways.values()])) for j in range(count))
 
 
-def _sample_passage(cell: Cell, drive: Drive, at: np.ndarray) -> Samples:
+def _sample_passage(drive: Drive, at: np.ndarray) -> Samples:
     t: Array = drive.trajectory.waypoint_time[at]
     motion, whole = drive.trajectory.at(t), drive.trajectory.sample(STEP)
     turned = last_reversals(whole.q)[np.minimum(np.searchsorted(whole.t, t), len(whole.t) - 1)]
-    return replace(setup_of(cell).visits(motion.q, drive.fixture), t=t, speed=motion.dq, reversals=turned)
+    return replace(Samples.at(motion.q, drive.mounting), t=t, speed=motion.dq, reversals=turned)
 
 
 def _measured_waypoints(drive: Drive) -> np.ndarray:

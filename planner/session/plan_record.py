@@ -166,7 +166,7 @@ def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
     """Everything that a later export needs: the way to the mount pose, and the path with its blends."""
     m, measuring = len(drive.path.q), drive.course.measuring
     return {
-        **plan.cell.place_record(drive.fixture),
+        **plan.cell.place_record(drive.mounting),
         "travel": waypoint_records(drive.course.travel),
         "waypoints": waypoint_records(measuring, m),
     }

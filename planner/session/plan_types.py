@@ -15,6 +15,7 @@ from planner.motion.path.verdict import ProvenPath, Verdict
 from planner.motion.timing.trajectory import LimitReport, Trajectory
 from planner.motion.tour.solve import Tour
 from planner.programs.rendering import ProgramFile
+from planner.runs.run import Mounting
 from planner.session.course import Course, Role
 
 Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
@@ -29,7 +30,7 @@ class Visit:
         id: number of the pose; a repeated visit has its own, ``repeats`` names the first one's.
         q: controller angles, (N,) [rad].
         length: nominal bar length [m].
-        fixture: which fixture holds the bar.
+        mounting: at which fixture, and which of the tool's points.
         role: what the pose is for.
         approach: sign of each axis' last movement before the pose, (N,) of −1, 0, 1.
         repeats: id of the pose visited before, or ``None``.
@@ -40,7 +41,7 @@ class Visit:
     id: int
     q: Array
     length: float
-    fixture: int
+    mounting: Mounting
     role: Role
     approach: tuple[int, ...]
     repeats: int | None = None
@@ -50,20 +51,20 @@ class Visit:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionDrive:
-    """What is driven about one fixture, and what both collision engines say of it."""
+    """What is driven with the gauge held in one way, and what both collision engines say of it."""
 
     course: Course
     verdicts: tuple[Verdict, ...] = ()
 
     @property
-    def fixture(self) -> int:
-        """Which fixture."""
-        return self.course.fixture
+    def mounting(self) -> Mounting:
+        """At which fixture, and which of the tool's points."""
+        return self.course.mounting
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drive(SessionDrive):
-    """The poses of one fixture as they are driven; the verdicts are on the measuring path and on the travel.
+    """The poses of one mounting as they are driven; the verdicts are on the measuring path and on the travel.
 
     Attributes:
         visits: poses in visiting order, the mount pose first and last.
@@ -90,7 +91,7 @@ class SessionPlan:
     Attributes:
         cell: with its mount poses.
         seed: of everything random.
-        drives: one a fixture.
+        drives: one a mounting of the gauge.
         notes: what a person should know (a pose replaced, a solver that failed, …).
         plan_id: 12 hex digits of a hash over the content.
         programs: files of each dialect.
@@ -105,7 +106,7 @@ class SessionPlan:
 
     @property
     def courses(self) -> tuple[Course, ...]:
-        """What is driven, one course a fixture."""
+        """What is driven, one course a mounting."""
         return tuple(d.course for d in self.drives)
 
 

@@ -10,8 +10,9 @@ from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
 from planner.common.errors import InputError
 from planner.common.units import Array
+from planner.runs.run import Mounting
 from planner.session.course import Course, Waypoints, time_course
-from planner.session.document import PlanDocument, WaypointRecord, read_plan, read_waypoints
+from planner.session.document import DriveRecord, PlanDocument, PoseRecord, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan
 
@@ -52,15 +53,9 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     beside, cell = read_cell_beside(path, purpose)
     if check:
         _check_robot(path, beside, cell, document)
-    places = place_names(cell)
     courses = tuple(
-        time_course(
-            cell,
-            places.index((d.fixture, d.point)),
-            _joint_path(path, cell, d.travel),
-            _joint_path(path, cell, d.waypoints),
-        )
-        for d in document.drives
+        time_course(cell, m, _joint_path(path, cell, d.travel), _joint_path(path, cell, d.waypoints))
+        for m, d in zip(mountings_of(path, document.drives, cell), document.drives, strict=True)
     )
     if check:
         _check_courses(path, beside, cell, document, courses)
@@ -89,9 +84,20 @@ def _joint_path(path: Path, cell: Cell, points: tuple[WaypointRecord, ...]) -> W
     return read_waypoints(points)
 
 
-def place_names(cell: Cell) -> list[tuple[str, str]]:
-    """Return the names of fixture and tool point of each place of the bar, as ``plan.json`` gives them."""
-    return [(f.name, cell.point_name(k)) for k, f in enumerate(cell.fixtures)]
+def mountings_of(path: Path, records: Sequence[DriveRecord | PoseRecord], cell: Cell) -> list[Mounting]:
+    """Return how the gauge is held in drives or poses of the plan at ``path``.
+
+    Raises:
+        InputError: at a fixture or tool point that the cell does not have.
+    """
+    out = []
+    for record in records:
+        mounting = cell.find_mounting((record.fixture, record.point))
+        if mounting is None:
+            where = f"'{record.fixture}'" + (f", tool point '{record.point}'" if record.point else "")
+            raise InputError(f"{path}: measures at fixture {where}, which {cell.path} does not have")
+        out.append(mounting)
+    return out
 
 
 def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> None:
@@ -101,7 +107,7 @@ def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> No
             f"{path} is a plan for {plan.robot}, but {beside} is a cell of {cell.robot.name}: "
             "put the cell.toml that was written with the plan beside it"
         )
-    driven, there = [(d.fixture, d.point) for d in plan.drives], place_names(cell)
+    driven, there = [(d.fixture, d.point) for d in plan.drives], [cell.names_of(m) for m in cell.mountings]
     if driven != there:
         said, has = (", ".join(" at ".join(filter(None, pair)) for pair in pairs) for pairs in (driven, there))
         raise InputError(
@@ -116,7 +122,7 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
     start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
     if start > ANGLE_DEG:
         raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
-    off = _length_errors(cell, plan) if cell.gauge.is_attached else _centring_errors(cell, plan)
+    off = _length_errors(path, cell, plan) if cell.gauge.is_attached else _centring_errors(cell, plan)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > LENGTH_MM:
         pose = plan.poses[worst].id
@@ -130,13 +136,11 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
         raise _mismatch(path, beside, f"measuring would take {seconds:.2f} s, planned are {planned:.2f} s")
 
 
-def _length_errors(cell: Cell, plan: PlanDocument) -> Array:
+def _length_errors(path: Path, cell: Cell, plan: PlanDocument) -> Array:
     """Bar length by the cell less that of the plan, one a pose [mm]."""
-    q, there = np.deg2rad([p.q_deg for p in plan.poses]), place_names(cell)
-    where = np.array([there.index((p.fixture, p.point)) for p in plan.poses])
-    length = np.zeros(len(q))
-    for k in range(len(cell.fixtures)):
-        length[where == k] = cell.bar_length(q[where == k], k)
+    q = np.deg2rad([p.q_deg for p in plan.poses])
+    held = mountings_of(path, plan.poses, cell)
+    length = np.array([cell.bar_length(q[k : k + 1], m)[0] for k, m in enumerate(held)])
     return np.asarray(length * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
 
 

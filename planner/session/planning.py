@@ -24,7 +24,7 @@ from planner.session.notes import discrimination_as_driven, discrimination_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
-from planner.session.tour_drive import FixtureSession, Unreachable, drive_tour
+from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
 REPLACEMENTS = 20
 
@@ -96,7 +96,7 @@ class PoseSession(ABC):
         self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
 
     def drive(self, stages: Stages) -> Plan:
-        """Draw, choose and refine the poses, and drive the tour of every fixture."""
+        """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
         chosen = self.select(stages)
         with chosen.curve:
@@ -110,7 +110,7 @@ class PoseSession(ABC):
         notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, told, choice, drives)]
         if ahead:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
-            ahead = replace(ahead, left=ahead.with_poses(choice.q, choice.fixture))
+            ahead = replace(ahead, left=ahead.error_after(choice.samples))
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -125,13 +125,13 @@ class PoseSession(ABC):
         )
 
     def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
-        """Drive the tour of every fixture; a pose that no path joins is replaced after all, and told."""
+        """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""
         checks = self.draw_validation(choice)
         drives: list[Drive] = []
         for place in self.places():
             for _ in range(REPLACEMENTS):
-                mine = np.flatnonzero(choice.fixture == place.fixture)
-                others = checks[self.pool.fixture[checks] == place.fixture]
+                mine = np.flatnonzero(choice.samples.held(place.mounting))
+                others = checks[self.pool.samples.take(checks).held(place.mounting)]
                 stops = [self.stop(choice, int(k)) for k in mine]
                 stops += [self.validation_stop(int(k)) for k in others]
                 first = sum(len(d.visits) for d in drives)
@@ -143,7 +143,7 @@ class PoseSession(ABC):
                         choice = self.replace(choice, int(mine[lost.which]))
                     else:
                         checks = np.setdiff1d(checks, others[lost.which - len(mine)])
-                    name = place.cell.place_name(place.fixture)
+                    name = place.cell.place_name(place.mounting)
                     where = f" (fixture {name})" if name else ""
                     self.notes.append(f"a pose that no path could join was replaced{where}")
             else:
@@ -174,8 +174,8 @@ class PoseSession(ABC):
         """Return the candidates by which the fit is judged that never sees them."""
 
     @abstractmethod
-    def places(self) -> list[FixtureSession]:
-        """Return what is measured from each fixture."""
+    def places(self) -> list[MountingSession]:
+        """Return what is measured with each mounting of the gauge."""
 
     @abstractmethod
     def stop(self, choice: PoseChoice, k: int) -> TourStop:

@@ -13,6 +13,7 @@ from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
 from planner.design.pose_selection import PoseChoice, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
+from planner.runs.run import FIRST_MOUNTING
 from planner.session.approaches import TourStop
 from planner.session.course import Role
 from planner.session.mount import with_point_mount
@@ -20,7 +21,7 @@ from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseSession, Selection
 from planner.session.replacement import replace_all, replace_pose
-from planner.session.tour_drive import FixtureSession
+from planner.session.tour_drive import MountingSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
 
@@ -56,7 +57,7 @@ class PointPoses(PoseSession):
 
     def _reachable(self, pool: PoseSet) -> PoseSet:
         """Keep the candidates that a path joins to the mount pose; a note says how many others there were."""
-        mount = np.asarray(self.cell.fixtures[0].mount)
+        mount = np.asarray(self.cell.mount(FIRST_MOUNTING))
         part = connected_parts(self.away, np.vstack([mount, _passed(pool)]), self.options.seed)
         kept = np.flatnonzero(part[1:] == part[0])
         if not len(kept):
@@ -131,10 +132,10 @@ class PointPoses(PoseSession):
             found += mine[self._prove_touch(mine)][:share].tolist()
         return np.sort(np.array(found, dtype=int))
 
-    def places(self) -> list[FixtureSession]:
+    def places(self) -> list[MountingSession]:
         """Return the one place from which everything is measured; balls are repeated in a row, not at the end."""
         repeats = 0 if self.at_balls else self.cell.plan.repeat
-        return [FixtureSession(self.cell, 0, self.away, self.away, _passed(self.pool), repeats)]
+        return [MountingSession(self.cell, FIRST_MOUNTING, self.away, self.away, _passed(self.pool), repeats)]
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the number of centrings where there is a ball."""
@@ -157,7 +158,7 @@ class PointPoses(PoseSession):
 
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the chosen poses: the robot rests at each."""
-        return choice.model.jacobian(choice.q, choice.fixture)
+        return choice.model.rows(choice.samples)
 
 
 def _passed(pool: PoseSet) -> Array:
@@ -192,7 +193,7 @@ def _draw_poses(pool: PoseSet, count: int, seed: int) -> np.ndarray:
 def _choose_repeats(choice: PoseChoice, count: int) -> frozenset[int]:
     """Positions of the chosen poses that are centred several times: ball after ball, the most telling first."""
     assert choice.ball is not None
-    rows = choice.model.jacobian(choice.q, choice.fixture)
+    rows = choice.model.rows(choice.samples)
     inverse = np.linalg.inv(np.einsum("nrp,nrq->pq", rows, rows))
     weight = np.einsum("nrp,pq,nrq->n", rows, inverse, rows)
     rank = np.empty(len(weight), dtype=int)

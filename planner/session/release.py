@@ -60,7 +60,7 @@ def release_path(
 
 
 def _time_way(constraints: Constraints, points: Waypoints) -> TimedPath:
-    return time_path(constraints.cell, points, constraints.workspace.fixture, constraints.bar)
+    return time_path(constraints.cell, points, constraints.workspace.mounting, constraints.bar)
 
 
 def judge_corners(

@@ -41,14 +41,15 @@ def replace_all(
 def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:
     """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
     rng = np.random.default_rng(lost)
-    alike = pool.fixture == choice.fixture[lost]
+    there = choice.samples
+    alike = pool.samples.held(there.mounting(lost))
     if pool.ball is not None:
         alike &= pool.ball == pool.ball[choice.chosen[lost]]
     others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)
     tried = np.sort(rng.choice(others, min(TRIED, len(others)), replace=False))
-    kept = choice.model.jacobian(np.delete(choice.q, lost, axis=0), np.delete(choice.fixture, lost))
+    kept = choice.model.rows(there.take(np.arange(len(there)) != lost))
     kept = kept.reshape(-1, kept.shape[2])
-    rows = choice.model.jacobian(pool.q[tried], pool.fixture[tried])
+    rows = choice.model.rows(pool.samples.take(tried))
     mass = kept.T @ kept + np.swapaxes(rows, 1, 2) @ rows
     mu = np.sqrt(np.maximum(np.linalg.eigvalsh(mass)[:, ::-1], 0.0))
     wanted = find_rule(choice.index)

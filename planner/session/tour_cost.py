@@ -5,14 +5,15 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array
 from planner.motion.tour.instance import slowest_axis_cost
+from planner.runs.run import Mounting
 from planner.session.course import axis_limits, tool_speed
 
 PIECES = 16  # of a leg, each driven at its own slowest limit
 CHUNK = 4096  # legs at a time
 
 
-def leg_times(cell: Cell, fixture: int, start: Array, end: Array) -> Array:
-    """Return the time of straight joint legs (m, N) [rad] with the gauge attached at a fixture, (m,) [s].
+def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array:
+    """Return the time of straight joint legs (m, N) [rad] with the gauge attached, (m,) [s].
 
     Each piece of a leg takes as long as its slowest limit: the axes' speeds that are allowed, the tool's speed, the
     gauge's rate. Acceleration, dwells and detours are not in it. Where the cell asks for ``tour_cost = "axes"``, it is
@@ -25,18 +26,18 @@ def leg_times(cell: Cell, fixture: int, start: Array, end: Array) -> Array:
     if not np.isfinite(limit):
         return by_axes
     chunks = range(0, len(start), CHUNK)
-    moving = [_moving_times(cell, fixture, start[k : k + CHUNK], end[k : k + CHUNK], limit) for k in chunks]
+    moving = [_moving_times(cell, mounting, start[k : k + CHUNK], end[k : k + CHUNK], limit) for k in chunks]
     pieces = np.maximum(np.concatenate([*moving, np.empty((0, PIECES))]), by_axes[:, None] / PIECES)
     return np.asarray(pieces.sum(axis=1))
 
 
-def tour_costs(cell: Cell, fixture: int, nodes: Array) -> Array:
+def tour_costs(cell: Cell, mounting: Mounting, nodes: Array) -> Array:
     """Return the cost of the leg between any two of the nodes (n, N) [rad], (n, n) [s], the same both ways."""
     if cell.motion.tour_cost == "axes":
         return slowest_axis_cost(nodes, cell.robot.speed)
     a, b = np.triu_indices(len(nodes), 1)
     cost = np.zeros((len(nodes), len(nodes)))
-    cost[a, b] = cost[b, a] = leg_times(cell, fixture, nodes[a], nodes[b])
+    cost[a, b] = cost[b, a] = leg_times(cell, mounting, nodes[a], nodes[b])
     return cost
 
 
@@ -52,13 +53,13 @@ def _axis_times(start: Array, end: Array, speed: Array) -> Array:
     return np.asarray((np.abs(end - start) / speed).max(axis=1, initial=0.0))
 
 
-def _moving_times(cell: Cell, fixture: int, start: Array, end: Array, limit: float) -> Array:
+def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limit: float) -> Array:
     """Time that tool and gauge need for each piece of each leg, (m, PIECES) [s]."""
     share = np.linspace(0.0, 1.0, PIECES + 1)[:, None, None]
     q = start + share * (end - start)
-    x = cell.at(fixture).map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
+    x = cell.at(mounting).map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
     out = np.linalg.norm(np.diff(x, axis=0), axis=2) / limit
     if cell.gauge.is_attached:
-        length = np.linalg.norm(x - cell.fixtures[fixture].p_BX, axis=2)
+        length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
         out = np.maximum(out, np.abs(np.diff(length, axis=0)) / cell.gauge.rate)
     return np.asarray(out.T)

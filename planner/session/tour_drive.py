@@ -1,4 +1,4 @@
-"""The drive of one fixture: tour, support poses, approaches, blending, timing, and both collision engines.
+"""The drive of one mounting: tour, support poses, approaches, blending, timing, and both collision engines.
 
 Where balls are centred, the tour runs over the poses that they are approached from; the last way to a ball is inserted
 where the tour stops there. All of it starts and ends at the mount pose: where the bar is attached, the head is mastered
@@ -19,6 +19,7 @@ from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Method, Tour, solve_tour
+from planner.runs.run import Mounting
 from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
 from planner.session.course import (
     Course,
@@ -39,19 +40,19 @@ MANY = 250  # poses at balls beyond which the order is proven to a fraction of a
 
 
 @dataclass(frozen=True)
-class FixtureSession:
-    """What is measured from one fixture, and how the arm may move there.
+class MountingSession:
+    """What is measured with the gauge held in one way, and how the arm may move there.
 
     Attributes:
         cell: with the tool point that is used there.
-        fixture: which.
+        mounting: at which fixture and tool point.
         measuring: what the robot keeps while it measures; travelling: on the way there and back.
         detours: states over which detours lead (P, N) [rad].
         repeats: how many poses are visited again at the end.
     """
 
     cell: Cell
-    fixture: int
+    mounting: Mounting
     measuring: Constraints
     travelling: Constraints
     detours: Array
@@ -60,7 +61,7 @@ class FixtureSession:
     @property
     def mount(self) -> Array:
         """The pose in which the session starts and ends, (N,) [rad]."""
-        return np.asarray(self.cell.fixtures[self.fixture].mount)
+        return np.asarray(self.cell.mount(self.mounting))
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Unreachable(Exception):
     which: int
 
 
-def drive_tour(place: FixtureSession, stops: Sequence[TourStop], tsp: Method, seed: int, first: int = 0) -> Drive:
+def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, seed: int, first: int = 0) -> Drive:
     """Join the stops of one fixture into a driven, timed and twice-judged tour from the mount pose and back to it.
 
     Args:
@@ -98,13 +99,13 @@ def drive_tour(place: FixtureSession, stops: Sequence[TourStop], tsp: Method, se
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     points = add_blends(constraints, path, rests, ids)
     separate = ball_motions(constraints, path, stops)
-    measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.fixture), separate)
+    measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.mounting), separate)
     travelling = release_way(place.travelling, travel)
     if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
-    course = Course.of_poses(cell, place.fixture, travelling.path, measuring.path)
+    course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path)
     step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
-    reading = reading_limits(cell, place.fixture, bar=True)
+    reading = reading_limits(cell, place.mounting, bar=True)
     limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step, reading)
     verdicts = measuring.verdicts + travelling.verdicts
     return Drive(course=course, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)
@@ -114,7 +115,7 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
     """The way without the bar from home to the mount pose."""
     travel = connect_poses(constraints, ends, [0, 1], seed=seed)
     if isinstance(travel, PathGaps):
-        place = constraints.cell.place_name(constraints.workspace.fixture)
+        place = constraints.cell.place_name(constraints.workspace.mounting)
         raise NoSolutionError(
             f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
             "lower motion.clearance_mm, or give another home_deg or gauge.mount_deg"
@@ -122,14 +123,14 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
     return replace(travel, q=round_angles(travel.q))
 
 
-def join_tour(place: FixtureSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
+def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
     """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
 
     Raises:
         Unreachable: a stop cannot be reached.
         NoSolutionError: no tour joins the nodes.
     """
-    cost = tour_costs(place.cell, place.fixture, nodes)
+    cost = tour_costs(place.cell, place.mounting, nodes)
     proof = 0 if len(nodes) > MANY and not place.cell.gauge.is_attached else None
     forbidden: dict[tuple[int, int], str] = {}
     for _ in range(TRIES):
@@ -176,14 +177,14 @@ def _repeat_tour(
 
 
 def _number_visits(
-    place: FixtureSession, path: ProvenPath, stops: Sequence[TourStop], number: int
+    place: MountingSession, path: ProvenPath, stops: Sequence[TourStop], number: int
 ) -> tuple[Visit, ...]:
     """Number the poses in visiting order; a further visit of a pose is a repeat of the first."""
     cell, at = place.cell, np.flatnonzero(path.node >= 0)
     nodes, approach = path.node[at].tolist(), motion_signs(path.q)[at]
     own = np.vstack([place.mount, *[s.q for s in stops]])
     q = own[nodes] if cell.gauge.is_attached else path.q[at]
-    length = cell.bar_length(q, place.fixture)
+    length = cell.bar_length(q, place.mounting)
     contact = FirstContact(cell).at(q) if cell.gauge.head else np.zeros(len(at))
     first: dict[int, int] = {}
     visits = []
@@ -196,7 +197,7 @@ def _number_visits(
                 id=number + k,
                 q=q[k],
                 length=float(length[k]),
-                fixture=place.fixture,
+                mounting=place.mounting,
                 role=role,
                 approach=tuple(int(s) for s in approach[k]),
                 repeats=first.get(node) if again else None,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
@@ -50,11 +49,11 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + FIXTURE_CHANGE_TIME for c in courses[:-1]])
     count = [len(p.t) for p in parts]
     q = np.concatenate([p.q for p in parts])
-    hung = setup_of(cell).visits(q, np.repeat([c.fixture for c in courses], count))
+    place, point = (np.repeat(k, count) for k in zip(*(c.mounting for c in courses), strict=True))
     return Samples(
         q=read_only(q),
-        place=hung.place,
-        point=hung.point,
+        place=place,
+        point=point if len(cell.tool.points) > 1 else None,
         t=read_only(np.concatenate([p.t + start for p, start in zip(parts, starts, strict=True)])),
         session=np.repeat(np.arange(len(parts)), count) if moving else None,
         pose=np.concatenate([p.pose for p in parts]),

@@ -174,14 +174,14 @@ def compute_basis(cell: Cell, index: str, seed: int, say: Progress) -> StudyBasi
     curves = compute_index_curves(rows, model.prior, index, seed, say)
     poses = cell.plan.poses or find_curve(curves, index, scaled=False).knee
     chosen = exchange_poses(rows, min(max(poses, seen.rank), len(pool)), index, starts=2, seed=seed, steps=300).chosen
-    noise = model.noise(pool.q, pool.fixture)
+    noise = model.noise(pool.samples)
     return StudyBasis(
         cell=cell,
         index=index,
         seed=seed,
         pool=pool,
         whole=whole,
-        whole_rows=whole.jacobian(pool.q, pool.fixture),
+        whole_rows=whole.rows(pool.samples),
         model=model,
         rows=rows,
         seen=seen,

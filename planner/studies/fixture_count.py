@@ -12,6 +12,7 @@ from planner.design.fixtures.places import move_fixture, reach_poses
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, find_identifiable
 from planner.design.observability.information import find_rule, r_factor
 from planner.model.model import Model
+from planner.runs.run import Samples
 from planner.studies.fixture_places import CANDIDATES, FixtureMap, FixturePlace
 
 MOST = 3  # fixtures that are tried
@@ -226,7 +227,7 @@ def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(tool.axis_F, np.eye(3)[int(np.argmin(np.abs(tool.axis_F)))])
     point = read_only(tool.p_FM + ASIDE * across / np.linalg.norm(across))
-    aside = replace(cell, tool=replace(tool, p_FM=point))
+    aside = replace(cell, tool=replace(tool, points=(replace(tool.points[0], p_FM=point),)))
     q = reach_poses(aside, map_.present.p_BX, CANDIDATES, seed).q
     if len(q) == 0:  # the rank is that of the geometry: any states will do
         q = np.random.default_rng(seed).uniform(
@@ -234,7 +235,7 @@ def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:
         )
     there = move_fixture(aside, map_.present.p_BX)
     model = Model.from_cell(there, cell.plan.free - {"fixture", "tool"})
-    rows = model.jacobian(q)
+    rows = model.rows(Samples.at(q))
     size = len(map_.names)
     factor = np.zeros((size, 1, len(model.names)))
     factor[: len(model.names), 0] = r_factor(rows) * np.sqrt(size / rows[..., 0].size)

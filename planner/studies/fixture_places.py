@@ -14,6 +14,7 @@ from planner.design.observability.identifiability import STRUCTURAL, find_identi
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
+from planner.runs.run import FIRST_MOUNTING, Samples
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
 ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up
@@ -98,8 +99,8 @@ def map_fixture_places(
     start = cell.fixtures[0].p_BX
     model = Model.from_cell(move_fixture(cell, start))
     here = _present_reach(cell, pool, seed)
-    rows = model.jacobian(here.q)
-    noise = float(np.median(model.noise(here.q)))
+    rows = model.rows(Samples.at(here.q))
+    noise = float(np.median(model.noise(Samples.at(here.q))))
     kept = find_identifiable(rows, model.names, model.prior, range(len(model.names)), noise).kept
     poses = max(poses, len(kept))
     grid = place_grid(cell, across, up)
@@ -120,7 +121,7 @@ def map_fixture_places(
 def _present_reach(cell: Cell, pool: PoseSet, seed: int) -> FixtureReach:
     """Drawn as at all other places; where that is meagre, the cell's own candidates."""
     here = reach_poses(cell, cell.fixtures[0].p_BX, CANDIDATES, seed)
-    own = pool.q[pool.fixture == 0][:CANDIDATES]
+    own = pool.q[pool.samples.held(FIRST_MOUNTING)][:CANDIDATES]
     return here if len(here.q) >= len(own) else FixtureReach(read_only(own), "usable")
 
 
@@ -133,8 +134,8 @@ def _judge_place(
         status: Status = "few" if found.status == "usable" else found.status
         return replace(judged, status=status)
     model = Model.from_cell(cell)
-    rows = model.jacobian(found.q)
-    noise = float(np.median(model.noise(found.q)))
+    samples = Samples.at(found.q)
+    rows, noise = model.rows(samples), float(np.median(model.noise(samples)))
     rank = find_identifiable(rows, model.names, model.prior, range(len(model.names)), noise).rank
     own = np.ascontiguousarray(rows[:, :, list(kept)])
     mu = np.linalg.svd(r_factor(own * model.prior[list(kept)]), compute_uv=False)

@@ -56,7 +56,7 @@ class BothPlan(Result):
         """Return what is measured, and what each bar alone and one fit of both would know."""
         known, arcs, robot = self.known, self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
-        lines = [f"{robot}: {len(self.free.q)} poses without load, {len(arcs)} loaded circles"]
+        lines = [f"{robot}: {len(self.free.samples)} poses without load, {len(arcs)} loaded circles"]
         for arc in arcs:
             circle = arc.circle
             centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
@@ -74,7 +74,7 @@ class BothPlan(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``both.json`` says."""
-        poses, circles = len(self.free.q), [a.circle.name for a in self.loaded.arcs]
+        poses, circles = len(self.free.samples), [a.circle.name for a in self.loaded.arcs]
         return common_fit_content(self.known, self.loaded.cell.robot.name, poses, circles, both_session_steps(self))
 
     def write(self, folder: Path | str) -> list[Path]:

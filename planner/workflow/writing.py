@@ -70,7 +70,7 @@ def trajectory_csv(plan: Plan | CircularPlan) -> str:
     """What is driven with the gauge, pass after pass: t_s, q1_deg …, length_mm; poses count time at each fixture."""
     frames, start = [], 0.0
     for course in plan.courses:
-        length = partial(plan.cell.bar_length, fixture=course.fixture)
+        length = partial(plan.cell.bar_length, mounting=course.mounting)
         start = start if isinstance(plan, CircularPlan) else 0.0
         for one in course.passes:
             frame = trajectory_table(one.trajectory, SAMPLE, length)

@@ -72,7 +72,7 @@ def measured(model: Model, samples: Samples, rng) -> Run:
     errors = 0.3 * model.prior * rng.standard_normal(len(model.names))
     there = Readings(length=np.zeros(len(samples)))
     clean = -model.residual(samples, model.setup.targets(samples, there), errors)[:, 0]
-    length = clean + model.noise(samples.q[:1])[0] * rng.standard_normal(len(samples))
+    length = clean + model.noise(samples.take(slice(1)))[0] * rng.standard_normal(len(samples))
     return Run("made", samples, Readings(length=length), model.setup.place_names, continuous=samples.t is not None)
 
 

@@ -9,6 +9,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.design.candidates.pool import draw_candidates
 from planner.gauges.shell import sample_shell, sobol_sequence
 from planner.motion.collision.engines import CollisionWorld
+from planner.runs.run import FIRST_MOUNTING
 
 
 def cell_with(tmp_path, *changes):
@@ -47,7 +48,7 @@ def test_every_candidate_passes_every_filter(name):
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
-    sample = sample_shell(cell, 0, sobol_sequence(cell, 3).random(1 << 15))
+    sample = sample_shell(cell, FIRST_MOUNTING, sobol_sequence(cell, 3).random(1 << 15))
     lower, upper = cell.sampling_range
     blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
     length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)

@@ -1,5 +1,7 @@
 """The measurement model: its Jacobian by finite differences, and how many parameters each cell of the NJ-130 shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.model.model import Model
+from planner.runs.run import Samples
 
 
 @pytest.mark.parametrize("name", [n for n in shipped_cells() if load_cell(n).gauge.is_attached])
@@ -15,12 +18,13 @@ def test_jacobian_agrees_with_finite_differences(name):
     model = Model.from_cell(cell, frozenset({"fixture", "tool", "zero"}))
     robot = cell.robot
     q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (30, robot.n_joints))
-    J = model.jacobian(q)
+    at = Samples.at(q)
+    J = model.rows(at)
     h = 1e-6
     for j, parameter in enumerate(model.names):
         step = np.zeros(len(model.names))
         step[j] = h
-        moved = (model.reading(q, 0, step) - model.reading(q, 0, -step)) / (2 * h)
+        moved = (model.reading(at, step) - model.reading(at, -step)) / (2 * h)
         np.testing.assert_allclose(J[:, :, j], moved, atol=1e-7, err_msg=parameter)
 
 
@@ -41,7 +45,7 @@ def test_what_the_bar_sees_of_the_nj130(cell_name, free, beta, columns, rank):
     model = Model.from_cell(cell, frozenset(free))
     assert len(model.names) == columns
     assert ("beta2" in model.names) == beta
-    mu = np.linalg.svd(model.jacobian(pool.q)[:, 0] * model.prior, compute_uv=False)
+    mu = np.linalg.svd(model.rows(pool.samples)[:, 0] * model.prior, compute_uv=False)
     assert mu[rank - 1] > 1e-3 * mu[0]
     assert mu[rank] < 1e-10 * mu[0]
 
@@ -63,18 +67,19 @@ def test_two_fixtures_have_columns_of_their_own(tmp_path):
     cell = load_cell(str(path))
     model = Model.from_cell(cell)
     pool = draw_candidates(cell, 1000)
-    J = model.jacobian(pool.q, pool.fixture)[:, 0]
+    J = model.rows(pool.samples)[:, 0]
     for f, name in enumerate("AB"):
         columns = [model.names.index(f"fixture_{name}_{a}") for a in "xyz"]
-        assert not J[pool.fixture != f][:, columns].any()
-        np.testing.assert_allclose((J[pool.fixture == f][:, columns] ** 2).sum(axis=1), 1.0)
+        assert not J[pool.samples.place != f][:, columns].any()
+        np.testing.assert_allclose((J[pool.samples.place == f][:, columns] ** 2).sum(axis=1), 1.0)
 
 
 def test_noise_has_the_gauge_and_the_repeatability():
     cell = load_cell("comau-nj130/edbb")
     model = Model.from_cell(cell)
-    q = draw_candidates(cell, 200).q
+    at = draw_candidates(cell, 200).samples
     rng = np.random.default_rng(1)
-    shaken = np.array([model.reading(q + rng.normal(scale=model.joint_sigma, size=q.shape))[:, 0] for _ in range(4000)])
+    off = (rng.normal(scale=model.joint_sigma, size=at.q.shape) for _ in range(4000))
+    shaken = np.array([model.reading(replace(at, q=at.q + d))[:, 0] for d in off])
     expected = np.sqrt(shaken.var(axis=0) + cell.gauge.noise**2)
-    np.testing.assert_allclose(model.noise(q), expected, rtol=0.08)
+    np.testing.assert_allclose(model.noise(at), expected, rtol=0.08)

@@ -8,6 +8,7 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
 from planner.programs.program_files import read_back
+from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import axis_limits
 from planner.session.neutral_program import session_program
 
@@ -73,7 +74,7 @@ def test_as_driven_it_leaves_the_circle_by_little_and_keeps_its_speed(planned, n
 
 def test_nothing_collides_on_the_way(planned):
     for drive in planned.drives:
-        world = CollisionWorld.from_cell(planned.cell, drive.fixture)
+        world = CollisionWorld.from_cell(planned.cell, drive.mounting)
         for one in drive.passes:
             assert not world.collides(one.trajectory.sample(0.25).q).any()
         assert not world.without_bar().collides(drive.course.travel.trajectory.sample(0.1).q).any()
@@ -87,7 +88,7 @@ def test_passes_follow_each_other_and_measure_both_directions(planned):
     assert measured == [("round", "ccw"), ("round", "cw"), ("arc", "ccw"), ("arc", "cw")]
     for a, b in zip(drive.passes, drive.passes[1:], strict=False):
         assert np.abs(a.path.q[-1] - b.path.q[0]).max() < 1e-6
-    mount = planned.cell.fixtures[0].mount
+    mount = planned.cell.mount(FIRST_MOUNTING)
     assert np.abs(drive.course.travel.q[-1] - mount).max() == 0.0
     assert np.abs(drive.passes[-1].path.q[-1] - mount).max() < 1e-6
     marks = [m for p in drive.passes for m in p.marks]

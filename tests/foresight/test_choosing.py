@@ -81,16 +81,16 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     cell, pool = kuka
     ahead = select_bayesian_poses(cell, pool, 120)
     assert len(set(ahead.chosen)) == 120
-    assert ahead.with_poses(pool.q[ahead.chosen], pool.fixture[ahead.chosen]) == pytest.approx(ahead.left, rel=1e-6)
+    assert ahead.error_after(pool.samples.take(ahead.chosen)) == pytest.approx(ahead.left, rel=1e-6)
     assert ahead.bound < ahead.left < ahead.unknown.untraced
-    rows = ahead.unknown.model.jacobian(pool.q, pool.fixture)
+    rows = ahead.unknown.model.rows(pool.samples)
     geometry = [k for k, p in enumerate(ahead.unknown.model.parameters) if p.group in ("gauge", "geometry")]
     scaled = rows[:, :, geometry] * ahead.unknown.prior[geometry]
     _, size, axes = np.linalg.svd(scaled[:, 0], full_matrices=False)
     by_index = detmax(scaled @ axes[size > 1e-5 * size[0]].T, 120)
     by_chance = np.random.default_rng(0).choice(len(pool), 120, replace=False)
     for others in (by_index, by_chance):
-        assert ahead.with_poses(pool.q[others], pool.fixture[others]) > 1.08 * ahead.left
+        assert ahead.error_after(pool.samples.take(others)) > 1.08 * ahead.left
     assert f"{1e3 * ahead.left:.3f} mm" in describe_bayesian_design(ahead)
 
 

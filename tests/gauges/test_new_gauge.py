@@ -80,12 +80,12 @@ def test_its_margins_change_no_faster_than_it_says(cell, pool):
 
 
 def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
-    model, q = Model.from_cell(cell), pool.q[:50]
-    rows, step = model.jacobian(q)[:, 0], 1e-6
+    model, at = Model.from_cell(cell), pool.samples.take(slice(50))
+    rows, step = model.rows(at)[:, 0], 1e-6
     for k in range(len(model.names)):
         errors = np.zeros(len(model.names))
         errors[k] = step
-        slope = (model.reading(q, 0, errors) - model.reading(q, 0, -errors))[:, 0] / (2 * step)
+        slope = (model.reading(at, errors) - model.reading(at, -errors))[:, 0] / (2 * step)
         np.testing.assert_allclose(rows[:, k], slope, atol=1e-7)
 
 
@@ -100,6 +100,6 @@ def test_poses_are_selected_and_a_simulated_run_is_identified(cell, pool):
     assert run.readings.columns == "length_mm"
     found = identify(run, cell)
     nominal, fitted = found.stages[0].held_out.rms, found.stages[-1].held_out.rms
-    expected = float(np.median(Model.from_cell(cell).noise(choice.q)))
+    expected = float(np.median(Model.from_cell(cell).noise(choice.samples)))
     assert nominal > 20 * fitted
     assert fitted < 2 * expected

@@ -119,7 +119,7 @@ def test_the_declared_effect_is_a_stage_behind_the_geometry_and_is_not_sought_ag
 def test_predicted_and_found_standard_deviations_agree():
     """Up to the size of the noise, which the fit learns from the run: one factor for all parameters."""
     model, _, q = planned()
-    predicted = predict_covariance(model.jacobian(q), model.noise(q)[:, None] * np.ones(3), model.prior)
+    predicted = predict_covariance(model.rows(at := Samples.at(q)), model.noise(at)[:, None] * np.ones(3), model.prior)
     found = identified()
     plain = np.linalg.norm(found.fit.solution.root(found.fit.problem.prior), axis=1)  # what the tool adds left aside
     std = dict(zip(found.fit.model.names, plain, strict=True))

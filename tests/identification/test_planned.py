@@ -33,7 +33,7 @@ def planned(reference):
     fixture, tool = cell.fixtures[0].p_BX, cell.tool.p_FM
     q = at_targets(arm, shell_points(fixture, (0.31, 0.51), 1500, rng, np.radians(75)), tool, rng)
     q = q[~np.isnan(q[:, 0])][:600]
-    model, _, rows = identify_candidates(cell, PoseSet(q, np.zeros(len(q), dtype=int), Funnel()))
+    model, _, rows = identify_candidates(cell, PoseSet(Samples.at(q), Funnel()))
     q = q[exchange_poses(rows, POSES, "O2", starts=1).chosen]
     run = Run("made", Samples(q, np.zeros(POSES, dtype=int)), Readings(length=np.zeros(POSES)), ("A",))
     setup = locate_gauge(setup_for_run(cell, run), run)
@@ -51,9 +51,9 @@ def test_plan_and_fit_use_the_same_parameters(reference):
 @pytest.mark.parametrize("reference", CELLS)
 def test_plan_and_fit_have_the_same_rows_and_noise(reference):
     plan, w = planned(reference)
-    assert np.allclose(w.model.rows(w.run.samples), plan.jacobian(w.q), atol=1e-12)
+    assert np.allclose(w.model.rows(w.run.samples), plan.rows(Samples.at(w.q)), atol=1e-12)
     white = FitProblem.of(w.model, w.run).whitener.covariance(slice(None))[:, 0, 0]
-    assert np.allclose(np.sqrt(white), plan.noise(w.q), rtol=1e-12)
+    assert np.allclose(np.sqrt(white), plan.noise(Samples.at(w.q)), rtol=1e-12)
 
 
 @pytest.mark.long
@@ -64,7 +64,7 @@ def test_predicted_spread_is_the_spread_of_many_fits(reference):
     The prediction takes no prior: what it holds back of the faintest parameters is left out by looking at one side.
     """
     plan, w = planned(reference)
-    predicted = predict_covariance(plan.jacobian(w.q), plan.noise(w.q)[:, None])
+    predicted = predict_covariance(plan.rows(at := Samples.at(w.q)), plan.noise(at)[:, None])
     noise = Noise(plan.setup.gauge.noise, plan.joint_sigma)
     off, stated = [], []
     for k in range(FITS):

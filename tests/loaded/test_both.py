@@ -73,7 +73,7 @@ def done(folder, few_places):
 
 def test_only_poses_that_are_fitted_count(folder):
     free = UnloadedPoses.read(folder / "plan.json")
-    assert len(free.q) == len(json.loads((folder / "plan.json").read_text())["poses"]) - 2
+    assert len(free.samples) == len(json.loads((folder / "plan.json").read_text())["poses"]) - 2
 
 
 def test_the_set_is_as_good_as_brute_force():

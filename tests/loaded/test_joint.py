@@ -18,7 +18,7 @@ from planner.instruments.loaded.joint_fit import SAMPLE_SPACING, at_rest, fit_jo
 from planner.instruments.loaded.place_selection import planned_curves
 from planner.model.model import Model
 from planner.runs.loader import join_runs
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, Run, Samples
 
 SEEDS, ANGLES, REPEATS = 20, 24, 5
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.3010, 0.8995, 0.9007])
@@ -157,10 +157,12 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
     truth, ball = world.World(errors=shared.ERRORS), np.array(world.FIXTURE)
     length = np.linalg.norm(world.true_point(shared.arm(), truth, around, force, ball) - ball, axis=1)
     model = Model.of(setup_of(cell), frozenset())
-    pose = rng.normal(size=(2, 1, A)) * model.noise(around)[:A]  # the error of a pose, the same under all loads
+    pose = rng.normal(size=(2, 1, A)) * model.noise(
+        Samples.at(around[:A])
+    )  # the error of a pose, the same under all loads
     smooth = np.linalg.cholesky(turn) @ rng.normal(size=(2, K, A, 1))
     length = length + (pose + smooth[..., 0]).ravel()
-    free = clean()[1] + model.noise(q, 1) * rng.normal(size=len(q))
+    free = clean()[1] + model.noise(Samples.at(q, Mounting(1))) * rng.normal(size=len(q))
     found = fit_jointly(
         cell,
         Run("free", Samples(q=q, place=np.zeros(len(q), int)), Readings(length=free), ("E",), robot="abb-irb6700"),
@@ -170,7 +172,7 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
         (np.repeat(turn[None], K, axis=0),) * 2,
     )
     other = replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),), circles=())
-    known = predict_common_fit(UnloadedPoses(other, q, np.zeros(len(q), int)), shipped, [place])
+    known = predict_common_fit(UnloadedPoses(other, Samples.at(q)), shipped, [place])
     std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
     ratio = [std[n] / (b * p) for n, b, p in zip(known.names, known.both, known.prior, strict=True) if n in NAMES[:5]]
     assert len(ratio) == 5

@@ -24,6 +24,7 @@ from planner.instruments.loaded.place_selection import (
     promised_turn_noise,
     select_circle_places,
 )
+from planner.runs.run import Samples
 from planner.workflow.loaded_places import CirclePlacesResult, study_places
 
 BINS = 36
@@ -159,7 +160,7 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
     targets = fixture + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.3, 0.6, (60, 1))
     q = world.reach(shared.arm(), targets, rng)
     free = replace(cell, fixtures=(replace(cell.fixtures[0], name="E", p_BX=fixture),))
-    both = predict_common_fit(UnloadedPoses(free, q, np.zeros(len(q), int)), cell, places.best(1))
+    both = predict_common_fit(UnloadedPoses(free, Samples.at(q)), cell, places.best(1))
     rows = both.of("compliance")
     assert len(rows) == 6
     assert all(together <= min(unloaded, loaded) * 1.001 for _, unloaded, loaded, together in rows)

@@ -17,6 +17,7 @@ from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.instance import slowest_axis_cost
 from planner.motion.tour.solve import solve_tour
+from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import Waypoints, axis_limits, time_course
 from planner.session.plan_types import Drive, Plan, Visit, motion_signs
 
@@ -32,13 +33,12 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
     model, seen, rows = identify_candidates(cell, pool)
     curve = compute_index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
     found = exchange_poses(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
-    q, fixture = pool.q[found.chosen], pool.fixture[found.chosen]
-    final = model.jacobian(q, fixture)
+    samples = pool.samples.take(found.chosen)
+    final = model.rows(samples)
     choice = PoseChoice(
         model=model,
         seen=seen,
-        q=q,
-        fixture=fixture,
+        samples=samples,
         chosen=found.chosen,
         index="O2",
         value=found.value * 0.98,
@@ -47,7 +47,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         raw=all_indices(final),
         scaled=all_indices(final, model.prior),
     )
-    drive = made_drive(cell, 0, np.vstack([pool.q[:1], q, pool.q[1:4]]), poses)
+    drive = made_drive(cell, FIRST_MOUNTING, np.vstack([pool.q[:1], samples.q, pool.q[1:4]]), poses)
     return Plan(
         cell=cell,
         seed=0,
@@ -61,18 +61,18 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
     )
 
 
-def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive:
+def made_drive(cell: Cell, mounting: Mounting, nodes: np.ndarray, poses: int) -> Drive:
     """Drive the nodes, the mount pose first, straight in the order of the tour; the last node comes twice."""
     tour = solve_tour(slowest_axis_cost(nodes, cell.robot.speed), start=0, end=0)
     order = np.array([*tour.order, tour.order[1], 0])
     q = nodes[order]
-    length = bar_state(cell.map_position(q), cell.fixtures[fixture].p_BX).length
+    length = bar_state(cell.map_position(q), cell.fixtures[mounting.fixture].p_BX).length
     roles = np.array(["mount", *["calibrate"] * poses, *["validate"] * (len(nodes) - poses - 1)])[order]
     roles[-2] = "repeat"
     approach = motion_signs(q)
     visits = tuple(
         Visit(
-            k, q[k], float(length[k]), fixture, str(roles[k]), tuple(approach[k]), 1 if roles[k] == "repeat" else None
+            k, q[k], float(length[k]), mounting, str(roles[k]), tuple(approach[k]), 1 if roles[k] == "repeat" else None
         )
         for k in range(len(order))
     )
@@ -81,7 +81,7 @@ def made_drive(cell: Cell, fixture: int, nodes: np.ndarray, poses: int) -> Drive
     path = ProvenPath(q, order, legs, verdict, replace(verdict, engine="python-fcl"))
     blend = np.where((np.arange(len(q)) == 0) | (np.arange(len(q)) == len(q) - 1), 0.0, cell.motion.blend)
     travel = Waypoints(np.vstack([cell.home, nodes[0]]), np.array([-1, 0]), np.zeros(2))
-    timed = time_course(cell, fixture, travel, Waypoints(q, np.arange(len(q)), blend))
+    timed = time_course(cell, mounting, travel, Waypoints(q, np.arange(len(q)), blend))
     limits = check_limits(timed.trajectory, axis_limits(cell, bar=True), dt_s=0.5)
     verdicts = (path.verdict, path.second, path.verdict, path.second)
     return Drive(course=timed, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)

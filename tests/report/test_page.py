@@ -10,6 +10,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.design.observability.information import INDEX_RULES
 from planner.report.plan_report import report_plan
+from planner.runs.run import Mounting
 from planner.session.plan_types import Plan
 from tests.report.made import FIXTURE, NOTE, PLAN_ID
 from tests.report.reading import ReadPage
@@ -108,8 +109,8 @@ def test_poses_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
 
 def test_sigmas_are_those_of_the_normal_equations(plan: Plan, page: ReadPage) -> None:
     choice = plan.choice
-    J = choice.model.jacobian(choice.q, choice.fixture)[:, 0]
-    weighted = J / choice.model.noise(choice.q, choice.fixture)[:, None] * choice.model.prior
+    J = choice.model.rows(choice.samples)[:, 0]
+    weighted = J / choice.model.noise(choice.samples)[:, None] * choice.model.prior
     share = np.sqrt(np.diag(np.linalg.inv(weighted.T @ weighted)))  # in prior sizes: the inverse is well conditioned
     rows = page.table("parameter")
     assert [r[0] for r in rows] == list(choice.model.names)
@@ -151,7 +152,7 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
 
 def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:
     cell = replace(plan.cell, fixtures=plan.cell.fixtures * 2)
-    second = replace(plan.drives[0], course=replace(plan.drives[0].course, fixture=1))
+    second = replace(plan.drives[0], course=replace(plan.drives[0].course, mounting=Mounting(1)))
     written = report_plan(replace(plan, cell=cell, drives=(plan.drives[0], second))).write(tmp_path)
     assert {"bar_1.png", "bar_2.png", "tour_1.png", "tour_2.png"} < {p.name for p in written}
     read = ReadPage()

@@ -9,6 +9,7 @@ from planner.kinematics.bodies import Body, capsule_between
 from planner.report.cell_view import Mesh, body_mesh, carrier_poses, sphere_cap
 from planner.report.formatting import bound_text, digits, duration_text, percent_text
 from planner.report.plan_data import sample_drive, tour_orders
+from planner.runs.run import FIRST_MOUNTING
 from planner.session.plan_types import Plan
 
 
@@ -55,7 +56,7 @@ def test_cap_stays_within_the_cone() -> None:
 def test_bodies_stand_where_pinocchio_puts_them(plan: Plan) -> None:
     cell, robot = plan.cell, plan.cell.robot
     q = plan.pool.q[::100]
-    poses = carrier_poses(cell, 0, q)
+    poses = carrier_poses(cell, FIRST_MOUNTING, q)
     model, frames = robot.pin_model()
     data = model.createData()
     for k, theta in enumerate(robot.theta(q)):

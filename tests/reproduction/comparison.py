@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.setup import Targets
 from planner.common.errors import NoSolutionError
-from planner.common.units import MM, Array, read_only
+from planner.common.units import MM, Array
 from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.kinematics.bar_geometry import bar_state
@@ -70,8 +70,7 @@ def compare_samples(cell: Cell, circle: Samples, path: Samples, seeds: Iterable[
 def sample_plan(plan: Plan) -> Samples:
     """The joint angles of an error-sensitive plan as it is driven, ``RATE`` times a second."""
     motions = [d.trajectory.sample(1.0 / SAMPLE_RATE) for d in plan.drives]
-    place = np.repeat([d.fixture for d in plan.drives], [len(m.t) for m in motions])
-    return Samples(q=read_only(np.concatenate([m.q for m in motions])), place=place)
+    return Samples.concatenate([Samples.at(m.q, d.mounting) for m, d in zip(motions, plan.drives, strict=True)])
 
 
 def place_fixtures_by_robot(cell: Cell, model: Model, errors: Array) -> Array:

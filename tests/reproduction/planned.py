@@ -61,8 +61,8 @@ def stops(made: Plan, *roles) -> list[Stop]:
     out = []
     for drive in made.drives:
         q = np.array([v.q for v in drive.visits if v.role in roles])
-        here, place = made.cell.at(drive.fixture), made.cell.fixtures[drive.fixture]
-        at = (_mm(place.p_BX), made.cell.point_name(drive.fixture), _mm(here.tool.p_FM))
+        here, place = made.cell.at(drive.mounting), made.cell.fixtures[drive.mounting.fixture]
+        at = (_mm(place.p_BX), made.cell.names_of(drive.mounting)[1], _mm(here.tool.p_FM))
         if len(q):
             out.append(Stop(q, place.name, *at))
     return out

@@ -11,7 +11,6 @@ from planner.design.discrimination.selection import select_discriminating_poses
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import ProvenPath
-from planner.runs.run import Samples
 from planner.session.approaches import approach_from_sides
 from tests.separating.test_refusals import file
 from tests.separating.worlds import NJ, cell, pool, usual
@@ -21,7 +20,7 @@ PLAY = ("backlash", "joint 3", 0.01, "deg", ["backlash, joint 2"])
 
 @pytest.fixture(scope="module")
 def constraints():
-    return Constraints(cell(), 0)
+    return Constraints(cell())
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +78,12 @@ def test_sides_are_chosen_for_the_axes_whose_play_is_in_question(done, tmp_path)
 def test_wanted_sides_tell_more_than_any(done):
     """As driven with the sides turned over at random, the same poses tell the two plays apart less surely."""
     chosen = done.choice.chosen
-    q, place = pool().q[chosen], pool().fixture[chosen]
-    samples = Samples(q, place, t=np.arange(len(q)) * 10.0, direction=done.choice.approach.astype(float))
+    t = np.arange(len(chosen)) * 10.0
+    samples = replace(pool().samples.take(chosen), t=t, direction=done.choice.approach.astype(float))
     told = next(t for t in done.as_driven((samples,)).told if t.named)
     rng = np.random.default_rng(0)
     for _ in range(3):
-        turned = samples.direction * rng.choice([-1.0, 1.0], (len(q), 1))
+        turned = samples.direction * rng.choice([-1.0, 1.0], (len(t), 1))
         other = done.as_driven((replace(samples, direction=turned),)).told
         assert next(t for t in other if t.named).noncentrality < told.noncentrality
 

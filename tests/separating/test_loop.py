@@ -3,10 +3,11 @@
 The arms and their runs are made by the generator, which shares no code with the planner.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from planner.runs.run import Samples
 from tests.separating.worlds import CALLED, again, blindly, first, identified, named, pool, separated
 
 pytestmark = pytest.mark.long
@@ -39,8 +40,8 @@ def _and_blindly_drawn_poses_are_less_sure(chosen, seed):
     told = {t.pair: t for t in chosen.separation.told if t.named}
     for k in range(5):
         drawn = blindly(seed + 50 + k)
-        q, place = pool().q[drawn], pool().fixture[drawn]
-        one = Samples(q, place, t=np.arange(len(q)) * 10.0, direction=np.ones_like(q))
+        there = pool().samples.take(drawn)
+        one = replace(there, t=np.arange(len(drawn)) * 10.0, direction=np.ones_like(there.q))
         for t in chosen.as_driven((one,)).told:
             if t.named:
                 assert t.noncentrality < told[t.pair].noncentrality

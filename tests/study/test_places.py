@@ -13,6 +13,7 @@ from planner.design.fixtures.places import find_stands, is_blocked, move_fixture
 from planner.design.selection.pruning import prune_poses
 from planner.kinematics.bodies import capsule_between
 from planner.model.model import Model
+from planner.runs.run import Mounting, Samples
 from planner.studies.fixture_count import combine_places, count_fixtures
 from planner.studies.fixture_places import map_fixture_places
 
@@ -75,7 +76,7 @@ def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cel
     """Draw the place's candidates again, prune them, and take the index from numpy's own singular values."""
     m = done[1].places
     q = reach_poses(cell, cell.fixtures[0].p_BX, 300, 3).q
-    rows = Model.from_cell(cell).jacobian(q)[:, :, list(m.kept)]
+    rows = Model.from_cell(cell).rows(Samples.at(q))[:, :, list(m.kept)]
     chosen = prune_poses(rows, m.poses, "O1", 200)
     mu = np.linalg.svd(rows[chosen, 0], compute_uv=False)
     assert m.present.value == pytest.approx(np.exp(np.log(mu).mean()) / np.sqrt(m.poses), rel=1e-9)
@@ -93,7 +94,9 @@ def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
             cell, fixtures=tuple(replace(stock, name=f"F{k}", p_BX=read_only(p)) for k, p in enumerate(points))
         )
         model = Model.from_cell(many)
-        rows = np.vstack([model.jacobian(reach_poses(cell, p, 300, 3).q, k)[:, 0] for k, p in enumerate(points)])
+        rows = np.vstack(
+            [model.rows(Samples.at(reach_poses(cell, p, 300, 3).q, Mounting(k)))[:, 0] for k, p in enumerate(points)]
+        )
         mu = np.linalg.svd(rows * model.prior, compute_uv=False)
         assert step.parameters == len(model.names)
         assert step.seen == int((mu > 1e-9 * mu[0]).sum())
@@ -115,7 +118,7 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
         ("fixtures and tool point measured", {"zero"}),
     ):
         model = Model.from_cell(cell, frozenset(free))
-        tall = model.jacobian(q)[:, 0] * model.prior
+        tall = model.rows(Samples.at(q))[:, 0] * model.prior
         _, mu, axes = np.linalg.svd(tall)
         null = axes[mu <= 1e-9 * mu[0]]
         part = np.abs(null).max(axis=0, initial=0.0)
@@ -138,7 +141,7 @@ def test_a_base_that_may_turn_about_one_known_fixture_is_held_by_three():
     parts = []
     for p in points:
         there = Model.from_cell(move_fixture(cell, p), frozenset({"tool", "zero"}))
-        parts.append(there.jacobian(reach_poses(cell, p, 200, 0).q)[:, 0] * model.prior)
+        parts.append(there.rows(Samples.at(reach_poses(cell, p, 200, 0).q))[:, 0] * model.prior)
     ranks = [int((np.linalg.svd(t, compute_uv=False) > 1e-8).sum()) for t in (parts[0], np.vstack(parts))]
     assert ranks[1] > ranks[0]
     remedies = {r.name: r for r in f.remedies}

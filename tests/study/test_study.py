@@ -49,7 +49,7 @@ def test_predicted_deviation_is_that_of_simulated_fits(done):
     """Fit 4 000 noisy measurements by plain least squares: the spread is the predicted one."""
     b = done[1].basis
     rows = b.rows[b.chosen, 0]
-    sigma = b.model.noise(b.pool.q[b.chosen])
+    sigma = b.model.noise(b.pool.samples.take(b.chosen))
     noise = np.random.default_rng(0).normal(size=(4000, len(rows))) * sigma
     weight = 1 / sigma[:, None]
     fits = np.linalg.lstsq(rows * weight, (noise / sigma).T, rcond=None)[0]
@@ -64,11 +64,11 @@ def test_sensitivity_is_the_change_of_the_reading(done):
     """One prior size of each parameter, put into the model itself, changes the reading by what the table says."""
     b = done[1].basis
     table = {r["parameter"]: r for r in pl.read_csv(done[0] / "sensitivity.csv").to_dicts()}
-    exact = b.whole.reading(b.pool.q, b.pool.fixture)
+    exact = b.whole.reading(b.pool.samples)
     for k, p in enumerate(b.whole.parameters):
         step = np.zeros(len(b.whole.names))
         step[k] = p.prior * 1e-3
-        change = (b.whole.reading(b.pool.q, b.pool.fixture, step) - exact) / 1e-3 * 1e6
+        change = (b.whole.reading(b.pool.samples, step) - exact) / 1e-3 * 1e6
         assert table[p.name]["rms_um"] == pytest.approx(np.sqrt(np.mean(change**2)), rel=1e-2, abs=1e-3)
         assert table[p.name]["max_um"] == pytest.approx(np.abs(change).max(), rel=2e-2, abs=1e-3)
     assert list(table) == sorted(table, key=lambda n: -table[n]["rms_um"])

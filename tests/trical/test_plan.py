@@ -13,6 +13,7 @@ from planner.programs.dialect import load_dialect
 from planner.programs.program_files import read_back, verify
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
+from planner.runs.run import FIRST_MOUNTING
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
@@ -80,7 +81,7 @@ def test_the_last_way_is_driven_slowly(planned):
 
 
 def test_the_head_is_mastered_upright(planned):
-    mount = np.asarray(planned.cell.fixtures[0].mount)
+    mount = np.asarray(planned.cell.mount(FIRST_MOUNTING))
     assert planned.cell.map_axis(mount[None])[0, 2] > np.cos(np.deg2rad(10.0))
 
 

@@ -9,6 +9,7 @@ import pytest
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
 from planner.programs.program_files import shared_notes
+from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, round_angles, time_course
 from planner.session.neutral_program import assemble_programs, session_program
 from planner.session.notes import bar_notes, session_notes
@@ -25,7 +26,9 @@ def _course(cell):
     travel = round_angles(np.array([cell.home, mount]))
     measuring = round_angles(np.array([mount, *np.deg2rad(POSES), mount]))
     ids, stop = np.arange(4), np.zeros(4)
-    return time_course(cell, 0, Waypoints(travel, np.array([-1, 0]), np.zeros(2)), Waypoints(measuring, ids, stop))
+    return time_course(
+        cell, FIRST_MOUNTING, Waypoints(travel, np.array([-1, 0]), np.zeros(2)), Waypoints(measuring, ids, stop)
+    )
 
 
 def _points(way):
@@ -130,7 +133,7 @@ def test_notes_that_programs_share_are_said_once():
     cell = load_cell("ur10/edbb")
     q = round_angles(np.array([cell.home, cell.home + 0.1, cell.home]))
     way = Waypoints(q, np.array([-1, 1, -1]), np.zeros(3))
-    courses = [time_course(cell, 0, way, way)]
+    courses = [time_course(cell, FIRST_MOUNTING, way, way)]
     programs = assemble_programs(
         ("krl", "rapid", "pdl2"), lambda dense: session_program(cell, courses, "0" * 12, dense)
     )
@@ -142,7 +145,9 @@ def test_notes_that_programs_share_are_said_once():
 def test_poses_nearer_to_the_bars_ends_than_its_place_is_known_are_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     q = np.array([cell.home])
-    visits = tuple(Visit(k, q[0], length, 0, "calibrate", (0,) * 6) for k, length in enumerate((0.304, 0.4, 0.518)))
+    visits = tuple(
+        Visit(k, q[0], length, FIRST_MOUNTING, "calibrate", (0,) * 6) for k, length in enumerate((0.304, 0.4, 0.518))
+    )
     drive = Drive(course=_course(cell), visits=visits, tour=None, path=None, limits=None)
     (note,) = bar_notes(cell, [drive])
     assert note.startswith("2 of 3 poses at fixture A come within 5.1 mm")

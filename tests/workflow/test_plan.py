@@ -11,6 +11,7 @@ from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
+from planner.runs.run import Samples
 from tests.command import edbb
 from tests.workflow.conftest import small_cell
 
@@ -69,12 +70,12 @@ def test_the_index_is_that_of_a_numeric_jacobian(either):
     """O2 and the unit-free O1 from finite differences of the lengths at the poses of plan.json."""
     plan, cell = either.plan, read_cell(either.folder / "cell.toml", "cell")
     model = Model.from_cell(cell)
-    q = measured(plan)
+    at = Samples.at(measured(plan))
     columns = []
     for name in plan["parameters"]:
         step = np.zeros(len(model.names))
         step[model.names.index(name)] = 1e-6
-        columns.append((model.reading(q, 0, step) - model.reading(q, 0, -step))[:, 0] / 2e-6)
+        columns.append((model.reading(at, step) - model.reading(at, -step))[:, 0] / 2e-6)
     J = np.array(columns).T
     mu = np.linalg.svd(J, compute_uv=False)
     seen = plan["observability"]

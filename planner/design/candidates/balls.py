@@ -14,6 +14,7 @@ from planner.design.candidates.pool import Funnel, PoseSet, Progress
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, retract_tool, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
+from planner.runs.run import Samples
 
 LEVEL = 0.95
 STATES = 2000  # of the whole arm, over which its errors are held to what the cell says of them
@@ -70,7 +71,7 @@ def first_contact_advice(cell: Cell, found: Array) -> str:
 
 def _prior_covariance(model: Model, q: Array) -> Array:
     """Covariance of the measured point from the prior sizes of a model's parameters, (n, 3, 3) [m²]."""
-    rows = model.jacobian(q) * model.prior
+    rows = model.rows(Samples.at(q)) * model.prior
     return np.asarray(rows @ np.swapaxes(rows, 1, 2))
 
 
@@ -124,12 +125,9 @@ def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progre
         parts.append((q, back))
         if progress is not None:
             progress(ball + 1, len(cell.balls))
-    which = np.repeat(np.arange(len(parts)), [len(q) for q, _ in parts])
-    fixture = np.zeros(len(which), dtype=int)
-    for a in (which, fixture):
-        a.setflags(write=False)
+    which = read_only(np.repeat(np.arange(len(parts)), [len(q) for q, _ in parts]), int)
     q, back = (read_only(np.vstack(p)) for p in zip(*parts, strict=True))
-    return PoseSet(q, fixture, funnel, which, back)
+    return PoseSet(Samples.at(q), funnel, which, back)
 
 
 class _BallFilter:

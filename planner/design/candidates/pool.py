@@ -11,8 +11,9 @@ from planner.cell.cell import Cell
 from planner.cell.gauge import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.units import Array, read_only
+from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld, available_threads
+from planner.runs.run import Mounting, Samples
 
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
@@ -71,36 +72,34 @@ class PoseSet:
     """Poses that pass every filter.
 
     Attributes:
-        q: controller angles, (n, N) [rad].
-        fixture: which of the cell's fixtures holds the bar (one entry for each tool point), (n,) int.
+        samples: controller angles, and how the gauge is held there.
         funnel: what each filter left.
         ball: at which ball, (n,) int, where an artifact's balls are measured.
         back: the pose from which each is approached, (n, N) [rad], there too.
     """
 
-    q: Array
-    fixture: np.ndarray
+    samples: Samples
     funnel: Funnel
     ball: np.ndarray | None = None
     back: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of poses."""
-        return len(self.q)
+        return len(self.samples)
+
+    @property
+    def q(self) -> Array:
+        """Controller angles, (n, N) [rad]."""
+        return self.samples.q
 
     def take(self, rows: np.ndarray) -> "PoseSet":
         """Return the poses at ``rows`` (positions or a mask), with the same funnel."""
-        which = self.fixture[rows]
-        which.setflags(write=False)
-        if self.ball is None or self.back is None:
-            return PoseSet(read_only(self.q[rows]), which, self.funnel)
-        ball = self.ball[rows]
-        ball.setflags(write=False)
-        return PoseSet(read_only(self.q[rows]), which, self.funnel, ball, read_only(self.back[rows]))
+        ball, back = (None if v is None else v[rows] for v in (self.ball, self.back))
+        return PoseSet(self.samples.take(rows), self.funnel, ball, back)
 
 
 def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
-    """Draw ``count`` candidates, shared evenly by the fixtures, or what the rounds allow.
+    """Draw ``count`` candidates, shared evenly by the fixtures and tool points, or what the rounds allow.
 
     Args:
         cell: the cell; its ``plan.grid_step`` asks for the paper's joint grid instead of the shell's own samples.
@@ -111,28 +110,24 @@ def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | 
     Raises:
         NoSolutionError: no state passes all filters; the message names the filter that emptied, and what would help.
     """
-    share = -(-count // len(cell.fixtures))
-    parts: list[Array] = []
+    share = -(-count // len(cell.mountings))
+    parts: list[Samples] = []
     funnel = Funnel()
-    for fixture in range(len(cell.fixtures)):
-        q, counted = _draw_for_fixture(cell, fixture, share, seed, progress)
+    for mounting in cell.mountings:
+        q, counted = _draw_at(cell, mounting, share, seed, progress)
         funnel += counted
         if len(q) == 0:
-            raise NoSolutionError(explain_empty(cell, fixture, counted))
-        parts.append(q)
-    which = np.repeat(np.arange(len(parts)), [len(q) for q in parts])
-    which.setflags(write=False)
-    return PoseSet(read_only(np.vstack(parts)), which, funnel)
+            raise NoSolutionError(explain_empty(cell, mounting, counted))
+        parts.append(Samples.at(q, mounting))
+    return PoseSet(Samples.concatenate(parts), funnel)
 
 
-def _draw_for_fixture(
-    cell: Cell, fixture: int, count: int, seed: int, progress: Progress | None
-) -> tuple[Array, Funnel]:
-    world, workspace = CollisionWorld.from_cell(cell, fixture), Workspace(cell, fixture)
+def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Progress | None) -> tuple[Array, Funnel]:
+    world, workspace = CollisionWorld.from_cell(cell, mounting), Workspace(cell, mounting)
     found: list[Array] = []
     funnel, total = Funnel(), 0
     whole = cell.plan.grid_step is not None
-    for sample in _sample_rounds(cell, fixture, seed):
+    for sample in _sample_rounds(cell, mounting, seed):
         q, counted = _apply_filters(sample, workspace, world)
         funnel, total = funnel + counted, total + len(q)
         found.append(q)
@@ -147,11 +142,11 @@ def _draw_for_fixture(
     return q[:count], funnel
 
 
-def _sample_rounds(cell: Cell, fixture: int, seed: int) -> Iterator[JointSamples]:
+def _sample_rounds(cell: Cell, mounting: Mounting, seed: int) -> Iterator[JointSamples]:
     if cell.plan.grid_step is not None:
         yield from _grid_blocks(cell, cell.plan.grid_step)
         return
-    draw = cell.gauge.joint_sampler(cell, fixture, seed)
+    draw = cell.gauge.joint_sampler(cell, mounting, seed)
     for k in range(ROUNDS):
         yield draw(min(DRAWS[0] << k, DRAWS[1]))
 
@@ -199,11 +194,11 @@ def _apply_workspace_filters(q: Array, workspace: Workspace) -> tuple[Array, lis
     return q, counts
 
 
-def explain_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
+def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
     """Say which filter emptied the candidates, with counts, and what would help."""
-    head = f"no candidate pose is left for fixture {cell.place_name(fixture)}: {funnel.text()}."
+    head = f"no candidate pose is left for fixture {cell.place_name(mounting)}: {funnel.text()}."
     if funnel.workspace == 0:
-        return f"{head} {_explain_out_of_reach(cell, fixture)}"
+        return f"{head} {_explain_out_of_reach(cell, mounting)}"
     if funnel.cones == 0:
         turn = "turn fixtures.axis or tool.map_axis towards the bar, or widen gauge.cone_deg"
         return f"{head} The ball joints' cones reject all: {turn}."
@@ -212,11 +207,11 @@ def explain_empty(cell: Cell, fixture: int, funnel: Funnel) -> str:
     return f"{head} Every state collides: look at motion.clearance_mm, the obstacles and the bodies of tool and bar."
 
 
-def _explain_out_of_reach(cell: Cell, fixture: int) -> str:
+def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:
     """Say how far the fixture is out of reach and which way to move it."""
-    cell, rng = cell.at(fixture), np.random.default_rng(0)
+    cell, rng = cell.at(mounting), np.random.default_rng(0)
     q = rng.uniform(*_limits(cell), (200_000, cell.robot.n_joints))
-    x, f = cell.map_position(q), cell.fixtures[fixture].p_BX
+    x, f = cell.map_position(q), cell.fixtures[mounting.fixture].p_BX
     distance = np.linalg.norm(x - f, axis=1)
     k = int(np.argmin(distance))
     if distance[k] > cell.gauge.length_max:

@@ -17,7 +17,7 @@ from planner.design.discrimination.predicted_readings import PredictedReadings, 
 from planner.design.discrimination.questions import QuestionSet, RivalPair
 from planner.effects.geometry import gauge_parameters
 from planner.effects.parameters import Parameter
-from planner.runs.run import Samples
+from planner.runs.run import FIRST_MOUNTING, Samples
 
 FEW = 800  # candidates of a cell that is tried
 PAYLOAD = 5.0  # [kg] where the robot's file does not say what it carries
@@ -95,10 +95,11 @@ def propose_measurements(
 def _second_fixture(
     cell: Cell, few: PredictedReadings, scale: float, poses: int, seed: int
 ) -> Iterator[OtherMeasurement]:
+    cell = cell.only(FIRST_MOUNTING).with_mount(FIRST_MOUNTING, None)
     first = cell.fixtures[0]
     for turn in TURNS:
         R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-        fixture = replace(first, p_BX=R @ first.p_BX, mount=None)
+        fixture = replace(first, p_BX=R @ first.p_BX)
         samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed)
         if not samples:
             continue

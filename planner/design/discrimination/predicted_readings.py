@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet
@@ -140,7 +139,7 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     before = pool.q[rng.permutation(len(pool))]
     way = pool.q - before
     t = rng.random(len(pool)) * poses * (TIME_BETWEEN + cell.motion.settle + cell.motion.dwell)
-    at = replace(setup_of(cell).visits(pool.q, pool.fixture), t=read_only(t))
+    at = replace(pool.samples, t=read_only(t))
     if cell.motion.measure == "static":
         return (replace(at, direction=read_only(np.sign(way))),)
     speed = _measuring_speed(cell, pool.q, way)

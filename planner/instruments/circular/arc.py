@@ -43,7 +43,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
     """
     check_bar(cell, circle)
     ways = find_arm_paths(cell, circle, seed)
-    constraints = Constraints(cell, circle.fixture)
+    constraints = Constraints(cell, circle.mounting)
     n = cell.robot.n_joints
     hits = constraints.world.near(ways.q.reshape(-1, n), constraints.clearance).reshape(ways.q.shape[:2])
     free = np.flatnonzero(~hits.any(axis=1))
@@ -78,7 +78,7 @@ def _finish_arc(
     if not good.all():
         return None, f"the arm loses its configuration at {to_deg(angle[np.argmin(good)]):.0f}°"
     q = round_angles(q)
-    if cell.fixtures[circle.fixture].mount is None:
+    if cell.mount(circle.mounting) is None:
         constraints = _with_mount(constraints, q[0] if circle.directions[0] == "ccw" else q[-1])
     arc = drive_arc(cell, circle, angle, q, cell.motion.blend or cell.motion.clearance)
     verdicts, _ = judge_corners(constraints, q, arc.ccw.trajectory)
@@ -90,9 +90,9 @@ def _finish_arc(
 
 def _with_mount(constraints: Constraints, mount: Array) -> Constraints:
     """Count the cable's twist along the bar from a mount pose."""
-    cell, k = constraints.cell, constraints.workspace.fixture
-    fixtures = [replace(f, mount=mount) if i == k else f for i, f in enumerate(cell.fixtures)]
-    return Constraints(replace(cell, fixtures=tuple(fixtures)), k, constraints.bar, constraints.scene, constraints.room)
+    held = constraints.workspace.mounting
+    cell = constraints.cell.with_mount(held, mount)
+    return Constraints(cell, held, constraints.bar, constraints.scene, constraints.room)
 
 
 def _explain_collision(constraints: Constraints, circle: Circle, ways: ArmPaths, hits: np.ndarray) -> str:

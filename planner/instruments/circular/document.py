@@ -21,6 +21,7 @@ from planner.instruments.circular.plan import (
     drive_arc,
     measured_passes,
 )
+from planner.runs.run import Mounting
 from planner.session.course import round_angles, time_path
 from planner.session.document import SCHEMA, PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
 from planner.session.plan_record import closing_record, round_numbers, verdict_records, waypoint_records
@@ -124,7 +125,7 @@ def circular_record(plan: CircularPlan) -> dict[str, object]:
         },
         "sessions": [
             {
-                "fixture": cell.fixtures[d.fixture].name,
+                "fixture": cell.fixtures[d.mounting.fixture].name,
                 "travel": waypoint_records(d.course.travel),
                 "passes": [_pass_record(d, p) for p in d.passes],
             }
@@ -181,9 +182,9 @@ def load_circular_plan(path: Path) -> CircularPlan:
     arcs = [_read_arc(path, cell, c) for c in file.circles]
     drives: list[CircularDrive] = []
     for session in file.sessions:
-        fixture = [f.name for f in cell.fixtures].index(session.fixture)
-        mine = tuple(a for a in arcs if a.circle.fixture == fixture)
-        drives.append(_read_drive(cell, fixture, mine, session, 2 * sum(len(d.passes) for d in drives)))
+        mounting = Mounting([f.name for f in cell.fixtures].index(session.fixture))
+        mine = tuple(a for a in arcs if a.circle.mounting == mounting)
+        drives.append(_read_drive(cell, mounting, mine, session, 2 * sum(len(d.passes) for d in drives)))
     return CircularPlan(cell=cell, seed=file.seed, drives=tuple(drives), plan_id=file.plan_id)
 
 
@@ -218,13 +219,15 @@ def _read_arc(path: Path, cell: Cell, file: ArcRecord) -> Arc:
     return drive_arc(cell, circle, angle, q, file.blend_mm * MM)
 
 
-def _read_drive(cell: Cell, fixture: int, arcs: tuple[Arc, ...], file: FixtureRecord, number: int) -> CircularDrive:
+def _read_drive(
+    cell: Cell, mounting: Mounting, arcs: tuple[Arc, ...], file: FixtureRecord, number: int
+) -> CircularDrive:
     measured = measured_passes(arcs, number)
-    travel = time_path(cell, read_waypoints(file.travel), fixture, bar=False)
+    travel = time_path(cell, read_waypoints(file.travel), mounting, bar=False)
     passes = [
-        CircularPass.between(time_path(cell, read_waypoints(p.way), fixture, bar=True), last=p is file.passes[-1])
+        CircularPass.between(time_path(cell, read_waypoints(p.way), mounting, bar=True), last=p is file.passes[-1])
         if p.way
         else next(measured)
         for p in file.passes
     ]
-    return CircularDrive(course=circular_course(cell, fixture, travel, passes), arcs=arcs)
+    return CircularDrive(course=circular_course(cell, mounting, travel, passes), arcs=arcs)

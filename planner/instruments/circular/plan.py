@@ -11,7 +11,7 @@ from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.path.verdict import Verdict
 from planner.motion.timing.trajectory import Trajectory
-from planner.runs.run import Samples
+from planner.runs.run import Mounting, Samples
 from planner.session.course import Course, Pass, TimedPath, Waypoints, time_path
 from planner.session.plan_types import SessionDrive, SessionPlan
 
@@ -82,7 +82,7 @@ def drive_arc(cell: Cell, circle: Circle, angle: Array, q: Array, blend: float) 
     there = Waypoints(q, marks, radius)
     back = replace(there.reversed(), visit=np.where(marks >= 0, 1 - marks, -1)[::-1])
     at_speed = replace(cell, motion=replace(cell.motion, tool_speed=circle.speed))
-    ccw, cw = (time_path(at_speed, points, circle.fixture, bar=True) for points in (there, back))
+    ccw, cw = (time_path(at_speed, points, circle.mounting, bar=True) for points in (there, back))
     length = bar_state(cell.map_position(q), cell.fixtures[circle.fixture].p_BX).length
     return Arc(circle, read_only(angle), ccw, cw, read_only(length), circle_deviation(cell, circle, ccw.trajectory))
 
@@ -162,9 +162,10 @@ def measured_passes(arcs: Sequence[Arc], number: int) -> Iterator[CircularPass]:
                     number += 2
 
 
-def circular_course(cell: Cell, fixture: int, travel: TimedPath, passes: Sequence[CircularPass]) -> Course:
+def circular_course(cell: Cell, mounting: Mounting, travel: TimedPath, passes: Sequence[CircularPass]) -> Course:
     """Return the course through the circles about one fixture."""
-    return Course(fixture, f"the first circle about fixture {cell.fixtures[fixture].name}", travel, tuple(passes))
+    name = cell.fixtures[mounting.fixture].name
+    return Course(mounting, f"the first circle about fixture {name}", travel, tuple(passes))
 
 
 def circle_samples(plan: CircularPlan, rate: float, ways: bool = True) -> Samples:
@@ -174,7 +175,7 @@ def circle_samples(plan: CircularPlan, rate: float, ways: bool = True) -> Sample
         for one in (p for p in drive.passes if ways or p.arc is not None):
             motion = one.trajectory.sample(1.0 / rate)
             load = np.full(len(motion.t), 0.0 if one.load is None else one.load)
-            place = np.full(len(motion.t), drive.fixture)
+            place = np.full(len(motion.t), drive.mounting.fixture)
             parts.append((motion.t + start, motion.q, motion.dq, load, place))
             start += one.trajectory.duration_s + PAUSE
     t, q, speed, load, place = (np.concatenate(p) for p in zip(*parts, strict=True))

@@ -24,6 +24,7 @@ from planner.instruments.circular.plan import (
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps
+from planner.runs.run import Mounting
 from planner.session.course import round_angles
 from planner.session.mount import check_home
 from planner.session.options import PlanOptions
@@ -63,11 +64,11 @@ class CircularSession:
         """Plan the circles of every fixture and the ways between them."""
         check_home(self.cell, Constraints(self.cell, bar=False))
         drives: list[CircularDrive] = []
-        for fixture in sorted({c.fixture for c in self.cell.circles}):
+        for mounting in sorted({c.mounting for c in self.cell.circles}):
             with stages.stage("circles"):
-                arcs = self._plan_arcs([c for c in self.cell.circles if c.fixture == fixture])
+                arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting])
             with stages.stage("path"):
-                drives.append(self._join_circles(fixture, arcs, 2 * sum(len(d.passes) for d in drives)))
+                drives.append(self._join_circles(mounting, arcs, 2 * sum(len(d.passes) for d in drives)))
         notes = (*load_notes(self.cell), *_way_notes(self.cell, drives))
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
@@ -81,18 +82,16 @@ class CircularSession:
         for circle in circles:
             near = self.starts.get(circle.name, arcs[-1].q[0] if arcs else None)
             arcs.append(plan_arc(self.cell, circle, self.seed, near))
-            fixtures = list(self.cell.fixtures)
-            if fixtures[circle.fixture].mount is None:
+            if self.cell.mount(circle.mounting) is None:
                 mount = arcs[0].q[0] if circle.directions[0] == "ccw" else arcs[0].q[-1]
-                fixtures[circle.fixture] = replace(fixtures[circle.fixture], mount=mount)
-                self.cell = replace(self.cell, fixtures=tuple(fixtures))
+                self.cell = self.cell.with_mount(circle.mounting, mount)
         return tuple(arcs)
 
-    def _join_circles(self, fixture: int, arcs: tuple[Arc, ...], first: int) -> CircularDrive:
+    def _join_circles(self, mounting: Mounting, arcs: tuple[Arc, ...], first: int) -> CircularDrive:
         """Join the circles of one fixture into a session from mount pose to mount pose."""
         cell, seed = self.cell, self.seed
-        with_bar, without_bar = Constraints(cell, fixture), Constraints(cell, fixture, bar=False)
-        mount = np.asarray(cell.fixtures[fixture].mount)
+        with_bar, without_bar = Constraints(cell, mounting), Constraints(cell, mounting, bar=False)
+        mount = np.asarray(cell.mount(mounting))
         travel = release_way(without_bar, path_to_mount(without_bar, np.vstack([cell.home, mount]), seed))
         passes: list[CircularPass] = []
         ways: dict[bytes, ReleasedPath] = {}
@@ -108,7 +107,7 @@ class CircularSession:
                 passes.append(one)
                 here = one.path.q[-1]
         verdicts = (*travel.verdicts, *(v for w in ways.values() for v in w.verdicts))
-        course = circular_course(cell, fixture, travel.path, passes)
+        course = circular_course(cell, mounting, travel.path, passes)
         return CircularDrive(course=course, verdicts=verdicts, arcs=arcs)
 
 

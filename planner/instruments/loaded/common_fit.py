@@ -23,7 +23,7 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.document import read_plan
 from planner.session.plan_types import Plan
-from planner.session.planned_session import place_names
+from planner.session.planned_session import mountings_of
 
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
@@ -51,17 +51,16 @@ class FitRows:
 
 @dataclass(frozen=True)
 class UnloadedPoses:
-    """Poses of a bar without load: its cell, controller angles q (n, N) [rad], fixture of each (n,) int."""
+    """Poses of a bar without load: its cell, the controller angles, and how the bar is held at each."""
 
     cell: Cell
-    q: Array
-    fixture: np.ndarray
+    samples: Samples
 
     @classmethod
     def of(cls, plan: Plan) -> "UnloadedPoses":
         """Return what a plan measures for the fit: mounting and validation poses left out."""
         visits = [v for d in plan.drives for v in d.visits if v.role in FITTED]
-        return cls(plan.cell, np.array([v.q for v in visits]), np.array([v.fixture for v in visits]))
+        return cls(plan.cell, Samples.concatenate([Samples.at(v.q[None], v.mounting) for v in visits]))
 
     @classmethod
     def read(cls, plan: Path) -> "UnloadedPoses":
@@ -74,21 +73,15 @@ class UnloadedPoses:
         if not poses:
             raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
         cell = load_cell(str(plan.parent / "cell.toml"))
-        places = place_names(cell)
-        unknown = sorted({(p.fixture, p.point) for p in poses} - set(places))
-        if unknown:
-            name, point = unknown[0]
-            where = f"'{name}'" + (f", tool point '{point}'" if point else "")
-            raise InputError(f"{plan}: measures at fixture {where}, which {cell.path} does not have")
-        which = np.array([places.index((p.fixture, p.point)) for p in poses])
-        return cls(cell, from_deg([p.q_deg for p in poses]), which)
+        held = zip(poses, mountings_of(plan, poses, cell), strict=True)
+        return cls(cell, Samples.concatenate([Samples.at(from_deg([p.q_deg]), m) for p, m in held]))
 
 
 def unloaded_rows(free: UnloadedPoses) -> FitRows:
     """Return the rows of poses without load."""
-    setup, q, fixture = setup_of(free.cell), free.q, free.fixture
+    setup = setup_of(free.cell)
     model = Model.of(setup, free.cell.plan.free).plus(compliance_parameters(setup))
-    rows = model.rows(setup.visits(q, fixture))[:, 0] / model.noise(q, fixture)[:, None]
+    rows = model.rows(free.samples)[:, 0] / model.noise(free.samples)[:, None]
     return _name_rows(model, rows, "unloaded ", True)
 
 
@@ -126,7 +119,7 @@ def _circle_rows(model: Model, k: int, place: CirclePlace) -> Array:
     errors = np.where(soft, TYPICAL_SHARE * model.prior, 0.0)
     there = solve_equilibrium(model, samples, errors)[1]
     rows = held.rows(there, errors)[:, 0] + torque_rows(held, there, errors, model.prior)
-    pose = model.noise(samples.q, samples.place) ** 2
+    pose = model.noise(samples) ** 2
     parts = zip(range(D), np.split(rows, D), np.split(pose, D), strict=True)
     return np.concatenate([whiten_turns(r, apart / curves.repeats[d, :, None, None], v) for d, r, v in parts])
 

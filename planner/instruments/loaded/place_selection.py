@@ -19,6 +19,7 @@ from planner.instruments.loaded.circle_candidates import (
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.model.model import Model
+from planner.runs.run import Samples
 
 SMOOTH = 8  # harmonics over which the arm's repeatability along a circle is spread
 TYPICAL_SHARE = 0.5  # part of its prior size by which each joint is taken to yield, for what the fixture's height does
@@ -119,7 +120,7 @@ def planned_curves(setup: MeasurementSetup, place: CirclePlace) -> AveragedCurve
 def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     """Variance of one turn's harmonics, (H,) [m²]: the gauge's in all, the arm's repeatability in the first few."""
     B = len(q)
-    noise = Model(setup, ()).reading_noise(setup.visits(q))
+    noise = Model(setup, ()).reading_noise(Samples.at(q))
     count = harmonic_counts(B)
     few = np.zeros(len(count))
     few[:SMOOTH] = float(noise.robot_variance.mean()) * count.sum() / count[:SMOOTH].sum()

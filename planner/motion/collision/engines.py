@@ -15,6 +15,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
 from planner.motion.collision.pieces import SceneBody, coal_shape, fcl_shape
 from planner.motion.collision.scene import Scene, build_scene
+from planner.runs.run import FIRST_MOUNTING, Mounting
 
 OVERLAP_SAMPLES = 256  # states that decide which pairs of links always overlap
 BATCH = 20_000
@@ -44,9 +45,9 @@ class CollisionWorld:
         self._data, self._geometry_data = self.model.createData(), self._geometry.createData()
 
     @classmethod
-    def from_cell(cls, cell: Cell, fixture: int = 0) -> "CollisionWorld":
+    def from_cell(cls, cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> "CollisionWorld":
         """Build the world without the pairs that :meth:`always_touching` names."""
-        world = cls(build_scene(cell, fixture))
+        world = cls(build_scene(cell, mounting))
         return cls(world.scene.without(world.always_touching()))
 
     def without_bar(self) -> "CollisionWorld":

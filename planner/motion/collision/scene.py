@@ -9,6 +9,7 @@ from planner.cell.gauge import GaugeBody
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
 from planner.motion.collision.pieces import SceneBody, body_reach
+from planner.runs.run import FIRST_MOUNTING, Mounting
 
 FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]
 FLOOR = "floor"
@@ -59,18 +60,18 @@ class Scene:
         return f"{self.pieces[a].body.name} and {self.pieces[b].body.name}"
 
 
-def build_scene(cell: Cell, fixture: int = 0) -> Scene:
+def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
     """Collect the bodies of robot, tool, bar, floor and obstacles, and the pairs that can meet.
 
     Neighbouring links, bodies that do not move against each other, and the two parts of the bar are left out.
     """
-    cell = cell.at(fixture)
+    cell = cell.at(mounting)
     robot, n = cell.robot, cell.robot.n_joints
     T_LF = np.array(robot.flange_frame().homogeneous)
     pieces = [SceneBody(b, "link", link, body_reach(b), of_robot=True) for link, b in robot.bodies]
     tool = [replace(b, T=read_only(T_LF @ b.T)) for b in cell.tool.bodies]
     pieces += [SceneBody(b, "link", n, body_reach(b)) for b in tool]
-    brought = cell.gauge.bodies(cell, fixture)
+    brought = cell.gauge.bodies(cell)
     pieces += [_gauge_body(b, T_LF, n) for b in brought if b.carrier == "flange"]
     pieces += [SceneBody(b, "world", 0, body_reach(b)) for b in (*cell.obstacles, *_floor_body(cell))]
     pieces += [_gauge_body(b, T_LF, n) for b in brought if b.carrier != "flange"]
@@ -78,7 +79,7 @@ def build_scene(cell: Cell, fixture: int = 0) -> Scene:
     pairs = [
         (a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b], never)
     ]
-    return Scene(cell, tuple(pieces), tuple(pairs), cell.fixtures[fixture].p_BX)
+    return Scene(cell, tuple(pieces), tuple(pairs), cell.fixtures[mounting.fixture].p_BX)
 
 
 def _floor_body(cell: Cell) -> list[Body]:

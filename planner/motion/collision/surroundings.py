@@ -22,9 +22,9 @@ def check_surroundings(cell: Cell) -> None:
     Raises:
         InputError: naming the body, what was found, and which unit would make sense of it.
     """
-    for k in range(len(cell.fixtures)):
-        pieces = build_scene(cell, k).pieces
-        reach = max((_reach(cell, k, p) for p in pieces if p.carrier != "world"), default=0.0)
+    for m in cell.mountings:
+        pieces = build_scene(cell, m).pieces
+        reach = max((_reach(cell.at(m), m.fixture, p) for p in pieces if p.carrier != "world"), default=0.0)
         for piece in pieces:
             _check_mesh(cell, piece, reach)
         for body in cell.obstacles:
@@ -35,8 +35,8 @@ def check_surroundings(cell: Cell) -> None:
 def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     """Say which pairs of bodies are not checked because they always touch by design."""
     found = dict[str, None]()
-    for k in range(len(cell.fixtures)):
-        world = CollisionWorld(build_scene(cell, k))
+    for m in cell.mountings:
+        world = CollisionWorld(build_scene(cell, m))
         found |= {world.scene.pair_name(pair): None for pair in sorted(world.always_touching())}
     return (f"pairs that always touch by their shapes are not checked: {'; '.join(found)}",) if found else ()
 

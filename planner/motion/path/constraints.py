@@ -11,27 +11,29 @@ from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.motion.collision.scene import Scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
+from planner.runs.run import FIRST_MOUNTING, Mounting
 
 
 class Constraints:
-    """Constraints of a cell with one fixture.
+    """Constraints of a cell with the gauge held in one way.
 
     Args:
         cell: the cell.
-        fixture: which fixture the bar is on.
+        mounting: how the gauge is held.
         bar: whether the bar is attached; without it the arm travels free of length, cones and twist about the bar.
         scene: bodies and pairs, where a collision world has already found out which pairs always overlap.
         room: distance of bodies that is wanted beyond the cell's clearance [m].
     """
 
     def __init__(
-        self, cell: Cell, fixture: int = 0, bar: bool = True, scene: Scene | None = None, room: float = 0.0
-    ) -> None:
-        cell = cell.at(fixture)
-        scene = CollisionWorld.from_cell(cell, fixture).scene if scene is None else scene
+        self, cell: Cell, mounting: Mounting = FIRST_MOUNTING, bar: bool = True, scene: Scene | None = None,
+        room: float = 0.0,
+    ) -> None:  # fmt: skip
+        cell = cell.at(mounting)
+        scene = CollisionWorld.from_cell(cell, mounting).scene if scene is None else scene
         bar = bar and cell.gauge.is_attached
         self.cell, self.bar, self.room = cell, bar, room
-        self.workspace = Workspace(cell, fixture, bar)
+        self.workspace = Workspace(cell, mounting, bar)
         self.scene = scene if bar else scene.without_bar()
         self.world = CollisionWorld(self.scene)
         self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
@@ -41,7 +43,7 @@ class Constraints:
         """Return the constraints of the last way to one ball of an artifact, which the indicators' tips may touch."""
         if ball not in self._at_balls:
             scene = self.scene.at_ball(ball)
-            self._at_balls[ball] = Constraints(self.cell, self.workspace.fixture, False, scene, self.room)
+            self._at_balls[ball] = Constraints(self.cell, self.workspace.mounting, False, scene, self.room)
         return self._at_balls[ball]
 
     @property
@@ -51,7 +53,7 @@ class Constraints:
 
     def with_room(self, room: float) -> "Constraints":
         """Return the same constraints with bodies kept ``room`` [m] further apart than the cell asks."""
-        wide = Constraints(self.cell, self.workspace.fixture, self.bar, self.scene, room)
+        wide = Constraints(self.cell, self.workspace.mounting, self.bar, self.scene, room)
         wide.pairs = self.pairs  # found already: bounds of how fast distances change know no clearance
         return wide
 

@@ -22,7 +22,7 @@ class WorkspaceBounds:
     @cached_property
     def kinematics(self) -> ToolKinematics:
         """The forward pass."""
-        return ToolKinematics(self.workspace.cell, self.workspace.fixture)
+        return ToolKinematics(self.workspace.cell, self.workspace.mounting)
 
     def travel(self, q: Array, spokes: Array) -> tuple[ToolState, Travel]:
         """Return tool, bar and their travel over neighbourhoods q (n, N), spokes (n, M, N) [rad, controller's]."""
@@ -36,8 +36,7 @@ class WorkspaceBounds:
         sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
         if not self.workspace.bar:
             return np.column_stack([limits, *sums])
-        fixture = cell.fixtures[self.workspace.fixture]
-        own = [gauge.margins(stage, fixture, pose.x, pose.axis) for stage in dict(gauge.margin_columns)]
+        own = [gauge.margins(stage, self.workspace.fixture, pose.x, pose.axis) for stage in dict(gauge.margin_columns)]
         limit = cell.cable.tool_about_bar
         spin = [] if limit is None else [limit - np.abs(pose.spin)]
         return np.column_stack([limits, *own, *sums, *spin])

@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import PointTravel
 from planner.cell.workspace import axis_reach, parallel_transport, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Chain
+from planner.runs.run import FIRST_MOUNTING, Mounting
 
 
 @dataclass(frozen=True)
@@ -39,17 +40,21 @@ class ToolState:
 
 @dataclass(frozen=True)
 class ToolKinematics:
-    """Forward pass of a cell with one fixture; agrees with :class:`planner.cell.workspace.Workspace`."""
+    """Forward pass of a cell with the gauge held in one way; agrees with :class:`planner.cell.workspace.Workspace`."""
 
     cell: Cell
-    fixture: int = 0
+    mounting: Mounting = FIRST_MOUNTING
+
+    @property
+    def _fixture(self) -> Fixture:
+        return self.cell.fixtures[self.mounting.fixture]
 
     def at(self, q: Array) -> ToolState:
         """Return tool and bar at controller angles q (n, N) [rad]."""
         motion = self._chain.forward(self.cell.robot.theta(q))
         J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
         W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
-        bar = bar_state(motion.x.T, self.cell.fixtures[self.fixture].p_BX)
+        bar = bar_state(motion.x.T, self._fixture.p_BX)
         axis = np.einsum("ijn,j->ni", motion.R, self.cell.tool.axis_F)
         mark = np.einsum("ijn,j->ni", motion.R, _across(self.cell.tool.axis_F))
         spin = wrap_angle(self._twist(bar.direction, axis, mark) - self._zero)
@@ -67,16 +72,16 @@ class ToolKinematics:
     @cached_property
     def _zero(self) -> float:
         """Twist at the state where the bar is attached; which lines are painted on the bar then cancels."""
-        mount = self.cell.fixtures[self.fixture].mount
+        mount = self.cell.mount(self.mounting)
         q = (self.cell.home if mount is None else mount)[None]
         motion = self._chain.forward(self.cell.robot.theta(q))
-        direction = bar_state(motion.x.T, self.cell.fixtures[self.fixture].p_BX).direction
+        direction = bar_state(motion.x.T, self._fixture.p_BX).direction
         axis, mark = (motion.R[:, :, 0] @ v for v in (self.cell.tool.axis_F, _across(self.cell.tool.axis_F)))
         return float(self._twist(direction, axis[None], mark[None])[0])
 
     def _twist(self, direction: Array, axis: Array, mark: Array) -> Array:
         """Angle about the bar between a line carried from the fixture's axis and one from the tool's, (n,) [rad]."""
-        fixed = self.cell.fixtures[self.fixture].axis_B
+        fixed = self._fixture.axis_B
         at_fixture = parallel_transport(_across(fixed)[None], fixed[None], direction)
         at_map = parallel_transport(mark, axis, -direction)
         sine = np.einsum("ni,ni->n", np.cross(at_fixture, at_map), direction)
