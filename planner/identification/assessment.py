@@ -15,13 +15,13 @@ from planner.identification.calibration import Calibration, ResidualDiagnosis, T
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
-    workspace_error,
     workspace_warning,
 )
 from planner.identification.cross_validation import Split, finer_split, number_poses, predict_held_out
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit
+from planner.identification.release import describe_release, release_robot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.stages import FitContext, FittedStage
 from planner.identification.validation import new_frames
@@ -151,13 +151,15 @@ def assess_fit(
     validation: Run | None,
     traced: TracingResult,
     notes: Sequence[str] = (),
+    geometry_alone: bool = False,
 ) -> Calibration:
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
     run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
     found, last = stages[-1].fit, stages[-1].stage
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + consider_covariance(found, free.held)
-    expected = workspace_error(cell, run, found, covariance)
+    released = release_robot(stages, free.whole, context, cell, time, geometry_alone)
+    expected = released.anywhere
     table = _estimate_all(free, found, covariance, traced)
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
     return Calibration(
@@ -176,9 +178,10 @@ def assess_fit(
         unexplained=_unexplained(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
+        release=describe_release(released, stages),
         condition_number=_condition(found),
         correlation_time=time,
-        frames=gauge_frames(found),
+        frames=gauge_frames(released.fit),
         problems=find_problems(table, stages, found, traced),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
@@ -190,6 +193,7 @@ def assess_fit(
         dropped=free.dropped,
         covariance=covariance,
         diagnosis=diagnosis,
+        released=released,
     )
 
 

@@ -177,21 +177,28 @@ def calibrated_meshes(calibration: Calibration) -> tuple[tuple[str, bytes], ...]
 
 
 def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
-    for e in c.estimates:
-        if e.group == "geometry" and e.value != e.nominal:
-            yield e.name, e.value
+    if c.released is None:
+        yield from ((e.name, e.value) for e in c.estimates if e.group == "geometry" and e.value != e.nominal)
+        return
+    model = c.released.fit.model
+    for p, error in zip(model.parameters, c.released.fit.errors, strict=True):
+        if p.group == "geometry" and error != 0.0:
+            yield p.name, model.setup.chain.transforms[p.main.index].nominal + float(error)
 
 
 def _effects(c: Calibration) -> Iterator[RobotEffect]:
     """Effects on the base and the robot; a parameter that moves several transforms gives one entry for each."""
-    chain, model = c.fit.model.setup.chain, c.fit.model
+    fit = c.fit if c.released is None else c.released.fit
+    chain, model = fit.model.setup.chain, fit.model
     end = N_BASE_TRANSFORMS + len(model.setup.robot.transforms)
-    for p, value in zip(model.parameters, c.fit.errors, strict=True):
-        for move in p.moves if p.group not in ("gauge", "geometry") else ():
+    values = dict(zip(model.names, map(float, fit.errors), strict=True)) if c.released is None else c.released.effects
+    for p in model.parameters:
+        value = values.get(p.name, 0.0)
+        for move in p.moves if p.name in values and p.group not in ("gauge", "geometry") else ():
             key = move.phi.key
             if move.on == "transform" and move.index < end and not belongs_to_gauge(key):
                 on = chain.transforms[move.index].name
-                yield RobotEffect(p.name, on, key, float(value), p.unit, is_static(key))
+                yield RobotEffect(p.name, on, key, value, p.unit, is_static(key))
 
 
 def _loads(setup: MeasurementSetup) -> Loads:
@@ -205,6 +212,9 @@ def _tilt(gravity_B: Array) -> Array:
 
 
 def _source(c: Calibration) -> str:
-    effects = [g for g in c.stages[-1].effects if not g.startswith((f"{STEP}, ", f"{SLIP}, "))]
+    found = c.stages[-1].effects if c.release is None else c.release.findings
+    effects = [g for g in found if not g.startswith((f"{STEP}, ", f"{SLIP}, "))]
     what = "; ".join(["geometry", *effects])  # their names have commas inside
+    if c.release is not None and c.release.basis == "posterior":
+        what += "; and the posterior mean of the catalogue's other effects"
     return f"Identified from {PurePath(c.run.name).name}, {len(c.run)} samples: {what}."

@@ -8,6 +8,7 @@ from pydantic import Field
 from planner.common.units import Array
 from planner.design.observability.identifiability import DroppedParameter
 from planner.identification.least_squares import Fit
+from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import DetectionLimit, Finding, Identification, OnlyInMemory
 from planner.runs.run import Run
 
@@ -69,6 +70,7 @@ class Calibration(Identification):
         dropped: parameters the data cannot see.
         covariance: of the fitted parameters, (P, P).
         diagnosis: every test of the last stage's residual.
+        released: the robot that is written; the last stage's where it is ``None``.
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -76,3 +78,4 @@ class Calibration(Identification):
     dropped: Annotated[tuple[DroppedParameter, ...], OnlyInMemory] = Field(exclude=True)
     covariance: Annotated[Array, OnlyInMemory] = Field(exclude=True)
     diagnosis: Annotated[ResidualDiagnosis, OnlyInMemory] = Field(exclude=True)
+    released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)

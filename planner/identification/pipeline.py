@@ -29,11 +29,15 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the user may choose: share of the groups held out, robust loss, seed of the folds."""
+    """What the user may choose: share of the groups held out, robust loss, seed of the folds.
+
+    With ``geometry`` the calibrated robot holds geometry alone.
+    """
 
     hold_out: float = 0.2
     robust: bool = False
     seed: int = 0
+    geometry: bool = False
 
 
 @on_one_thread
@@ -78,7 +82,7 @@ def identify(
     if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
         notes += [] if approaches else approach_warnings(traced)
-        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes)
+        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes, settings.geometry)
     if tracer is not None:
         notes.append(too_few_text(context.spare(free.model)))
     if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
@@ -86,7 +90,7 @@ def identify(
         stages, free = add_stage_if_gain(
             stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, context
         )
-    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes)
+    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes, settings.geometry)
 
 
 def _check_size(context: FitContext, model: Model) -> None:

@@ -32,6 +32,9 @@ KEYS = {
     "gain": "held_out_gain",
     "noise_floor": "noise_floor_mm",
     "workspace_error": "known_anywhere_mm",
+    "nominal_anywhere": "nominal_anywhere_mm",
+    "geometry_anywhere": "geometry_anywhere_mm",
+    "other_tool": "other_tool_mm",
     "position": "position_mm",
     "rpy": "rpy_deg",
     "p_FM": "map_mm",
@@ -305,6 +308,36 @@ class GaugeFrames(DocumentSection):
     zero: float | None = None
 
 
+class SizeOfFamily(DocumentSection):
+    """How large effects of one family are: factor on the sizes that the catalogue expects."""
+
+    name: str
+    factor: float
+
+
+class Release(DocumentSection):
+    """The calibrated robot that was written, and errors of the tool to be expected over the workspace [m], rms.
+
+    Attributes:
+        basis: whether the robot holds the posterior mean or geometry alone.
+        findings: those that entered the posterior; what they would do is left to the background of the others.
+        held_out, validation: errors of this robot.
+        nominal_anywhere, geometry_anywhere: of the robot before, and of geometry alone.
+        other_tool: of a tool 200 mm about the flange that was not measured.
+        families: sizes of the effects as learnt.
+    """
+
+    if_any = ("validation",)
+    basis: Literal["posterior", "geometry"]
+    findings: tuple[str, ...] = ()
+    held_out: Metrics
+    validation: Metrics | None = None
+    nominal_anywhere: float
+    geometry_anywhere: float
+    other_tool: float
+    families: tuple[SizeOfFamily, ...] = ()
+
+
 class Identification(DocumentSection):
     """A robot identified from a run.
 
@@ -317,13 +350,15 @@ class Identification(DocumentSection):
         limits: for every effect that was looked for and not found.
         tried: number of effects and inner values that tracing looked at; ``None`` where nothing was traced.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
-        workspace_error: error of the tool to be expected over the whole workspace by the covariance [m], rms.
+        workspace_error: error of the released robot's tool to be expected over the whole workspace [m], rms.
+        release: what the robot's file holds and how good it is expected to be.
         condition_number: of the rows per prior size; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
     """
 
+    if_any = ("release",)
     schema_: Literal["edbb-identification/1"]
     robot: str
     n_samples: int = Field(gt=0)
@@ -339,6 +374,7 @@ class Identification(DocumentSection):
     unexplained: Unexplained = Unexplained()
     noise_floor: float | None = None
     workspace_error: float = 0.0
+    release: Release | None = None
     condition_number: float | None = None
     correlation_time: float = Field(default=1.0, gt=0)
     frames: GaugeFrames = GaugeFrames()

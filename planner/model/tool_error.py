@@ -43,13 +43,8 @@ class ToolError:
     @classmethod
     def at(cls, samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]) -> "ToolError":
         """Look at the first tool point in the states ``samples``, with ``unknown`` effects beside the geometry."""
-        gauge = ToolPosition(noise=0.0)
-        alone = replace(setup, gauge=gauge, place_names=setup.place_names[:1], point_names=setup.point_names[:1])
-        model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
-        rows = model.rows(samples).reshape(-1, len(model.names))
-        frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]
-        left = own - frame @ (frame.T @ own)
-        return cls(model.names[N_FRAME_COLUMNS:], read_only(left.T @ left / len(samples)))
+        names, left = aligned_rows(samples, setup, unknown)
+        return cls(names, read_only(left.T @ left / len(samples)))
 
     def weight(self, names: Sequence[str]) -> Array:
         """Return the matrix for parameters ``names``, (K, K); what does not move the tool has zeros."""
@@ -62,6 +57,21 @@ class ToolError:
     def rms(self, names: Sequence[str], covariance: Array) -> float:
         """Return the root mean square error of the tool [m] under a covariance (K, K) of ``names`` [m, rad, …]."""
         return float(np.sqrt(max((self.weight(names) * covariance).sum(), 0.0)))
+
+
+def aligned_rows(
+    samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]
+) -> tuple[tuple[str, ...], Array]:
+    """Return names of tool point, geometry and ``unknown`` effects, and the tool's motion per each, (3 n, P) [m].
+
+    What a new alignment of the base takes away is left out; three rows a sample.
+    """
+    gauge = ToolPosition(noise=0.0)
+    alone = replace(setup, gauge=gauge, place_names=setup.place_names[:1], point_names=setup.point_names[:1])
+    model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
+    rows = model.rows(samples).reshape(-1, len(model.names))
+    frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]
+    return model.names[N_FRAME_COLUMNS:], np.asarray(own - frame @ (frame.T @ own))
 
 
 def uniform_states(cell: Cell, count: int, seed: int) -> Array:

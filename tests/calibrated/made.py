@@ -48,7 +48,7 @@ def calibration(robot, seed, effects=()):
     fit = SimpleNamespace(model=model, errors=errors)
     groups = tuple(dict.fromkeys(p.group for p in effects))
     run = type("Made", (), {"name": "monday.csv", "__len__": lambda self: 40})()
-    made = SimpleNamespace(run=run, fit=fit, stages=(SimpleNamespace(effects=groups),))
+    made = SimpleNamespace(run=run, fit=fit, stages=(SimpleNamespace(effects=groups),), released=None, release=None)
     made.estimates = estimates_of(made)
     return made
 

@@ -1,0 +1,98 @@
+"""The background of a fit: effects of the catalogue as random effects, with sizes that the run says.
+
+Inner numbers (frequencies, time constants, widths) enter as a band of columns. What a gear, a spring or play does has a
+size at each joint; the other kinds have one for all places, since a run says little of each. Kinds that hardly any arm
+has, and whose errors would grow beyond the angles measured, enter by name only.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.common.units import Array
+from planner.effects.catalogue import catalogue
+from planner.effects.effect import Effect, Role
+from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
+from planner.effects.parameters import Parameter, transform_move
+from planner.effects.phi_keys import belongs_to_gauge, is_static
+from planner.runs.run import Samples
+
+HARMONICS = 6  # of a gear's error, once to six times a turn
+USUAL_HARMONIC = 1.5e-4  # [rad] of the first one, the k-th by √k smaller
+RIPPLES, SLOWEST, QUICKEST = 24, 8.0, 170.0  # frequencies of a gear's ripple in the band, 1/turn
+BAND = 4  # values of any other inner number
+BACKGROUND = "background"  # group of its parameters
+NAMED_ONLY = ("reduction ratio", "coupling", "payload mass")
+OF_GEARS = ("encoder once a turn", "encoder twice a turn", "gear ripple")  # the harmonics and the band stand for them
+AT_EACH_JOINT = ("joint compliance", "backlash by load", "compliance under drive torque", "payload compliance")
+POOLED = {
+    "axis wobble once a turn": "axis wobble",
+    "axis wobble twice a turn": "axis wobble",
+    "axis wobble three times a turn": "axis wobble",
+    "link bending": "bending",
+    "soft base": "bending",
+    "tool compliance": "bending",
+}
+
+
+@dataclass(frozen=True)
+class EffectFamily:
+    """Parameters that share a factor on their prior sizes."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+
+
+def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
+    """Tell whether a parameter moves base or robot by joint angles and loads alone, so that a robot's file keeps it."""
+    end = N_BASE_TRANSFORMS + len(setup.robot.transforms)
+    if parameter.group == "gauge" or any(m.on != "transform" or m.index >= end for m in parameter.moves):
+        return False
+    return all(is_static(key) and not belongs_to_gauge(key) for key in {m.phi.key for m in parameter.moves})
+
+
+def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[EffectFamily, ...]:
+    """Return the families of the background that the samples can tell of."""
+    out: dict[str, list[Parameter]] = {}
+    for effect in catalogue(setup, samples):
+        if effect.kind not in (*NAMED_ONLY, *OF_GEARS) and not effect.has(Role.UNTRACED):
+            label = effect.family if effect.kind in AT_EACH_JOINT else POOLED.get(effect.kind, effect.kind)
+            out.setdefault(label, []).extend(_band(effect))
+    for name, parameters in _gears(setup, samples.q):
+        out[name] = list(parameters)
+    return tuple(
+        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters)) for name, parameters in out.items()
+    )
+
+
+def _band(effect: Effect) -> Iterator[Parameter]:
+    """Yield the effect's parameters at some values of its inner number, together as large as at one of them."""
+    grid = [v for v in effect.grid if v is not None]
+    if not grid:
+        yield from effect.make()
+        return
+    few = grid[:: -(-len(grid) // BAND)]
+    for value in few:
+        for p in effect.make(value):
+            yield replace(p, name=f"{p.name}, {value:.6g}", prior=p.prior / np.sqrt(len(few)))
+
+
+def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Parameter]]]:
+    """Yield the harmonics and the ripple of every gear that moved; q (n, N) [rad]."""
+    rotation = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
+    slow = [(float(k), USUAL_HARMONIC / np.sqrt(k)) for k in range(1, HARMONICS + 1)]
+    ripples = np.geomspace(SLOWEST, QUICKEST, RIPPLES).round(3)
+    quick = [(float(f), USUAL_WAVE / np.sqrt(RIPPLES)) for f in ripples]
+    for joint in (int(j) for j in np.flatnonzero(np.ptp(q, axis=0) > 1e-3)):
+        yield f"gear harmonics, joint {joint + 1}", _waves(rotation[joint], joint, slow)
+        yield f"gear ripple, joint {joint + 1}", _waves(rotation[joint], joint, quick)
+
+
+def _waves(rotation: int, joint: int, sizes: Sequence[tuple[float, float]]) -> Iterator[Parameter]:
+    for frequency, size in sizes:
+        what = f"gear error of joint {joint + 1}, {frequency:g} a turn"
+        for wave in WAVES:
+            move = transform_move(rotation, JointWave(wave, joint, frequency))
+            yield Parameter(f"gear{joint + 1}_{wave}{frequency:g}", "rad", float(size), what, move)

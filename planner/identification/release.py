@@ -1,0 +1,66 @@
+"""From the stages of a fit to the robot that is released."""
+
+from collections.abc import Sequence
+
+from planner.cell.cell import Cell
+from planner.identification.cross_validation import predict_held_out
+from planner.identification.posterior_background import BACKGROUND, background_families
+from planner.identification.posterior_fit import fit_posterior
+from planner.identification.released_robot import ReleasedRobot, tool_maps
+from planner.identification.stages import FitContext, FittedStage
+from planner.model.identification_document import Metrics, Release, SizeOfFamily
+from planner.model.model import Model
+
+PLAIN = ("gauge", "geometry", BACKGROUND)  # groups of parameters that are no findings
+
+
+def release_robot(
+    stages: Sequence[FittedStage], whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
+) -> ReleasedRobot:
+    """Fit the posterior and return the robot to be written.
+
+    Args:
+        stages: of the fit; the last one's findings enter the posterior where they pay.
+        whole: gauge and geometry, identifiable or not.
+        context: run and split.
+        cell: the cell.
+        time: how many samples are worth one.
+        geometry_alone: release the geometry as fitted alone.
+
+    Raises:
+        NoSolutionError: the posterior does not come to rest.
+    """
+    last, run, split = stages[-1].fit, context.run, context.split
+    few = context.part(last.model)
+    if few is not None:
+        run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
+    families = background_families(last.model.setup, context.run.samples)
+    posterior = fit_posterior(last, run, whole, families, time)
+    tool, others = tool_maps(cell, context.run, posterior.fit)
+    if geometry_alone:
+        plain = geometry_stage(stages)
+        return ReleasedRobot(plain.fit, posterior, tool, others, plain.stage.held_out, plain.stage.validation)
+    held = predict_held_out(posterior.fit, split)
+    metrics = Metrics.of(held.residual, split.fold)
+    return ReleasedRobot(posterior.fit, posterior, tool, others, metrics, context.judge(posterior.fit))
+
+
+def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
+    """Return the stage of geometry alone."""
+    return next(s for s in stages if s.stage.name == "geometry")
+
+
+def describe_release(released: ReleasedRobot, stages: Sequence[FittedStage]) -> Release:
+    """Return what the document says of the released robot."""
+    posterior = released.posterior
+    groups = dict.fromkeys(p.group for p in posterior.fit.model.parameters if p.group not in PLAIN)
+    return Release(
+        basis="posterior" if released.fit is posterior.fit else "geometry",
+        findings=tuple(groups),
+        held_out=released.held_out,
+        validation=released.validation,
+        nominal_anywhere=released.nominal_anywhere,
+        geometry_anywhere=released.anywhere_with(geometry_stage(stages).fit),
+        other_tool=released.other_tool_anywhere,
+        families=tuple(SizeOfFamily(name=f.name, factor=f.factor) for f in posterior.families),
+    )
