@@ -42,7 +42,10 @@ def identify_command(
     output: Output,
     plan: MeasuredPlan = None,
     validate: Annotated[Path | None, typer.Option(metavar="RUN", help="a run kept out of the fit, to judge it")] = None,
-    no_trace: Annotated[bool, typer.Option("--no-trace", help="geometry and joint compliance only")] = False,
+    no_trace: Annotated[
+        bool, typer.Option("--no-trace", help="seek no causes of what geometry leaves")
+    ] = False,
+    geometry: Annotated[bool, typer.Option("--geometry", help="the calibrated robot holds geometry alone")] = False,
     hold_out: Annotated[float, typer.Option(min=0.02, max=0.5, help="share of the groups held out at a time")] = 0.2,
     robust: Annotated[bool, typer.Option("--robust", help="turn down outliers (Huber)")] = False,
     seed: Seed = 0,
@@ -58,6 +61,7 @@ def identify_command(
             plan=plan,
             validate=validate,
             no_trace=no_trace,
+            geometry=geometry,
             hold_out=hold_out,
             robust=robust,
             seed=seed,

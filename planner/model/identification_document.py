@@ -3,90 +3,22 @@
 import json
 from math import exp, inf, isfinite, log
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    GetPydanticSchema,
-    SerializerFunctionWrapHandler,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, GetPydanticSchema
 from pydantic_core.core_schema import any_schema
 
 from planner.common.schema import read_json, validate
-from planner.common.units import DEG, MM, Array, file_unit, si_unit
+from planner.common.units import Array
+from planner.model.document_section import DocumentSection
 
 Vector = tuple[float, float, float]
-KEYS = {
-    "schema_": "schema",
-    "rms": "rms_mm",
-    "mean": "mean_mm",
-    "largest": "max_mm",
-    "spread": "spread_mm",
-    "structured_rms": "structured_rms_mm",
-    "estimates": "parameters",
-    "gain": "held_out_gain",
-    "noise_floor": "noise_floor_mm",
-    "workspace_error": "known_anywhere_mm",
-    "nominal_anywhere": "nominal_anywhere_mm",
-    "geometry_anywhere": "geometry_anywhere_mm",
-    "other_tool": "other_tool_mm",
-    "position": "position_mm",
-    "rpy": "rpy_deg",
-    "p_FM": "map_mm",
-    "zero": "zero_mm",
-}
-"""Field of a section and its key in the file, where they differ."""
-SCALES = {"_mm": MM, "_deg": DEG, "held_out_gain": MM}  # by the end of a key
 DIGITS = 9  # significant ones: what lies below differs with the order of a sum
 LEAST_LOG_P = -700.0  # logarithm of the smallest chance that JSON's numbers hold without loss
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
 NO_RESIDUAL = np.empty((0, 0))
-
-
-def _scale(key: str) -> float:
-    return next((scale for end, scale in SCALES.items() if key.endswith(end)), 1.0)
-
-
-def _times(value: object, factor: float) -> object:
-    """Scale a number or a list of numbers; what is neither is left to the check of its type."""
-    if isinstance(value, list | tuple):
-        return [_times(v, factor) for v in value]
-    return value if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else value * factor
-
-
-class DocumentSection(BaseModel):
-    """A part of the document; keys of the file that are unknown here are passed over."""
-
-    model_config = ConfigDict(frozen=True, populate_by_name=True, alias_generator=lambda name: KEYS.get(name, name))
-    in_unit: ClassVar[tuple[str, ...]] = ()
-    """Fields in the section's ``unit``, which is an SI unit in memory."""
-    if_any: ClassVar[tuple[str, ...]] = ()
-    """Fields that the file leaves out where they are ``None``."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_file(cls, data: object) -> object:
-        if not isinstance(data, dict):
-            return data
-        out = {key: _times(value, _scale(key)) for key, value in data.items()}
-        if cls.in_unit and isinstance(data.get("unit"), str):
-            out["unit"], factor = si_unit(data["unit"])
-            out |= {key: _times(out[key], factor) for key in cls.in_unit if key in out}
-        return out
-
-    @model_serializer(mode="wrap")
-    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
-        out = {k: _times(v, 1 / _scale(k)) for k, v in handler(self).items() if v is not None or k not in self.if_any}
-        if self.in_unit:
-            out["unit"] = file_unit(str(out["unit"]))
-            out |= {key: _times(out[key], 1 / si_unit(str(out["unit"]))[1]) for key in self.in_unit}
-        return out
 
 
 class Metrics(DocumentSection):

@@ -22,7 +22,7 @@ from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.accuracy.precision import check_mastering
-from planner.model.identification_document import Metrics
+from planner.model.identification_document import Metrics, Release
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
@@ -64,6 +64,8 @@ class CalibrationResult(Result):
             lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
         lines.append(f"  left        {found.diagnosis.sentence}")
+        if found.release is not None:
+            lines.append(f"  released    {_release_text(found.release, found.workspace_error)}")
         return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
 
     def content(self) -> Mapping[str, Any]:
@@ -140,6 +142,7 @@ def identify(
     plan: "PlanResult | Path | str | None" = None,
     validate: Run | Path | str | None = None,
     no_trace: bool = False,
+    geometry: bool = False,
     hold_out: float = 0.2,
     robust: bool = False,
     seed: int = 0,
@@ -152,7 +155,8 @@ def identify(
         cell: a cell, the path of its file, or ``robot/cell`` for a shipped one.
         plan: what was measured: its validation poses are kept out of the fit and judged.
         validate: a run kept out of the fit, to judge it.
-        no_trace: geometry and joint compliance only.
+        no_trace: do not seek the causes of what geometry and joint compliance leave.
+        geometry: write a robot with geometry alone instead of the posterior mean of all effects.
         hold_out: share of the groups held out at a time.
         robust: turn down outliers (Huber).
         seed: of the folds.
@@ -162,7 +166,7 @@ def identify(
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
-    stages, settings = Stages(progress), FitSettings(hold_out, robust, seed)
+    stages, settings = Stages(progress), FitSettings(hold_out, robust, seed, geometry)
     found = identify_runs(runs, cell, stages, plan, validate, settings, tracing=not no_trace)
     return CalibrationResult(found, stages)
 
@@ -255,6 +259,15 @@ def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
                 raise InputError(
                     f"{run.where(k)}: pose {pose} was measured at {what} '{names[at]}', but {path} has it at '{wanted}'"
                 )
+
+
+def _release_text(r: Release, anywhere: float) -> str:
+    what = "posterior mean of geometry and effects" if r.basis == "posterior" else "geometry alone"
+    beside = "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
+    return (
+        f"{what}: tool error expected anywhere {anywhere / MM:.3f} mm rms (nominal {r.nominal_anywhere / MM:.3f} mm"
+        f"{beside}; with another tool {r.other_tool / MM:.3f} mm), held out {r.held_out.rms / MM:.4f} mm rms"
+    )
 
 
 def _plural(group: str) -> str:
