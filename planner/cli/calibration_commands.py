@@ -42,9 +42,7 @@ def identify_command(
     output: Output,
     plan: MeasuredPlan = None,
     validate: Annotated[Path | None, typer.Option(metavar="RUN", help="a run kept out of the fit, to judge it")] = None,
-    no_trace: Annotated[
-        bool, typer.Option("--no-trace", help="seek no causes of what geometry leaves")
-    ] = False,
+    no_trace: Annotated[bool, typer.Option("--no-trace", help="seek no causes of what geometry leaves")] = False,
     geometry: Annotated[bool, typer.Option("--geometry", help="the calibrated robot holds geometry alone")] = False,
     hold_out: Annotated[float, typer.Option(min=0.02, max=0.5, help="share of the groups held out at a time")] = 0.2,
     robust: Annotated[bool, typer.Option("--robust", help="turn down outliers (Huber)")] = False,
