@@ -1,6 +1,7 @@
 """The cell in SI units, checked and read-only: robot, tool, gauge, fixtures, balls, and how it is driven."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -288,7 +289,7 @@ class Cell:
         place: dict[str, object] = {"fixture": fixture}
         return place | {"point": point} if point else place
 
-    @property
+    @cached_property
     def chain(self) -> Chain:
         """The chain from the base to the measurement application point."""
         tool = [Transform(f"map_{'xyz'[k]}", "translation", k, float(self.tool.p_FM[k])) for k in range(3)]

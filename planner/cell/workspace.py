@@ -53,6 +53,15 @@ class Workspace:
         """Margins at controller angles q (n, N) [rad], (n, columns) [rad or m]; negative outside."""
         return np.column_stack([self.stage(stage, q) for stage in STAGES])
 
+    def inside(self, q: Array, margin: float) -> np.ndarray:
+        """Tell which controller angles (n, N) [rad] keep every margin above ``margin`` [m or rad], (n,) bool."""
+        left = np.arange(len(q))
+        for stage in STAGES:  # each looks only at what those before it left
+            left = left[(self.stage(stage, q[left]) > margin).all(axis=1)]
+        out = np.zeros(len(q), dtype=bool)
+        out[left] = True
+        return out
+
     def stage(self, stage: FilterStage, q: Array) -> Array:
         """Margins of one stage, (n, its columns) [rad or m]: filters run one after the other pay only for their own."""
         cell, robot, empty = self.cell, self.cell.robot, np.empty((len(q), 0))
@@ -73,7 +82,7 @@ class Workspace:
         A line painted on the bar is carried without twist from the fixture's axis to the bar's direction, another
         from the tool's axis to the bar; the angle between them is what a cable along the bar is twisted by.
         """
-        return wrap_angle(self._raw_spin(q) - self._raw_spin(self._zero)[0])
+        return wrap_angle(self._raw_spin(q) - self._zero_spin)
 
     def rates(self, dq: Array) -> Array:
         """Largest change of each margin while q moves by ``dq`` (m, N) [rad] on a straight leg, (m, columns)."""
@@ -99,9 +108,9 @@ class Workspace:
         return axis_reach(self.cell.chain.transforms, self.cell.robot.n_joints)
 
     @cached_property
-    def _zero(self) -> Array:
+    def _zero_spin(self) -> float:
         mount = self.cell.mount(self.mounting)
-        return (self.cell.home if mount is None else mount)[None]
+        return float(self._raw_spin((self.cell.home if mount is None else mount)[None])[0])
 
     def _raw_spin(self, q: Array) -> Array:
         fixture = self.fixture

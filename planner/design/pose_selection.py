@@ -30,6 +30,7 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
 
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
+LOOSE, TIGHT = 5e-4, 1e-4  # tolerance of the bound: from nothing, and from a certificate nearby
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
 
 
@@ -109,12 +110,19 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
 
 
 def select_poses(
-    cell: Cell, pool: PoseSet, poses: int | None, index: str, seed: int, given: Positions | None = None
+    cell: Cell,
+    pool: PoseSet,
+    poses: int | None,
+    index: str,
+    seed: int,
+    given: Positions | None = None,
+    near: Certificate | None = None,
 ) -> tuple[PoseChoice, BackgroundCurve]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
 
     By exchange, or by DETMAX with as many at each ball where an artifact's balls are measured. ``given``: positions
-    of poses that were not chosen by the index, and are only judged by it.
+    of poses that were not chosen by the index, and are only judged by it. ``near``: a certificate of the index over the
+    pool for some number of poses, where the bounds begin.
 
     Returns:
         The choice, and the curve, which is still being computed on the other processor.
@@ -130,9 +138,10 @@ def select_poses(
     if pool.ball is not None and poses is not None:
         _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
     sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed, help_out=wanted is None) as curve:
+    with BackgroundCurve(rows, sizes, index, seed, near, help_out=wanted is None) as curve:
         n = wanted or curve.result().knee
-        certificate = certify_bound(rows, index, poses=n)
+        near = near if wanted else curve.result().certificate(n)
+        certificate = certify_bound(rows, index, n, tolerance=TIGHT if near else LOOSE, near=near)
         if given is not None:
             chosen = given
         elif pool.ball is None:
@@ -158,7 +167,7 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
         ok = np.zeros(len(states), dtype=bool)
         for held, workspace, world in filters:
             mine = np.flatnonzero(held[pose])
-            mine = mine[(workspace.margins(states[mine]) > SAFETY_MARGIN).all(axis=1)]
+            mine = mine[workspace.inside(states[mine], SAFETY_MARGIN)]
             ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
         return ok
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 
 Kind = Literal["translation", "rotation"]
 
@@ -96,6 +96,10 @@ class Chain:
             [k for _, k in sorted((t.joint, k) for k, t in enumerate(self.transforms) if t.joint is not None)]
         )
 
+    @cached_property
+    def _nominal(self) -> list[Array]:
+        return [read_only([t.nominal]) for t in self.transforms]
+
     def index(self, name: str) -> int:
         """Return the position of the transform called ``name``."""
         return [t.name for t in self.transforms].index(name)
@@ -109,7 +113,7 @@ class Chain:
         """
         out = []
         for k, t in enumerate(self.transforms):
-            value = np.full(1, t.nominal) if t.joint is None else t.nominal + theta[:, t.joint]
+            value = self._nominal[k] if t.joint is None else t.nominal + theta[:, t.joint]
             out.append(value if delta is None else np.atleast_1d(value + delta[k]))
         return out
 

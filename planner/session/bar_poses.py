@@ -16,6 +16,7 @@ from planner.design.pose_selection import (
     select_poses,
     traceable_pose_count,
 )
+from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import Samples
@@ -35,6 +36,8 @@ DRIVEN_SAMPLES = 2000
 class BarPoses(PoseSession):
     """Where the poses of a bar come from."""
 
+    near: Certificate
+
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
         super().__init__(cell, options)
         self.tracing = options.for_tracing(cell)
@@ -52,7 +55,7 @@ class BarPoses(PoseSession):
             self.cell = with_mounts(self.cell, seed)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
         with stages.stage("roadmap"):
-            self.pool, notes = drop_unreachable(self.cell, pool, self.index, self.poses, seed)
+            self.pool, notes, self.near = drop_unreachable(self.cell, pool, self.index, self.poses, seed)
             self.notes += notes
 
     def select(self, stages: Stages) -> Selection:
@@ -62,10 +65,10 @@ class BarPoses(PoseSession):
             with stages.stage("foresight") as progress:
                 ahead = select_bayesian_poses(cell, pool, poses, progress)
             with stages.stage("selection"):
-                return Selection(*select_poses(cell, pool, None, index, seed, ahead.chosen), foreseen=ahead)
+                return Selection(*select_poses(cell, pool, None, index, seed, ahead.chosen, self.near), foreseen=ahead)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
-            choice, curve = select_poses(cell, pool, poses, index, seed)
+            choice, curve = select_poses(cell, pool, poses, index, seed, near=self.near)
         if not self.rivals:
             return Selection(choice, curve)
         with curve, stages.stage("separation"):

@@ -10,6 +10,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
+from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
@@ -57,8 +58,10 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
 
 def drop_unreachable(
     cell: Cell, pool: PoseSet, index: str, poses: int | None, seed: int
-) -> tuple[PoseSet, tuple[str, ...]]:
+) -> tuple[PoseSet, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
+
+    The certificate bounds the index over them, roughly: later bounds begin there.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
     by their neighbours in a roadmap; those whose price in the bound singles them out are in it themselves.
@@ -67,11 +70,12 @@ def drop_unreachable(
     likely = pool.take(kept)
     _, _, rows = identify_candidates(cell, likely)
     n = min(poses or POSES, len(rows))
-    order, _ = price_core(rows, certify_bound(rows, index, n, tolerance=ROUGH, seed=seed), n)
+    rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
+    order, _ = price_core(rows, rough, n)
     kept = _joined_to_mount(cell, likely, np.sort(order[:CERTAIN]), seed)
     lost = len(pool) - int(kept.sum())
     note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
-    return likely.take(kept), (note,) if lost else ()
+    return likely.take(kept), (note,) if lost else (), rough.among(kept)
 
 
 def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.ndarray:

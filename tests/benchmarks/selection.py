@@ -53,7 +53,7 @@ def gaps(q, pools, sizes):
             rows = rows_of(cell, q[:count])
             for n in sizes:
                 c, wall, cpu = timed(certify_bound, rows, "O2", n)
-                s, wall_s, cpu_s = timed(exchange_poses, rows, n, "O2", certificate=c, starts=4 if n < 60 else 2)
+                s, wall_s, cpu_s = timed(exchange_poses, rows, n, "O2", certificate=c)
                 pruned = index_value("O2", rows[prune_poses(rows, n)])
                 head = f"| {cell} | {count} | {rows.shape[2]} | {n} | {c.value:.3f} | {c.slack:.1e} "
                 print(

@@ -34,7 +34,7 @@ def planned(reference):
     q = at_targets(arm, shell_points(fixture, (0.31, 0.51), 1500, rng, np.radians(75)), tool, rng)
     q = q[~np.isnan(q[:, 0])][:600]
     model, _, rows = identify_candidates(cell, PoseSet(Samples.at(q), Funnel()))
-    q = q[exchange_poses(rows, POSES, "O2", starts=1).chosen]
+    q = q[exchange_poses(rows, POSES, "O2", steps=3_000).chosen]
     run = Run("made", Samples(q, np.zeros(POSES, dtype=int)), Readings(length=np.zeros(POSES)), ("A",))
     setup = locate_gauge(setup_for_run(cell, run), run)
     fitted = identifiable_subset(Model.of(setup, cell.plan.free), run.samples)[0]

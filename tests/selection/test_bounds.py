@@ -138,6 +138,18 @@ def test_a_bound_begun_near_another_is_as_good(paper_pool):
     assert near.value == pytest.approx(far.value, rel=1e-3)
 
 
+@pytest.mark.parametrize("kind", ["O2", "O3"])
+def test_a_certificate_bounds_the_candidates_that_are_left(kind, paper_pool):
+    whole = certify_bound(paper_pool, kind, 35)
+    kept = np.random.default_rng(3).random(len(paper_pool)) < 0.7
+    rest = whole.among(kept)
+    assert rest.holds(paper_pool[kept])
+    assert np.array_equal(paper_pool[kept][rest.support], paper_pool[whole.support[kept[whole.support]]])
+    near = certify_bound(paper_pool[kept], kind, 40, near=rest)
+    assert near.holds(paper_pool[kept])
+    assert near.value == pytest.approx(certify_bound(paper_pool[kept], kind, 40).value, rel=1e-3)
+
+
 def test_bad_input_is_refused():
     rows = pool(10)
     with pytest.raises(InputError, match="15 poses out of 14"):

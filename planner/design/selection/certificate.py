@@ -67,6 +67,13 @@ class Certificate:
         """Relative distance between the relaxation's optimum and the proven value."""
         return abs(self.relaxed / self.value - 1.0)
 
+    def among(self, kept: np.ndarray) -> "Certificate":
+        """Return the certificate for the candidates ``kept`` (N,) bool, numbered anew: its bound holds for them too."""
+        left = kept[self.support]
+        place = np.cumsum(kept) - 1
+        support, weights = place[self.support[left]], read_only(self.weights[left])
+        return replace(self, support=support, weights=weights, candidates=int(np.sum(kept)))
+
     def holds(self, rows: Array) -> bool:
         """Verify again, from the duals alone, over all ``rows``: does ``value`` follow?"""
         proven = [dual.verify(rows) for dual in self.duals]

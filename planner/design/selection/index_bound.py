@@ -137,7 +137,7 @@ class IndexPricing(Pricing):
         count = min(len(rows), max(300, 10 * rows.shape[2], 2 * (self.poses or 0)))
         duals = near.duals if near else ()
         dual = next((d for d in duals if isinstance(d, IndexDual) and d.index == self.name), None)
-        if near is None or dual is None:
+        if near is None or dual is None or len(dual.X) != rows.shape[2] or len(near.support) == 0:
             return ActiveSet(np.sort(np.random.default_rng(seed).permutation(len(rows))[:count]), np.ones(count))
         price = round_significant(dual.prices(rows, np.arange(len(rows))))
         active = np.union1d(np.lexsort((np.arange(len(rows)), price))[:count], near.support)

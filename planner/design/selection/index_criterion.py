@@ -20,7 +20,7 @@ import numpy as np
 from planner.common.determinism import Positions, round_significant
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
-from planner.design.selection.matrix_forms import information_matrix, quadratic_form, swap_log_ratios
+from planner.design.selection.matrix_forms import information_matrix, quadratic_form, swap_log_ratios, trial_log_ratios
 from planner.design.selection.search import Swap
 
 _LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}
@@ -52,9 +52,9 @@ class BarrierPotential:
         m, k = self.weights(len(mu))
         lower, upper = 0.0, np.inf
         if self.index in _LOWER:
-            lower = _solve_lower_shift(mu, m, _LOWER[self.index] - m * len(mu))
+            lower = _solve_shift(1.0 / mu, m, _LOWER[self.index])
         if k > 0:
-            upper = _solve_upper_shift(mu, k, 1.0 + k * len(mu))
+            upper = 1.0 / _solve_shift(mu, k, 1.0 + k * len(mu))
         return lower, upper
 
     def barrier(self, mu: Array, lower: float, upper: float) -> Array:
@@ -74,28 +74,19 @@ class BarrierPotential:
         return below, (axes / (upper - mu)) @ axes.T if np.isfinite(upper) else np.zeros_like(below)
 
 
-def _solve_lower_shift(mu: Array, m: float, rest: float) -> float:
-    """Solve m sum l / (mu - l) = rest by Newton from above: convex and increasing, so it comes down monotonely."""
-    at = float(mu[0]) * rest / (rest + m)
+def _solve_shift(poles: Array, weight: float, total: float) -> float:
+    """Solve weight sum 1 / (1 - t p) = total for t below the least 1 / p: t is l for p = 1 / mu, and 1 / u for p = mu.
+
+    Newton on the reciprocal of the sum, which is concave and falls: from above it comes down monotonely, in few steps.
+    """
+    at = (1.0 - weight / total) / float(poles.max())
     for _ in range(_NEWTON):
-        inverse = 1.0 / (mu - at)
-        miss = m * at * float(np.sum(inverse)) - rest
-        if miss <= 1e-9 * rest:
+        inverse = 1.0 / (1.0 - at * poles)
+        share = weight * float(inverse.sum()) / total
+        if share <= 1.0 + 1e-9:
             break
-        at -= miss / (m * float(np.sum(mu * inverse**2)))
+        at -= share * (share - 1.0) * total / (weight * float(poles @ inverse**2))
     return at
-
-
-def _solve_upper_shift(mu: Array, k: float, total: float) -> float:
-    """Solve k sum 1 / (1 - v mu) = total for v = 1 / u, in the same way."""
-    at = (1.0 - k / total) / float(mu[-1])
-    for _ in range(_NEWTON):
-        inverse = 1.0 / (1.0 - at * mu)
-        miss = k * float(np.sum(inverse)) - total
-        if miss <= 1e-9 * total:
-            break
-        at -= miss / (k * float(np.sum(mu * inverse**2)))
-    return 1.0 / at
 
 
 def eigenvalues(mass: Array) -> Array:
@@ -123,7 +114,7 @@ class SwapTable:
     """Scores of swaps out of one chosen set ``inner`` (n, r, P)."""
 
     def __init__(self, inner: Array, potential: BarrierPotential) -> None:
-        self.inner, self.exact = inner, is_exact(inner, potential.index)
+        self.inner, self.exact = inner.copy(), is_exact(inner, potential.index)
         self.weights = potential.weights(inner.shape[2])
         self.mu, axes = np.linalg.eigh(information_matrix(inner))
         self.below, self.above = potential.inverses(self.mu, axes, *potential.shifts(self.mu))
@@ -140,6 +131,29 @@ class SwapTable:
             return table if k == 0 else table + k * swap_log_ratios(inner, outer, self.above, -1.0)
         slope = m * self.below - k * self.above
         return np.asarray(quadratic_form(outer, slope)[None, :] - quadratic_form(inner, slope)[:, None])
+
+    def of_each(self, trials: Array) -> Array:
+        """Scores (n, T) of each of the chosen becoming each of its own ``trials`` (n, T, 1, P), where exact."""
+        m, k = self.weights
+        scores = m * trial_log_ratios(self.inner[:, 0], trials[:, :, 0], self.below)
+        return scores if k == 0 else scores + k * trial_log_ratios(self.inner[:, 0], trials[:, :, 0], self.above, -1.0)
+
+    def of_one(self, position: int, trials: Array) -> Array:
+        """Scores (T,) of the chosen one at ``position`` becoming each of ``trials`` (T, r, P)."""
+        return np.asarray(self.of(trials, slice(position, position + 1))[0])
+
+    def exchange(self, position: int, row: Array) -> None:
+        """Take ``row`` (1, P) for the chosen one at ``position`` (one reading a pose); the barriers stay in place."""
+        for vector, sign in ((row[0], 1.0), (self.inner[position, 0], -1.0)):
+            self.below = _add_to_inverse(self.below, vector, sign)
+            self.above = _add_to_inverse(self.above, vector, -sign)
+        self.inner[position] = row
+
+
+def _add_to_inverse(inverse: Array, vector: Array, sign: float) -> Array:
+    """Inverse of A + sign v v' from that of A (Sherman and Morrison)."""
+    half = inverse @ vector
+    return np.asarray(inverse - np.outer(half, half * (sign / (1.0 + sign * float(vector @ half)))))
 
 
 def information_after(rows: Array, chosen: Positions, swaps: list[Swap]) -> Array:

@@ -39,6 +39,10 @@ class IndexCurve:
         """The number of poses where the curve bends (see :func:`find_knee`)."""
         return find_knee(self.sizes, self.values, self.index)
 
+    def certificate(self, size: int) -> Certificate | None:
+        """The certificate of the size nearest to ``size``."""
+        return self.selections[int(np.argmin(np.abs(self.sizes - size)))].certificate
+
     def merge(self, other: "IndexCurve") -> "IndexCurve":
         """Return the curve over the sizes of both."""
         order = np.argsort(np.concatenate([self.sizes, other.sizes]))
@@ -54,18 +58,23 @@ class IndexCurve:
 
 @on_one_thread
 def compute_index_curve(
-    rows: Array, sizes: Sequence[int], index: str = "O2", seed: int = 0, steps: int = 400
+    rows: Array,
+    sizes: Sequence[int],
+    index: str = "O2",
+    seed: int = 0,
+    steps: int = 400,
+    near: Certificate | None = None,
 ) -> IndexCurve:
     """Return the index reached and its bound for each number of poses in ``sizes``.
 
-    ``rows`` (N, r, P) reduced to identifiable columns. Each bound starts from the support of the one before and is
-    verified over all candidates.
+    ``rows`` (N, r, P) reduced to identifiable columns. Each bound starts from the support of the one before, the first
+    from ``near``, and is verified over all candidates.
 
     Raises:
         InputError: a size below the number of parameters or above the number of candidates.
     """
     found: list[PoseSelection] = []
-    before: Certificate | None = None
+    before = near
     for n in sorted(set(sizes)):
         before = certify_bound(rows, index, n, tolerance=_TOLERANCE, seed=seed, near=before)
         found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=_WIDTH))
@@ -112,12 +121,21 @@ class BackgroundCurve:
         sizes: numbers of poses.
         index: name of the index.
         seed: of the searches.
+        near: a certificate for another number of poses, where the bounds begin.
         help_out: whoever waits for the curve has nothing else to do: it computes every other size itself.
     """
 
-    def __init__(self, rows: Array, sizes: Sequence[int], index: str, seed: int, help_out: bool = False) -> None:
-        self._own = (rows, list(sizes)[1::2] if help_out else [], index, seed)
-        task = pickle.dumps((rows, [n for n in sizes if n not in self._own[1]], index, seed))
+    def __init__(
+        self,
+        rows: Array,
+        sizes: Sequence[int],
+        index: str,
+        seed: int,
+        near: Certificate | None = None,
+        help_out: bool = False,
+    ) -> None:
+        self._task, self._own = (rows, index, seed, near), list(sizes)[1::2] if help_out else []
+        task = pickle.dumps((*self._task, [n for n in sizes if n not in self._own]))
         command = [sys.executable, "-c", "from planner.design.selection.index_curves import run_worker; run_worker()"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread = ThreadPoolExecutor(1)
@@ -133,7 +151,7 @@ class BackgroundCurve:
 
     @cached_property
     def _curve(self) -> IndexCurve:
-        mine = compute_index_curve(*self._own) if self._own[1] else None
+        mine = _compute(*self._task, self._own) if self._own else None
         answer, words = self._answer.result()
         self._thread.shutdown()
         if self._process.returncode != 0:
@@ -157,5 +175,8 @@ class BackgroundCurve:
 
 def run_worker() -> None:
     """Body of the worker: a task on standard input, the curve on standard output."""
-    rows, sizes, index, seed = pickle.load(sys.stdin.buffer)
-    sys.stdout.buffer.write(pickle.dumps(compute_index_curve(rows, sizes, index, seed)))
+    sys.stdout.buffer.write(pickle.dumps(_compute(*pickle.load(sys.stdin.buffer))))
+
+
+def _compute(rows: Array, index: str, seed: int, near: Certificate | None, sizes: Sequence[int]) -> IndexCurve:
+    return compute_index_curve(rows, sizes, index, seed, near=near)

@@ -30,6 +30,7 @@ from planner.design.selection.search import descend, order_by_weight, search_sta
 
 _SHORTLIST = 2_000  # candidates that the descent looks at before it looks at all
 _KICKS = 8
+_HELD = 4  # draws with the barriers where they are
 _LOOK, _LOOK_EACH = 100, 2  # candidates looked at in a draw: at least, and for each pose
 _HOT, _COLD = 0.015, 0.0008  # times (parameters / poses)^2: relative change of the squared index
 _WIDE, _TIGHT = 0.5, 0.25  # barrier strength, times that ratio and times its square: few poses make coarse swaps
@@ -58,17 +59,18 @@ def exchange_poses(
     rows: Array,
     n: int,
     index: str = "O2",
-    starts: int = 4,
+    starts: int | None = None,
     seed: int = 0,
     certificate: Certificate | None = None,
-    steps: int = 3_000,
+    steps: int = 12_000,
     width: int | None = None,
 ) -> PoseSelection:
     """Return the best set of ``n`` distinct candidates for ``index`` among ``starts`` searches. Deterministic.
 
     ``rows`` (N, r, P), reduced to identifiable columns. ``certificate``: the bound for this index and n if it is known
     already (its weights are the start and its prices the shortlist), else it is found first. ``steps`` of annealing in
-    each start; the last descents look at the ``width`` candidates with the best prices (default: at all).
+    each start; ``starts``: one by default, four where nothing is annealed; the last descents look at the ``width``
+    candidates with the best prices (default: at all).
 
     Raises:
         InputError: fewer readings than parameters, or more poses than candidates.
@@ -80,7 +82,8 @@ def exchange_poses(
         )
     certificate = certificate or certify_bound(rows, index, n, seed=seed)
     search = _IndexSearch(rows, n, index, certificate, seed, steps, width)
-    chosen, value = search_starts(search.run, range(max(1, starts)), find_rule(index).better)
+    starts = starts or (1 if search.anneals else 4)
+    chosen, value = search_starts(search.run, range(starts), find_rule(index).better)
     return PoseSelection(chosen, index, value, certificate)
 
 
@@ -95,6 +98,11 @@ class _IndexSearch:
     seed: int
     steps: int
     width: int | None
+
+    @property
+    def anneals(self) -> bool:
+        """Whether each start anneals; else it only descends."""
+        return self.index != "O1" and is_exact(self.rows, self.index)
 
     def run(self, turn: int) -> tuple[Positions, float]:
         """One start: draw, anneal over the core, descend over the shortlist, polish over everything."""
@@ -111,7 +119,7 @@ class _IndexSearch:
         whole = np.arange(len(rows)) if self.width is None else np.sort(order[: max(self.width, 2 * n)])
         if index == "O1":
             return descend(PotentialCriterion(rows, BarrierPotential(index, 1.0)), chosen, whole)
-        if is_exact(rows, index):
+        if self.anneals:
             chosen = anneal(rows, chosen, near, index, self.steps, self.seed + 7919 * turn)
             chosen = self._tighten(chosen, short, STRENGTHS[-1:])
         else:
@@ -153,10 +161,11 @@ def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: i
     best, best_value = members.copy(), np.nan
     for step in range(steps):
         share = step / steps
-        table = SwapTable(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))
-        value = float(better.of(np.sqrt(table.mu[::-1]), len(members)))
-        if np.isnan(best_value) or better.better(value, best_value):
-            best, best_value = members.copy(), value
+        if step % _HELD == 0:
+            table = SwapTable(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))
+            value = float(better.of(np.sqrt(table.mu[::-1]), len(members)))
+            if np.isnan(best_value) or better.better(value, best_value):
+                best, best_value = members.copy(), value
         looked = rng.integers(0, len(pool), look)
         looked = looked[~within[looked]]
         if len(looked) == 0:
@@ -164,14 +173,19 @@ def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: i
         out, into = _draw_swap(table.of(outer[looked]), hot * (cold / hot) ** share, rng)
         within[members[out]], within[looked[into]] = False, True
         members[out] = looked[into]
+        table.exchange(out, outer[members[out]])
     return pool[best]
 
 
 def _draw_swap(scores: Array, temperature: float, rng: np.random.Generator) -> tuple[int, int]:
-    """Draw a pair with probability proportional to exp(score / temperature)."""
-    scores -= np.max(scores)
+    """Draw a pair with probability proportional to exp(score / temperature): its row, then its place in the row."""
+    scores -= scores.max()
     scores /= temperature
-    total = np.cumsum(np.exp(scores, out=scores))
-    place = min(int(np.searchsorted(total, rng.random() * total[-1])), len(total) - 1)
-    out, into = divmod(place, scores.shape[1])
-    return out, into
+    weights = np.exp(scores, out=scores)
+    out = _draw_place(weights.sum(axis=1), rng)
+    return out, _draw_place(weights[out], rng)
+
+
+def _draw_place(weights: Array, rng: np.random.Generator) -> int:
+    total = weights.cumsum()
+    return min(int(total.searchsorted(rng.random() * total[-1])), len(total) - 1)

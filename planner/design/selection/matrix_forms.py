@@ -38,8 +38,11 @@ def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.
     if r == 1:
         u, v = inner[:, 0], outer[:, 0]
         half = u @ inverse
-        ratio = (half @ v.T) ** 2
-        ratio += np.outer(1.0 - sign * np.sum(half * u, axis=1), 1.0 + sign * np.einsum("ij,ij->i", v @ inverse, v))
+        ratio = half @ v.T
+        ratio *= ratio
+        ratio += np.outer(
+            1.0 - sign * np.einsum("ij,ij->i", half, u), 1.0 + sign * np.einsum("ij,ij->i", v @ inverse, v)
+        )
     else:
         half = inner @ inverse
         cross = (half.reshape(n * r, size) @ outer.reshape(m * r, size).T).reshape(n, r, m, r).transpose(0, 2, 1, 3)
@@ -50,6 +53,15 @@ def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.
         block[:, :, r:, r:] = np.eye(r) + sign * (outer @ inverse @ outer.swapaxes(1, 2))[None]
         ratio = np.linalg.det(block)
     return np.asarray(np.log(np.maximum(ratio, 1e-300, out=ratio), out=ratio))
+
+
+def trial_log_ratios(inner: Array, trials: Array, inverse: Array, sign: float = 1.0) -> Array:
+    """:func:`swap_log_ratios` of each U in ``inner`` (n, P) for its own V in ``trials`` (n, T, P) alone, (n, T)."""
+    half = inner @ inverse
+    cross = (trials @ half[:, :, None])[:, :, 0]
+    out, into = np.sum(half * inner, axis=1), np.sum((trials @ inverse) * trials, axis=2)
+    ratio = (1.0 - sign * out)[:, None] * (1.0 + sign * into) + cross**2
+    return np.asarray(np.log(np.maximum(ratio, 1e-300)))
 
 
 def project_semidefinite(matrix: Array) -> Array:

@@ -6,6 +6,7 @@ trial, scored exactly against the set as it stands. Reach grows where trials suc
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -97,33 +98,65 @@ def _run_round(
     trial = q[:, None] + reach[:, None, None] * step
     which = np.repeat(np.arange(n), _TRIALS).reshape(n, _TRIALS)
     trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(n, _TRIALS, *rows.shape[1:])
-    gains = np.array([_trial_gains(rows, k, trial_rows[k], potential) for k in range(n)])
+    scores = _scores(rows, potential)
+    gains = scores.of_each(trial_rows)
     hopeful = gains > 0
     passed = np.zeros(gains.shape, dtype=bool)
     if hopeful.any():
         passed[hopeful] = valid(trial[hopeful], which[hopeful])
     q, rows, reach = q.copy(), rows.copy(), reach.copy()
     for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
-        gain = (
-            np.where(passed[k], _trial_gains(rows, k, trial_rows[k], potential), -np.inf)
-            if passed[k].any()
-            else gains[k]
-        )
+        gain = np.where(passed[k], scores.of_one(k, trial_rows[k]), -np.inf) if passed[k].any() else gains[k]
         best = int(np.argmax(gain))
         if passed[k].any() and gain[best] > 1e-10:
             q[k], rows[k] = trial[k, best], trial_rows[k, best]
+            scores.exchange(k, rows[k])
             reach[k] *= 1.4
         else:
             reach[k] *= 0.7
     return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH)
 
 
-def _trial_gains(rows: Array, position: int, trials: Array, potential: BarrierPotential) -> Array:
-    """Gain (T,) of the potential when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
-    if is_exact(rows, potential.index):
-        return np.asarray(SwapTable(rows, potential).of(trials, slice(position, position + 1))[0])
-    mass = information_matrix(rows)
-    mu = eigenvalues(mass)
-    shifts = potential.shifts(mu)
-    after = mass - information_matrix(rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
-    return np.asarray(potential.barrier(eigenvalues(after), *shifts) - potential.barrier(mu, *shifts))
+class _TrialScores(Protocol):
+    """How much the potential gains when trials take the places of poses, as the set stands."""
+
+    def of_each(self, trials: Array) -> Array:
+        """Gains (n, T) of each pose's own trials (n, T, r, P)."""
+
+    def of_one(self, position: int, trials: Array) -> Array:
+        """Gains (T,) when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
+
+    def exchange(self, position: int, row: Array) -> None:
+        """Take ``row`` (r, P) for the pose at ``position``."""
+
+
+def _scores(rows: Array, potential: BarrierPotential) -> _TrialScores:
+    return SwapTable(rows, potential) if is_exact(rows, potential.index) else _MassScores(rows, potential)
+
+
+class _MassScores:
+    """Scores by the eigenvalues after each trial, for poses with several readings."""
+
+    def __init__(self, rows: Array, potential: BarrierPotential) -> None:
+        self.rows, self.potential = rows.copy(), potential
+        self._settle()
+
+    def of_each(self, trials: Array) -> Array:
+        """See :class:`_TrialScores`."""
+        return np.array([self.of_one(k, each) for k, each in enumerate(trials)])
+
+    def of_one(self, position: int, trials: Array) -> Array:
+        """See :class:`_TrialScores`."""
+        after = self.mass - information_matrix(self.rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
+        return np.asarray(self.potential.barrier(eigenvalues(after), *self.shifts) - self.now)
+
+    def exchange(self, position: int, row: Array) -> None:
+        """See :class:`_TrialScores`."""
+        self.rows[position] = row
+        self._settle()
+
+    def _settle(self) -> None:
+        self.mass = information_matrix(self.rows)
+        mu = eigenvalues(self.mass)
+        self.shifts = self.potential.shifts(mu)
+        self.now = self.potential.barrier(mu, *self.shifts)
