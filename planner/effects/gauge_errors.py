@@ -26,6 +26,11 @@ USUAL_PERIODS = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] usual ones below
 SCAN_STEP = 0.25  # of a wave over the range of lengths between neighbours of the scan
 
 
+BallEnd = Literal["fixture", "tool"]
+ENDS: tuple[tuple[BallEnd, str], ...] = (("fixture", "ball at the fixture"), ("tool", "ball on the tool"))
+LOBES = (("ball ovality", 2), ("ball lobing", 4))  # odd ones and the first are much like a ball off its centre
+
+
 def against_length(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the length."""
     return EffectVariable("length (mm)", to_mm(c.length))
@@ -90,10 +95,35 @@ class BallOffset(BasisFunction, key="bar-(fixture|tool):AXIS", static=False, gau
 
     def __call__(self, c: Context) -> Array:
         """Return the component."""
-        e = c.bar.direction
-        return np.asarray(
-            e[:, self.axis] if self.end == "fixture" else np.einsum("ni,in->n", e, c.motion.R[:, self.axis])
-        )
+        return ball_direction(c, self.end)[:, self.axis]
+
+
+def ball_direction(c: Context, end: "BallEnd") -> Array:
+    """Return the bar's direction (n, 3) in the axes of the base, for the fixture's ball, or of the flange."""
+    e = c.bar.direction
+    return e if end == "fixture" else np.asarray(np.einsum("ni,ian->na", e, c.motion.R))
+
+
+@dataclass(frozen=True)
+class BallShape(BasisFunction, key="ball-shape-(fixture|tool):INDEX:INDEX", static=False, gauge=True):
+    """φ = real spherical harmonic, at most 1, of the bar's direction in axes of base or flange: a ball out of round.
+
+    The first index is the degree n, the second the order m plus n, 0 … 2n.
+    """
+
+    end: "BallEnd"
+    degree: int
+    index: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the harmonic."""
+        from scipy.special import sph_harm_y  # only here
+
+        x, y, z = ball_direction(c, self.end).T
+        order = self.index - self.degree
+        wave = sph_harm_y(self.degree, abs(order), np.arccos(np.clip(z, -1.0, 1.0)), np.arctan2(y, x))
+        size = np.sqrt(4 * np.pi / (2 * self.degree + 1)) * (np.sqrt(2) if order else 1.0)
+        return np.asarray(size * (wave.imag if order < 0 else wave.real))
 
 
 @dataclass(frozen=True)
@@ -227,15 +257,27 @@ def gauge_lag(run: Excitation) -> Iterator[Effect]:
 @register("ball centre", by_gauge=True)
 def ball_centres(run: Excitation) -> Iterator[Effect]:
     """Balls that are not where their sockets' centres are; geometry usually takes that whole."""
-    ends: tuple[tuple[Literal["fixture", "tool"], str], ...] = (("fixture", "at the fixture"), ("tool", "on the tool"))
-    for end, where in ends:
-        name = f"ball {where}"
+    for end, name in ENDS:
         offsets = tuple(
             Parameter(f"ball_{end}_{a}", "m", 2e-5, f"{name} off centre along {a}", reading_move(BallOffset(end, k)))
             for k, a in enumerate("xyz")
         )
         sentence = f"the {name} is off its centre by {{size}}"
         yield Effect("ball centre", Place(name), offsets, sentence, 1e-3, KAKINO, static=False)
+
+
+@register(*(kind for kind, _ in LOBES), by_gauge=True)
+def ball_shapes(run: Excitation) -> Iterator[Effect]:
+    """Balls that are not round: even harmonics of the direction in which the bar touches them."""
+    for kind, degree in LOBES:
+        for end, name in ENDS:
+            label = f"{kind.replace(' ', '_')}_{end}"
+            shape = tuple(
+                Parameter(f"{label}_{k}", "m", 5e-6, f"{kind} of the {name}", reading_move(BallShape(end, degree, k)))
+                for k in range(2 * degree + 1)
+            )
+            sentence = f"the {name} is out of round by {{size}}, with {degree} lobes"
+            yield Effect(kind, Place(name), shape, sentence, 1e-3, KAKINO, static=False)
 
 
 @register("scale interpolation", by_gauge=True)
@@ -279,7 +321,15 @@ def refraction(run: Excitation) -> Iterator[Effect]:
         yield _of_gauge("refraction", "1/m", moves, 1e-6, 3e-5, sentence, TRACKER)
 
 
-LENGTH_ERRORS = (length_scale, length_nonlinearity, length_growth, gauge_lag, ball_centres, scale_interpolation)
+LENGTH_ERRORS = (
+    length_scale,
+    length_nonlinearity,
+    length_growth,
+    gauge_lag,
+    ball_centres,
+    ball_shapes,
+    scale_interpolation,
+)
 POSITION_ERRORS = (position_scale, position_growth, gauge_lag, refraction)
 
 

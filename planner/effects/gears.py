@@ -17,6 +17,7 @@ from planner.effects.excitation import Excitation
 from planner.effects.parameters import Parameter, transform_move
 
 USUAL_WAVE, LARGEST_WAVE = 1e-4, 5e-3  # [rad]: one sigma, 20 arc seconds, and the most that is plausible
+LARGEST_RATIO = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2
 LOWEST, HIGHEST = 2.5, 400.0  # waves in a turn of the joint that are scanned
 SCAN_STEP = 0.25  # of a wave over the range of the joint between neighbours of the scan
 FULL_TURN = 2 * np.pi
@@ -164,4 +165,4 @@ def _proportional(run: Excitation, kind: str, joint: int, driver: int, sentence:
     name = f"{kind.replace(' ', '_')}{joint + 1}" + (f"_by{driver + 1}" if driver != joint else "")
     moves = transform_move(run.rotation(joint), JointAngle(driver, mean))
     parameter = Parameter(name, "rad/rad", 5e-4, f"{kind} of {place}", moves)
-    return Effect(kind, place, (parameter,), sentence, 1e-2, literature)
+    return Effect(kind, place, (parameter,), sentence, LARGEST_RATIO, literature)

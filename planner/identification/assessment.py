@@ -10,6 +10,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
+from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
 from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult
 from planner.identification.covariance import (
@@ -46,7 +47,7 @@ NAMED_OUTLIERS = 5  # outliers that a warning names
 
 
 def find_problems(
-    table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult
+    table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult, run: Run, cell: Cell
 ) -> tuple[str, ...]:
     """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
     out = [
@@ -63,7 +64,7 @@ def find_problems(
     if last.rms > LARGEST_HELD_OUT:
         out.append(
             f"held-out poses are still {last.rms / MM:.1f} mm off: readings do not belong to these poses; look for "
-            "rows that were exchanged, another ball, fixture or tool point, and units"
+            f"rows that were exchanged, another ball, fixture or tool point, and units{angle_hint(cell, run, last.rms)}"
         )
     elif last.rms > before.rms:
         out.append(
@@ -182,7 +183,7 @@ def assess_fit(
         condition_number=_condition(found),
         correlation_time=time,
         frames=gauge_frames(released.fit),
-        problems=find_problems(table, stages, found, traced),
+        problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),

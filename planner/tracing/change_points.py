@@ -90,8 +90,10 @@ def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[Effe
 
 
 def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
-    """Merit of several steps of a thing together, by the noise that the first of them would leave."""
-    return sum(merit_of(test, s) for s in steps)
+    """Fall of minus twice the log likelihood by several steps together, of unknown noise, less what chance explains."""
+    left = max(test.scatter - sum(s.gain for s in steps), 1e-9 * test.scatter)
+    costs = sum(s.gain / test.noise - merit_of(test, s) for s in steps)
+    return float(test.dof * np.log(test.scatter / left)) - costs
 
 
 def _beside(test: ScoreTest, columns: Array, score: EffectScore) -> ScoreTest:

@@ -52,7 +52,7 @@ def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best
     Only steps that are significant beside each other stay.
     """
     series = step_series(test, context.things)
-    if not series or series_merit(test, series[0]) <= best.merit:
+    if not series or series_merit(test, series[0]) <= series_merit(test, [best]):
         return None
     context.say(f"trying {series[0][0].effect.name}, {len(series[0])} times")
     effects = state.effects

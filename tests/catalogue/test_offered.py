@@ -8,6 +8,8 @@ import pytest
 
 import tests.identification.rigs as rigs
 from planner.effects.catalogue import catalogue
+from planner.effects.context import Context
+from planner.effects.gauge_errors import BallShape
 from tests.catalogue.test_phis import everything
 
 NEEDS = {
@@ -132,3 +134,16 @@ def test_links_of_unknown_mass_have_a_share_of_their_own():
         f"compliance3_link{k}" for k in (3, 4, 5, 6)
     ]
     assert ("tool compliance", "tool") in entries
+
+
+def test_a_ball_of_two_lobes_is_a_quadratic_form():
+    """Any symmetric form of the bar's direction without its mean is a sum of the five harmonics, at either end."""
+    setup, samples = site()
+    c = Context(setup, samples)
+    form = np.random.default_rng(4).normal(size=(3, 3))
+    for end, axes in (("fixture", np.eye(3)), ("tool", None)):
+        e = c.bar.direction if axes is not None else np.einsum("ni,ian->na", c.bar.direction, c.motion.R)
+        wanted = np.einsum("ni,ij,nj->n", e, form + form.T, e) - np.trace(form + form.T) / 3
+        shapes = np.stack([BallShape(end, 2, k)(c) for k in range(5)], axis=1)
+        assert np.abs(shapes).max() <= 1 + 1e-12
+        assert np.allclose(shapes @ np.linalg.lstsq(shapes, wanted)[0], wanted)

@@ -11,6 +11,7 @@ from planner.effects.backlash import Hysteresis
 from planner.effects.catalogue import catalogue
 from planner.effects.nonparametric import gear_curve
 from planner.effects.parameters import Parameter, transform_move
+from planner.identification.angle_hints import angle_hint
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, directions_by_row, number_samples, setup_for_run
@@ -88,3 +89,15 @@ def test_compliance_without_masses_is_a_turn():
     assert {e.unit for e in offered if e.kind in kinds} == {"rad"}
     context_turn = next(e for e in offered if e.name == "joint compliance, joint 2").make()
     assert all(p.prior == pytest.approx(3e-4) for p in context_turn)
+
+
+@pytest.mark.parametrize(
+    ("joint", "by", "ratio", "words"),
+    [(3, 2, -1.0, "couple = { 2 = -1 }"), (4, 4, -2.0, "joint 4 counts the other way")],
+)
+def test_a_robot_whose_angles_are_counted_otherwise_gets_a_hint(joint, by, ratio, words):
+    w = world()
+    length = w.read({}, {f"theta{joint}": ratio * w.q[:, by - 1]})
+    run = w.reading(length)
+    assert words in angle_hint(w.cell, run, 0.2)
+    assert angle_hint(w.cell, w.reading(w.read({})), 0.01) == ""
