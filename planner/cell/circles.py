@@ -17,6 +17,7 @@ from planner.runs.run import Mounting
 CirclePlane = Literal["XY", "XZ", "YZ"]
 CircleDirection = Literal["ccw", "cw"]
 OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
+NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
 SHORT_RADIUS = 5.0  # [mm] no bar is that short
 
 
@@ -105,6 +106,41 @@ class Circle:
         """Points p_BM (n, 3) [m] at angles (n,) [rad]."""
         first, second = self.axes
         return np.asarray(self.p_BC + self.radius * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second))
+
+
+@dataclass(frozen=True)
+class CircleAtFixture:
+    """A circle, in the base frame, and the ball at the fixed end of the bar.
+
+    Attributes:
+        centre: (3,) [m].
+        axes: rows are the directions of angle 0 and 90 degrees and the normal, (3, 3).
+        radius: [m].
+        p_BX: the fixture's ball (3,) [m].
+    """
+
+    centre: Array
+    axes: Array
+    radius: float
+    p_BX: Array
+
+    @property
+    def height(self) -> float:
+        """Of the circle above the fixture, along its normal [m]."""
+        return float((self.centre - self.p_BX) @ self.axes[2])
+
+    def polar(self, x: Array) -> tuple[Array, Array]:
+        """Angle (n,) [rad] of points x (n, 3) [m], and how far they lie off the circle, (n,) [m]."""
+        u, v, height = self.axes @ (x - self.centre).T
+        return np.arctan2(v, u), np.asarray(np.hypot(np.hypot(u, v) - self.radius, height))
+
+    def in_plane(self, angle: Array, length: Array) -> Array:
+        """Points (n, 2) [m] from the centre, where a bar of this length (n,) [m] ends at angles (n,) [rad]."""
+        unit = np.column_stack([np.cos(angle), np.sin(angle)])
+        foot = self.axes[:2] @ (self.p_BX - self.centre)
+        away = self.radius * unit - foot
+        reach = np.sqrt(np.maximum(length**2 - self.height**2, 0.0))
+        return np.asarray(foot + away * (reach / np.linalg.norm(away, axis=1))[:, None])
 
 
 def read_circles(

@@ -47,6 +47,11 @@ def read_only(value: ArrayLike, dtype: DTypeLike = float) -> NDArray[Any]:
     return array
 
 
+def significant(value: float, digits: int = 4) -> float | None:
+    """Round to so many significant digits; ``None`` for what is not finite."""
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+
+
 def in_units(decimals: int, **values: ArrayLike | None) -> dict[str, object]:
     """Return SI values by their keys in the unit that each key ends in, rounded; ``None`` where there is no number."""
     return {key: _rounded(value, SCALES[key[key.rindex("_") :]], decimals) for key, value in values.items()}

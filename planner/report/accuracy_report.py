@@ -7,6 +7,7 @@ from planner.instruments.accuracy.precision import TOLERANCE, Mastering, Repeate
 from planner.instruments.accuracy.results import PUBLISHED_UM
 from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
+from planner.report.formatting import in_um
 from planner.report.page import Report, Row
 
 BINS = 25
@@ -101,9 +102,10 @@ def report_precision(
     """Return the page of repeated centrings and its picture."""
     s = found.summary
     said = [
-        f"{s.centrings} centrings of {s.poses} poses: at most {_um(s.largest)} µm from the mean of a pose, "
-        f"rms {_um(s.rms)} µm, two of one pose at most {_um(s.apart)} µm apart.",
-        f"The robot's repeatability and the gauge's noise, as declared, let expect an rms of {_um(found.expected)} µm.",
+        f"{s.centrings} centrings of {s.poses} poses: at most {in_um(s.largest)} µm from the mean of a pose, "
+        f"rms {in_um(s.rms)} µm, two of one pose at most {in_um(s.apart)} µm apart.",
+        "The robot's repeatability and the gauge's noise, as declared, let expect an rms of "
+        f"{in_um(found.expected)} µm.",
         f"The TriCal paper's Table 3 has three centrings within about {PUBLISHED_UM:g} µm of the master ball, by a "
         "CMM: there the arm had no part in it; here what its joint angles do not show counts too.",
     ]
@@ -131,13 +133,9 @@ def _centrings(found: RepeatedCentrings) -> list[Row]:
         pose = int(found.pose[k])
         seen[pose] = seen.get(pose, 0) + 1
         off = [f"{round(v / UM, 1) + 0.0:+.1f}" for v in found.off[k]]
-        rows.append((str(pose), found.ball[k], str(seen[pose]), *off, _um(float(np.linalg.norm(found.off[k])))))
+        rows.append((str(pose), found.ball[k], str(seen[pose]), *off, in_um(float(np.linalg.norm(found.off[k])))))
     return rows
 
 
 def _mm(value: float) -> str:
     return f"{float(to_mm(value)):.3f}"
-
-
-def _um(value: float) -> str:
-    return f"{value / UM:.1f}"

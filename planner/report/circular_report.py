@@ -8,6 +8,7 @@ from planner.common.units import UM, to_deg, to_mm
 from planner.instruments.circular.evaluation import CircularTest
 from planner.instruments.circular.figures import CircleFigures, PathFigures
 from planner.report.chart import BASE, BLUE, GREY, RED, Chart, Panel, ReferenceLine, Series
+from planner.report.formatting import in_um
 from planner.report.page import Report, Row
 
 POINTS = 1440  # of a path at most: a picture has no more
@@ -99,14 +100,14 @@ def radial_chart(c: CircleFigures, number: int) -> Chart:
 def _facts(c: CircleFigures) -> Row:
     """What a person asks for first."""
     if c.G_b is not None:
-        return (f"circle {_name(c)}", f"{micrometres(c.G_b)} µm", "G(b), both directions between two circles")
+        return (f"circle {_name(c)}", f"{in_um(c.G_b)} µm", "G(b), both directions between two circles")
     path = c.paths[0]
-    return (f"circle {_name(c)}", f"{micrometres(path.G)} µm", f"G({path.direction}), between two circles")
+    return (f"circle {_name(c)}", f"{in_um(path.G)} µm", f"G({path.direction}), between two circles")
 
 
 def _figures(p: PathFigures) -> Row:
     values = (p.G, p.G_ls, p.F_max, p.F_min, p.mean, *p.offset)
-    return (p.direction, *(micrometres(v) for v in values), str(p.sweeps))
+    return (p.direction, *(in_um(v) for v in values), str(p.sweeps))
 
 
 def _together(c: CircleFigures) -> tuple[Row, ...]:
@@ -115,19 +116,19 @@ def _together(c: CircleFigures) -> tuple[Row, ...]:
         (
             "centre, by least squares, taken off",
             (
-                f"{first} {micrometres(c.centre.centre[0])} ± {micrometres(c.centre.std[0])} µm, {second}"
-                f" {micrometres(c.centre.centre[1])} ± {micrometres(c.centre.std[1])} µm from the planned one"
+                f"{first} {in_um(c.centre.centre[0])} ± {in_um(c.centre.std[0])} µm, {second}"
+                f" {in_um(c.centre.centre[1])} ± {in_um(c.centre.std[1])} µm from the planned one"
             ),
         ),
-        ("mean radial deviation D", f"{micrometres(c.D)} µm"),
+        ("mean radial deviation D", f"{in_um(c.D)} µm"),
     ]
     if c.G_b is not None:
         rows += [
             (
                 "bidirectional circular deviation G(b)",
-                f"{micrometres(c.G_b)} µm; about the least-squares centre {micrometres(c.G_b_ls)} µm",
+                f"{in_um(c.G_b)} µm; about the least-squares centre {in_um(c.G_b_ls)} µm",
             ),
-            ("hysteresis H, ccw less cw", f"{micrometres(c.H)} µm at most, {micrometres(c.H_mean)} µm on average"),
+            ("hysteresis H, ccw less cw", f"{in_um(c.H)} µm at most, {in_um(c.H_mean)} µm on average"),
         ]
     return (
         *rows,
@@ -142,7 +143,7 @@ def _reversals(p: PathFigures) -> list[Row]:
             p.direction,
             f"{to_deg(r.angle):.1f}",
             ", ".join(str(j + 1) for j in r.joints),
-            "–" if math.isnan(r.step) else f"{micrometres(r.step)} ± {micrometres(r.std)}",
+            "–" if math.isnan(r.step) else f"{in_um(r.step)} ± {in_um(r.std)}",
         )
         for r in p.reversals
     ]
@@ -150,8 +151,3 @@ def _reversals(p: PathFigures) -> list[Row]:
 
 def _name(c: CircleFigures) -> str:
     return c.ring.circle.name if c.load is None else f"{c.ring.circle.name}, {c.load:g} N"
-
-
-def micrometres(value: float | None) -> str:
-    """Write a length [m] in micrometres."""
-    return "–" if value is None else f"{float(value) / UM:.1f}"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import ceil, floor, isfinite, log10
 
 from planner.cell.cell import Cell
-from planner.common.units import to_mm
+from planner.common.units import UM, to_mm
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
 from planner.motion.path.verdict import Verdict
@@ -50,6 +50,11 @@ def digits(x: float, count: int = 3) -> str:
 def in_mm(value: float, count: int = 3) -> str:
     """Write a length [m] in millimetres, without the unit, with so many significant digits."""
     return digits(float(to_mm(value)), count)
+
+
+def in_um(value: float | None) -> str:
+    """Write a length [m] in micrometres, without the unit, to a tenth."""
+    return "–" if value is None else f"{float(value) / UM:.1f}"
 
 
 def duration_text(t: float) -> str:

@@ -13,6 +13,8 @@ from planner.design.fixtures.addition import add_fixtures, describe_added_fixtur
 from planner.design.pose_selection import (
     PoseChoice,
     refine_poses,
+    replace_all,
+    replace_pose,
     select_poses,
     traceable_pose_count,
 )
@@ -27,7 +29,6 @@ from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseSession, Selection
-from planner.session.replacement import replace_all, replace_pose
 from planner.session.tour_drive import MountingSession
 
 DRIVEN_SAMPLES = 2000

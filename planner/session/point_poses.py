@@ -10,7 +10,7 @@ from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
-from planner.design.pose_selection import PoseChoice, select_poses
+from planner.design.pose_selection import PoseChoice, replace_all, replace_pose, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import FIRST_MOUNTING
@@ -20,7 +20,6 @@ from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseSession, Selection
-from planner.session.replacement import replace_all, replace_pose
 from planner.session.tour_drive import MountingSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle
+from planner.cell.circles import NEAR_CIRCLE, Circle, CircleAtFixture
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array
-from planner.instruments.circular.ring import NEAR_CIRCLE, CircleAtFixture
 from planner.kinematics.bar_geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
-from planner.instruments.circular.ring import NEAR_CIRCLE
 from planner.instruments.loaded.types import CentringOffset, DrivenCircle
 from planner.runs.run import Run
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
-from planner.instruments.circular.ring import NEAR_CIRCLE
 from planner.instruments.loaded.circle import find_circle, measured_points
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
@@ -12,7 +13,6 @@ from planner.common.units import DEG, MM, Array, read_only
 from planner.gauges.placement.frames import place_frames
 from planner.gauges.run_places import flange_poses
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.circular.ring import NEAR_CIRCLE
 from planner.instruments.loaded.checks import (
     check_cell,
     check_measured_loads,

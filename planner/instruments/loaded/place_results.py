@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from planner.common.units import to_deg, to_mm
+from planner.common.units import significant, to_deg, to_mm
 from planner.instruments.loaded.circle_candidates import CirclePlace
 from planner.instruments.loaded.common_fit import CommonFit
 from planner.instruments.loaded.place_selection import (
@@ -22,7 +22,7 @@ def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None 
     """Return the content of ``places.json``; ``both`` is what the chosen circles know with a plan without load."""
 
     def shares(known: PredictedCompliance) -> dict[str, object]:
-        std, alone = (dict(zip(found.names, map(_rounded, s), strict=True)) for s in (known.std, known.alone))
+        std, alone = (dict(zip(found.names, map(significant, s), strict=True)) for s in (known.std, known.alone))
         return {"share_of_prior": std, "share_of_prior_by_readings_alone": alone}
 
     names = {"unloaded": "unloaded_alone", "loaded": "loaded_alone", "together": "together"}
@@ -38,14 +38,11 @@ def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None 
         "with_unloaded_plan": None
         if both is None
         else [
-            {"name": n, **{names[k]: _rounded(v[j]) for k, v in both.parts.items()}} for j, n in enumerate(both.names)
+            {"name": n, **{names[k]: significant(v[j]) for k, v in both.parts.items()}}
+            for j, n in enumerate(both.names)
         ],
         "sentences": list(describe_places(found)),
     }
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 def _place_content(c: CirclePlace) -> dict[str, object]:
@@ -122,6 +119,6 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
 def _parameter_row(known: CommonFit, k: int) -> dict[str, object]:
     unit, factor = UNITS[known.units[k]]
     prior = float(known.prior[k]) * factor
-    row: dict[str, object] = {"name": known.names[k], f"prior_{unit}": _rounded(prior)}
-    row |= {f"std_{name}_{unit}": _rounded(part[k] * prior) for name, part in known.parts.items()}
-    return row | {f"share_{name}": _rounded(part[k]) for name, part in known.parts.items()}
+    row: dict[str, object] = {"name": known.names[k], f"prior_{unit}": significant(prior)}
+    row |= {f"std_{name}_{unit}": significant(part[k] * prior) for name, part in known.parts.items()}
+    return row | {f"share_{name}": significant(part[k]) for name, part in known.parts.items()}

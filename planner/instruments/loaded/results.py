@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from planner.common.units import MM, UM, Array, in_units, to_deg, to_mm
+from planner.common.units import MM, UM, Array, in_units, significant, to_deg, to_mm
 from planner.design.observability.explanations import join_names
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
@@ -112,15 +112,15 @@ def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> di
         "compliances": _compliances(found.compliances),
         "combinations": [
             {
-                "share_of_prior": _four_digits(c.std),
+                "share_of_prior": significant(c.std),
                 "known": c.std < KNOWN_SHARE,
                 "told": c.told,
                 "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
             }
             for c in found.compliances.combinations
         ],
-        "noise_um": _four_digits(found.compliances.noise / UM),
-        "misfit": _four_digits(found.compliances.misfit),
+        "noise_um": significant(found.compliances.noise / UM),
+        "misfit": significant(found.compliances.misfit),
         "circles": [_circle(c) for c in found.circles],
         "joint": None if joint is None else _joint(joint),
         "sentences": list(found.sentences),
@@ -133,10 +133,10 @@ def _compliances(found: JointCompliances) -> list[dict[str, object]]:
     return [
         {
             "name": name,
-            "value_urad_Nm": _four_digits(value / URAD),
-            "std_urad_Nm": _four_digits(std / URAD),
-            "prior_urad_Nm": _four_digits(prior / URAD),
-            "share_of_prior": _four_digits(std / prior),
+            "value_urad_Nm": significant(value / URAD),
+            "std_urad_Nm": significant(std / URAD),
+            "prior_urad_Nm": significant(prior / URAD),
+            "share_of_prior": significant(std / prior),
             "told": told,
         }
         for name, value, std, prior, told in zip(
@@ -188,11 +188,6 @@ def _offset(o: CentringOffset) -> dict[str, object]:
         **in_units(4, phase_deg=o.phase),
         **in_units(2, rms_left_um=o.rms),
     }
-
-
-def _four_digits(value: float) -> float:
-    """Round to four significant digits."""
-    return float(f"{value:.4g}")
 
 
 def curves_csv(found: LoadedEvaluation) -> str:
