@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import Json, errors, print_json
+from planner.cli.terminal import Json, errors, print_json, print_notes
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
     from planner.instruments.centring.session import CentringSession
     from planner.instruments.centring.settings import CentringSettings
     from planner.instruments.centring.stop import StopRequest
+    from planner.session.planned_session import load_session
 
 
 def centre_command(
@@ -55,6 +56,10 @@ def centre_command(
         raise InputError("edbb centre needs --robot, --indicators and -o (or --program, to write the robot's program)")
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
+    if (plan_file.parent / "cell.toml").is_file():
+        print_notes(load_session(plan_file, "centred", check=True).notes)
+    else:
+        print_notes((f"no cell.toml lies beside {plan_file}: nothing tells whether its path is as it was proven",))
     session = open_session(plan_file, output)
     if session.pending:
         _run(session, robot, indicators.split(","), settings, StopRequest(stop_file), follow)

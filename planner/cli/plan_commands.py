@@ -92,7 +92,7 @@ def export_command(
             )
         sys.stdout.write(made.programs[0].text)
         return
-    for line in made.write(output):
+    for line in (*made.notes, *made.write(output)):
         errors.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

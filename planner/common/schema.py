@@ -187,7 +187,18 @@ def read_toml(path: Path, model: type[SchemaModel]) -> SchemaModel:
     Raises:
         InputError: the file is missing, is no TOML, or a key is unknown, missing or out of range.
     """
-    return validate(_parse(path, "TOML", tomllib.loads), model, str(path))
+    return validate(read_toml_content(path), model, str(path))
+
+
+def read_toml_content(path: Path) -> dict[str, object]:
+    """Read the TOML file at ``path`` as it is.
+
+    Raises:
+        InputError: the file is missing or is no TOML.
+    """
+    content = _parse(path, "TOML", tomllib.loads)
+    assert isinstance(content, dict)
+    return content
 
 
 def read_json(path: Path) -> object:

@@ -54,7 +54,7 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     files: list[tuple[str, str]] = []
     changed = frozenset(t.name for t in robot.transforms if values.get(t.name, t.nominal) != t.nominal)
     if robot.convention == "urdf":
-        text, changed = write_urdf(_urdf_path(robot), robot.tip, values, meshes, found.source)
+        text, changed = write_urdf(urdf_path(robot), robot.tip, values, meshes, found.source)
         content |= {"urdf": "robot.urdf", "tip": str(robot.tip)}
         files.append(("robot.urdf", text))
     else:
@@ -73,7 +73,7 @@ def mesh_names(robot: Robot) -> dict[Path, str]:
     """Return where each mesh of the robot's collision bodies goes beside the written files: file and new name."""
     bodies = [b for _, b in robot.bodies]
     if robot.convention == "urdf":  # the file's own bodies, where robot.toml has others
-        bodies += [b for _, b in read_urdf(_urdf_path(robot), robot.tip).bodies]
+        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip).bodies]
     out: dict[Path, str] = {}
     for path in dict.fromkeys(b.mesh.resolve() for b in bodies if b.mesh is not None):
         again = sum(p.name == path.name for p in out)
@@ -86,7 +86,8 @@ def mesh_files(robot: Robot) -> tuple[tuple[str, bytes], ...]:
     return tuple((name, path.read_bytes()) for path, name in mesh_names(robot).items())
 
 
-def _urdf_path(robot: Robot) -> Path:
+def urdf_path(robot: Robot) -> Path:
+    """Return the URDF that the robot was read from."""
     if robot.path.suffix == ".urdf":
         return robot.path
     return robot.path.parent / str(read_toml(robot.path, RobotDescription).urdf)

@@ -16,6 +16,7 @@ from planner.design.undeclared_errors import ASSUMED
 from planner.motion.path.verdict import Verdict
 from planner.session.course import DIGITS, Waypoints
 from planner.session.document import SCHEMA, PlanDocument
+from planner.session.movable_cell import movable_cell
 from planner.session.plan_types import Drive, Plan, Programs, Visit
 from planner.session.tour_cost import cost_name
 
@@ -34,7 +35,7 @@ def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, obje
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
     """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
-    whole = content | {"cell_file": cell.file.model_dump(mode="json", by_alias=True)}
+    whole = content | {"cell_file": movable_cell(cell).content}
     return hashlib.sha256(json.dumps(round_numbers(whole), sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -15,6 +15,7 @@ from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, PoseRecord, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan
+from planner.session.trust import check_trust, doubts
 
 LENGTH_MM, ANGLE_DEG, DURATION = 1e-3, 1e-6, 1e-4
 
@@ -26,6 +27,7 @@ class PlannedSession:
     cell: Cell
     document: PlanDocument
     courses: tuple[Course, ...]
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, plan: Plan) -> "PlannedSession":
@@ -59,7 +61,8 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     )
     if check:
         _check_courses(path, beside, cell, document, courses)
-    return PlannedSession(cell, document, courses)
+    notes = check_trust(path, cell, courses) if check else doubts(path, cell)
+    return PlannedSession(cell, document, courses, notes)
 
 
 def read_cell_beside(path: Path, purpose: str) -> tuple[Path, Cell]:

@@ -29,7 +29,7 @@ from planner.instruments.loaded.results import share_text
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import cell_text, write_plan
+from planner.workflow.writing import write_cell, write_plan
 
 UNLOADED, LOADED = "unloaded", "loaded"  # folders of the two plans
 
@@ -88,7 +88,7 @@ class BothPlan(Result):
                 write_plan(self.unloaded, draft / UNLOADED, self.stages)
             write_plan(self.loaded, draft / LOADED, self.stages)
             with self.stages.stage("report"):
-                write_text(draft / "cell.toml", cell_text(fit_cell(self.free.cell, self.loaded.cell), draft))
+                write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
                 write_text(draft / "both.json", self.to_json())
                 (draft / "pictures").mkdir()
                 write_bytes(draft / "pictures" / "known.png", chart_png(draw_common_fit(self.known)))

@@ -91,9 +91,7 @@ class CalibrationResult(Result):
             write_text(draft / "identification.json", self.to_json())
             write_text(draft / "residuals.csv", residuals_csv(found))
             report_calibration(found).write(draft)
-            if found.problems:
-                (folder / "robot.toml").unlink(missing_ok=True)
-            else:
+            if not found.problems:
                 self.write_robot(draft)
             return move_all(draft, folder)
 

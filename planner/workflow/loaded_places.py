@@ -17,7 +17,7 @@ from planner.instruments.loaded.common_fit import CommonFit, UnloadedPoses, pred
 from planner.instruments.loaded.place_results import describe_places, places_content, places_csv
 from planner.instruments.loaded.place_selection import CirclePlaceChoice, study_circle_places
 from planner.instruments.loaded.results import share_text
-from planner.workflow.writing import cell_text
+from planner.workflow.writing import write_cell
 
 MOST = 6
 
@@ -63,7 +63,7 @@ class CirclePlacesResult(Result):
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "places.json", self.to_json())
             write_text(draft / "places.csv", places_csv(self.found))
-            write_text(draft / "cell.toml", cell_text(with_circles(self.cell, self.found.best(self.count)), draft))
+            write_cell(with_circles(self.cell, self.found.best(self.count)), draft)
             (draft / "pictures").mkdir()
             for picture in draw_places(self.found, self.count):
                 write_bytes(draft / "pictures" / f"{picture.name}.png", chart_png(picture))

@@ -7,7 +7,6 @@ from planner.common.determinism import on_one_thread
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.programs.dialect import load_dialect
-from planner.programs.rendering import ProgramFile
 from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
@@ -23,7 +22,7 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
-    return ExportResult(export_plan(Path(plan), dialect, name))
+    return export_plan(Path(plan), dialect, name)
 
 
 def simulate(
@@ -39,7 +38,7 @@ def simulate(
 
 
 @on_one_thread
-def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
+def export_plan(path: Path, dialect: str, stem: str) -> ExportResult:
     """Write the program of the plan at ``path`` in ``dialect``; ``stem`` is the wanted file name, ``-`` for none.
 
     Raises:
@@ -49,7 +48,7 @@ def export_plan(path: Path, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
     plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
     program = session_program(plan.cell, plan.courses, plan.plan_id, dense)
     name = f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem
-    return write_session(plan.cell, program, dialect, name)
+    return ExportResult(write_session(plan.cell, program, dialect, name), plan.notes)
 
 
 @on_one_thread
@@ -75,4 +74,5 @@ def simulate_plan(
         samples = planned_samples(cell, session.document, session.courses)
     known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples)
     run = simulate_readings(cell, session.plan_id, samples, known, seed)
-    return replace(run, warnings=(*run.warnings, *cell.gauge.centring_warnings(cell, samples, run)))
+    changed = () if isinstance(session, CircularPlan) and not isinstance(plan, Path) else session.notes
+    return replace(run, warnings=(*run.warnings, *changed, *cell.gauge.centring_warnings(cell, samples, run)))

@@ -180,6 +180,7 @@ class ExportResult:
     """A robot program: the file that starts it, and those that it needs beside it."""
 
     programs: tuple[ProgramFile, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, path: Path | str) -> list[str]:
         """Write the program to ``path`` and the others beside it; returned is what a person must know of that."""

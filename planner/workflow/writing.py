@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import shutil
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import tomli_w
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import check_writing, data_folder, document_text, write_text
+from planner.common.files import check_writing, document_text, write_bytes, write_text
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
 from planner.common.result_folder import draft_folder, move_all
@@ -22,6 +20,7 @@ from planner.instruments.circular.plan import CircularPlan
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
 from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
+from planner.session.movable_cell import cell_files
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan
 
@@ -46,7 +45,7 @@ def write_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages) -> list[
             for file in (file for _, files in plan.programs for file in files):
                 write_text(draft / file.name, file.text, file.encoding)
             write_text(draft / "trajectory.csv", trajectory_csv(plan))
-            write_text(draft / "cell.toml", cell_text(plan.cell, draft))
+            write_cell(plan.cell, draft)
             _report(plan).write(draft)
             write_text(draft / "plan.json", document_text(plan_content(plan)))
         write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
@@ -107,10 +106,8 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
     return said + [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
 
 
-def cell_text(cell: Cell, folder: Path) -> str:
-    """The cell as it was planned; a robot that is not a shipped one is laid beside it."""
-    content = cell.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-    if not cell.robot.path.is_relative_to(data_folder("robots")):
-        shutil.copyfile(cell.robot.path, folder / cell.robot.path.name)
-        content["robot"] = cell.robot.path.name
-    return tomli_w.dumps(content)
+def write_cell(cell: Cell, folder: Path) -> None:
+    """Write ``cell.toml`` with all that it needs, so that the folder can be moved and read again."""
+    for name, data in cell_files(cell).items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        write_bytes(folder / name, data)

@@ -1,12 +1,16 @@
 """The index against the number of poses, its certified bound and bend, and the worker process that computes it."""
 
+import os
 import pickle
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -111,6 +115,11 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
     return int(n[order][int(np.argmax(np.round(y - x, 9)))])
 
 
+ROOT = str(Path(__file__).resolve().parents[3])  # where the package lies, installed or not
+WORKER = "from planner.design.selection.index_curves import run_worker; run_worker()"
+LOOK = 0.5  # [s] between two looks whether the parent lives
+
+
 class BackgroundCurve:
     """Computes :func:`compute_index_curve` in another process; the context ends that process if its caller fails.
 
@@ -136,7 +145,8 @@ class BackgroundCurve:
     ) -> None:
         self._task, self._own = (rows, index, seed, near), list(sizes)[1::2] if help_out else []
         task = pickle.dumps((*self._task, [n for n in sizes if n not in self._own]))
-        command = [sys.executable, "-c", "from planner.design.selection.index_curves import run_worker; run_worker()"]
+        # -P: no module is taken from the folder that the command runs in
+        command = [sys.executable, "-P", "-c", f"import sys; sys.path.append({ROOT!r}); {WORKER}", str(os.getpid())]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread = ThreadPoolExecutor(1)
         self._answer = self._thread.submit(self._process.communicate, task)
@@ -174,9 +184,17 @@ class BackgroundCurve:
 
 
 def run_worker() -> None:
-    """Body of the worker: a task on standard input, the curve on standard output."""
+    """Body of the worker: a task on standard input, the curve on standard output; it ends when its parent has."""
+    threading.Thread(target=_end_with_parent, args=(int(sys.argv[1]),), daemon=True).start()
     sys.stdout.buffer.write(pickle.dumps(_compute(*pickle.load(sys.stdin.buffer))))
 
 
 def _compute(rows: Array, index: str, seed: int, near: Certificate | None, sizes: Sequence[int]) -> IndexCurve:
     return compute_index_curve(rows, sizes, index, seed, near=near)
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process once its parent is gone, however that ended."""
+    while os.getppid() == parent:
+        time.sleep(LOOK)
+    os._exit(1)

@@ -26,6 +26,7 @@ from planner.session.course import round_angles, time_path
 from planner.session.document import SCHEMA, PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
 from planner.session.plan_record import closing_record, round_numbers, verdict_records, waypoint_records
 from planner.session.planned_session import read_cell_beside
+from planner.session.trust import check_trust
 
 OFF = 1e-3 * MM  # by which the plan's points may miss its circles
 
@@ -185,7 +186,8 @@ def load_circular_plan(path: Path) -> CircularPlan:
         mounting = Mounting([f.name for f in cell.fixtures].index(session.fixture))
         mine = tuple(a for a in arcs if a.circle.mounting == mounting)
         drives.append(_read_drive(cell, mounting, mine, session, 2 * sum(len(d.passes) for d in drives)))
-    return CircularPlan(cell=cell, seed=file.seed, drives=tuple(drives), plan_id=file.plan_id)
+    notes = check_trust(path, cell, [d.course for d in drives])
+    return CircularPlan(cell=cell, seed=file.seed, drives=tuple(drives), notes=notes, plan_id=file.plan_id)
 
 
 def load_circular_cell(path: Path, plan: CircularDocument) -> Cell:

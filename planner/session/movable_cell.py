@@ -1,0 +1,91 @@
+"""A cell that can be moved: the content of its file, with robot and meshes in the folder that it is laid into."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tomli_w
+
+from planner.cell.cell import Cell
+from planner.common.files import data_folder
+from planner.common.reading import read_bytes
+from planner.common.schema import read_toml_content
+from planner.kinematics.robot_writer import mesh_names, urdf_path
+from planner.kinematics.urdf import write_urdf
+
+
+@dataclass(frozen=True)
+class MovableCell:
+    """Content of ``cell.toml``, defaults included, and what has to lie beside it: the bytes by name."""
+
+    content: dict[str, object]
+    meshes: dict[str, Path] = field(default_factory=dict)
+
+
+def movable_cell(cell: Cell) -> MovableCell:
+    """Return the cell's content with names that hold in any folder: the robot's file name, a mesh by its own hash."""
+    content = cell.file.model_dump(mode="json", by_alias=True)
+    if not is_shipped(cell):
+        content["robot"] = cell.robot.path.name
+    meshes: dict[str, Path] = {}
+    for body in _bodies(content):
+        if body.get("kind") == "mesh" and body.get("file"):
+            path = (cell.path.parent / str(body["file"])).resolve()
+            name = f"meshes/{hashlib.sha256(read_bytes(path)).hexdigest()[:12]}{path.suffix}"
+            body["file"], meshes[name] = name, path
+    return MovableCell(content, meshes)
+
+
+def is_shipped(cell: Cell) -> bool:
+    """Tell whether the robot is one that comes with the planner."""
+    return cell.robot.path.is_relative_to(data_folder("robots"))
+
+
+def cell_files(cell: Cell) -> dict[str, bytes]:
+    """Return ``cell.toml`` and what belongs to it by name: meshes, and a robot that is not a shipped one."""
+    movable = movable_cell(cell)
+    files = {"cell.toml": tomli_w.dumps(_without_none(movable.content)).encode()}
+    files |= {name: read_bytes(path) for name, path in movable.meshes.items()}
+    return files if is_shipped(cell) else files | dict(_robot_files(cell))
+
+
+def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
+    """The robot's file and its URDF as they are, but for the places of meshes."""
+    robot, meshes = cell.robot, mesh_names(cell.robot)
+    yield from ((name, read_bytes(path)) for path, name in meshes.items())
+    if robot.convention == "urdf":
+        urdf = urdf_path(robot)
+        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned")
+        yield urdf.name, text.encode()
+        if robot.path == urdf:
+            return
+    content = read_toml_content(robot.path)
+    found = [b for b in _tables(content.get("bodies")) if "file" in b]
+    if not found and robot.convention != "urdf":
+        yield robot.path.name, read_bytes(robot.path)
+        return
+    for body in found:
+        body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
+    if robot.convention == "urdf":
+        content["urdf"] = urdf_path(robot).name
+    yield robot.path.name, tomli_w.dumps(content).encode()
+
+
+def _bodies(content: Mapping[str, object]) -> Iterator[dict[str, object]]:
+    yield from _tables(content.get("obstacles"))
+    for owner in (content.get("tool"), content.get("artifact")):
+        yield from _tables(owner.get("bodies") if isinstance(owner, dict) else None)
+
+
+def _tables(value: object) -> list[dict[str, object]]:
+    return [v for v in value if isinstance(v, dict)] if isinstance(value, list | tuple) else []
+
+
+def _without_none(value: dict[str, object]) -> dict[str, object]:
+    def clean(v: object) -> object:
+        if isinstance(v, dict):
+            return {k: clean(w) for k, w in v.items() if w is not None}
+        return [clean(w) for w in v] if isinstance(v, list | tuple) else v
+
+    return {k: clean(v) for k, v in value.items() if v is not None}
