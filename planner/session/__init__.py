@@ -5,6 +5,7 @@ __all__ = [
     "course",
     "document",
     "mount",
+    "movable_cell",
     "neutral_program",
     "options",
     "plan_record",
@@ -15,4 +16,5 @@ __all__ = [
     "release",
     "tour_cost",
     "tour_drive",
+    "trust",
 ]

@@ -1,7 +1,6 @@
 """Whether a plan in a file is the one that was proven: by its hash and its folder's manifest, else by a new proof."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,12 +70,10 @@ def _why_not(path: Path, cell: Cell) -> str | None:
 
 def _failures(cell: Cell, course: Course, balls: Mapping[int, int]) -> list[str]:
     """Say what either engine does not prove of a course, and what the cell does not allow."""
-    fixtures = list(cell.fixtures)
-    fixtures[course.fixture] = replace(fixtures[course.fixture], mount=course.passes[0].path.q[0])
-    here = replace(cell, fixtures=tuple(fixtures))
+    here = cell.with_mount(course.mounting, course.passes[0].path.q[0])
     found: list[Verdict] = []
     for path, bar in [(course.travel, False), *((p.path, True) for p in course.passes)]:
-        constraints = Constraints(here, course.fixture, bar=bar)
+        constraints = Constraints(here, course.mounting, bar=bar)
         one_way = _one_way(path)
         separate = _ball_motions(constraints, path, one_way, balls) if bar else []
         found += judge_corners(constraints, path.q[:one_way], path.trajectory, separate)[0]

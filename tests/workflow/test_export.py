@@ -13,9 +13,11 @@ from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, round_angles, time_course
 from planner.session.neutral_program import assemble_programs, session_program
 from planner.session.notes import bar_notes, session_notes
+from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
+from planner.session.trust import NOT_HASHED
 from planner.workflow.plan_reading import export_plan
-from planner.workflow.writing import cell_text, write_program_as
+from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb
 
 POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
@@ -36,6 +38,14 @@ def _points(way):
     return [{"q_deg": np.rad2deg(q).tolist(), "visit": int(v), "blend_mm": 1e3 * float(b)} for q, v, b in rows]
 
 
+def _sign(folder):
+    """Give plan and cell the id of their content: nobody proved the path of this plan."""
+    plan = json.loads((folder / "plan.json").read_text())
+    said = {k: v for k, v in plan.items() if k not in NOT_HASHED}
+    plan["plan_id"] = content_hash(said, read_cell(folder / "cell.toml", "cell"))
+    (folder / "plan.json").write_text(json.dumps(plan))
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A small plan at rest: its keys are those of the contract, its lengths come from plain distances."""
@@ -54,8 +64,9 @@ def folder(tmp_path):
         "trajectory": {"duration_s": made.trajectory.duration_s},
         "drives": [{"fixture": "A", "travel": _points(made.travel), "waypoints": _points(made.measuring)}],
     }
+    write_cell(cell, tmp_path)
     (tmp_path / "plan.json").write_text(json.dumps(plan))
-    (tmp_path / "cell.toml").write_text(cell_text(cell, tmp_path))
+    _sign(tmp_path)
     return tmp_path
 
 
@@ -66,13 +77,16 @@ def _change(path, old, new):
 
 
 def test_a_plan_and_its_cell_belong_together(folder):
-    files = export_plan(folder / "plan.json", "krl", "a.src")
+    files = export_plan(folder / "plan.json", "krl", "a.src").programs
     assert [f.name for f in files] == ["A.src", "A.dat"]
 
 
 def test_signals_and_numbers_may_be_named_later(folder):
     _change(folder / "cell.toml", "sync_output = 1", "sync_output = 33")
-    assert "PULSE ($OUT[33]," in export_plan(folder / "plan.json", "krl", "a")[0].text
+    with pytest.raises(InputError, match=r"is not as it was planned.*its path is not proven anew"):
+        export_plan(folder / "plan.json", "krl", "a")
+    _sign(folder)
+    assert "PULSE ($OUT[33]," in export_plan(folder / "plan.json", "krl", "a").programs[0].text
 
 
 @pytest.mark.parametrize(
@@ -114,7 +128,7 @@ def test_the_name_of_a_companion_is_refused(folder, tmp_path):
 
 
 def test_a_name_that_fits_needs_no_word(folder, tmp_path):
-    files = export_plan(folder / "plan.json", "rapid", "tour.mod")
+    files = export_plan(folder / "plan.json", "rapid", "tour.mod").programs
     assert write_program_as(files, tmp_path / "tour.mod") == []
     assert (tmp_path / "tour.mod").read_text() == files[0].text
 

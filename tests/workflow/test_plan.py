@@ -1,17 +1,20 @@
 """A whole plan against what does not share its code: finite differences, fcl on dense samples, the programs."""
 
 import json
+import shutil
 
 import numpy as np
 import polars as pl
 import pytest
 
 from planner.cell.reading import load_cell, read_cell
+from planner.common.errors import PlannerError
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Samples
+from planner.workflow.plan_reading import export
 from tests.command import edbb
 from tests.workflow.conftest import small_cell
 
@@ -274,3 +277,25 @@ def test_two_fixtures_are_driven_one_after_the_other(tmp_path):
     marked = [int(line.split()[-1]) for line in text.splitlines() if line.startswith("; pose ")]
     assert marked == [p["id"] for p in plan["poses"] if p["role"] != "mount"]
     assert text.count("M00") == 4
+
+
+def test_a_plan_that_was_changed_is_proven_anew_or_refused(moving, tmp_path):
+    """The folder can be moved; an axis turned, a pose moved or a corner widened is never driven unproven."""
+    there = tmp_path / "moved"
+    shutil.copytree(moving.folder, there)
+    assert export(there / "plan.json", dialect="krl").notes == ()
+
+    def changed(change):
+        content = json.loads(json.dumps(moving.plan))
+        change(content)
+        (there / "plan.json").write_text(json.dumps(content))
+        return export(there / "plan.json", dialect="krl")
+
+    middle = len(moving.plan["drives"][0]["waypoints"]) // 2
+    for axis in range(6):
+        for by in (-25.0, 25.0):
+            with pytest.raises(PlannerError):
+                changed(lambda c, j=axis, d=by: c["drives"][0]["waypoints"][middle]["q_deg"].__setitem__(j, d))
+    with pytest.raises(PlannerError):
+        changed(lambda c: c["drives"][0]["waypoints"][middle].update(blend_mm=400.0))
+    assert "proven anew by both engines" in changed(lambda c: c.update(seed=99)).notes[0]
