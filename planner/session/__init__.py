@@ -1,6 +1,7 @@
 """The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
 
 __all__ = [
+    
     "bar_poses",
     "course",
     "document",
@@ -17,4 +18,4 @@ __all__ = [
     "tour_cost",
     "tour_drive",
     "trust",
-]
+,]
