@@ -1,7 +1,6 @@
 """The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
 
 __all__ = [
-    
     "bar_poses",
     "course",
     "document",
@@ -18,4 +17,4 @@ __all__ = [
     "tour_cost",
     "tour_drive",
     "trust",
-,]
+]
