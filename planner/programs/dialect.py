@@ -10,7 +10,8 @@
     ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
-    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override), and a
+    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override; the branches
+    of ``[resume]`` are printed as it says), and a
     macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
     ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
     its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
@@ -20,6 +21,7 @@
 To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
 """
 
+import re
 import unicodedata
 from pathlib import Path
 from typing import Annotated, Literal
@@ -70,10 +72,14 @@ class CommentStyle(StrictModel):
     max_length: int = Field(default=72, gt=8)
 
 
+INSTEAD = {"(": ", ", ")": ", ", ";": ",", '"': "'"}  # in a comment, for what may not stand there
+
+
 def comment_text(text: str, style: CommentStyle) -> str:
     """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
     ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    kept = "".join(" " if c in style.forbid or not c.isprintable() else c for c in ascii_text)
+    kept = "".join(INSTEAD.get(c, " ") if c in style.forbid else c if c.isprintable() else " " for c in ascii_text)
+    kept = re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).strip(", ")
     return " ".join(kept.split())[: style.max_length].rstrip()
 
 
@@ -154,6 +160,21 @@ class LogStyle(StrictModel):
     note: str
 
 
+class ResumeStyle(StrictModel):
+    """How a session is started at a later pose: a variable that the operator sets, and branches on it.
+
+    ``{until}`` and ``{at}`` are the number that is compared, ``{ID}`` and ``{id}`` the plan's id in capitals or not,
+    ``{number}`` one of its own for each branch. ``counted``: how the number of poses logged in passing is set.
+    """
+
+    variable: str
+    stretch: str
+    entry: str
+    end: str
+    counted: str = ""
+    how: str
+
+
 class CentringCall(StrictModel):
     """The call of the routine that centres the head on ``{ball}`` at pose ``{pose}``; ``note``: where it comes from."""
 
@@ -223,6 +244,7 @@ class Dialect(StrictModel):
     select: SelectStyle = SelectStyle()
     log: LogStyle | None = None
     centre: CentringCall | None = None
+    resume: ResumeStyle | None = None
     reading: ReaderWords
     options: dict[str, DialectOption] = {}
     _name: str = PrivateAttr("")

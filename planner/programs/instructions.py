@@ -5,7 +5,7 @@ Angles are the controller's own, in degrees; they are printed as they are.
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from planner.common.errors import InputError
@@ -101,7 +101,32 @@ class Section:
     name: str
 
 
-Instruction = JointMove | Dwell | Sync | LogAxes | Centre | Pause | WaitInput | Comment | Section
+@dataclass(frozen=True)
+class StretchBegin:
+    """What follows, up to the end of the stretch, is left out where the operator starts behind ``until``."""
+
+    until: int
+
+
+@dataclass(frozen=True)
+class StretchEnd:
+    """The end of a stretch; stretches do not lie in one another."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The way into the middle of a session, driven only where the operator starts at ``at``; exact stops throughout."""
+
+    at: int
+    origin_deg: tuple[float, ...]
+    """Where the robot stands before it."""
+    moves: tuple[JointMove, ...]
+
+
+Instruction = (
+    JointMove | Dwell | Sync | LogAxes | Centre | Pause | WaitInput | Comment | Section
+    | StretchBegin | StretchEnd | Entry
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -146,12 +171,35 @@ class Program:
             _check_move(move, self.n_joints, f"move {number}")
         if self.moves[0].blend_mm or self.moves[-1].blend_mm:
             raise InputError("the first and the last move of a program are exact stops, blend_mm must be 0")
+        for entry in self.entries:
+            for number, move in enumerate(entry.moves, start=1):
+                _check_move(move, self.n_joints, f"move {number} of the way to start {entry.at}")
         _check_stops(self.instructions)
 
     @cached_property
     def moves(self) -> tuple[JointMove, ...]:
-        """Return the moves alone, in order."""
+        """Return the moves alone, in order, without those of the entries."""
         return tuple(i for i in self.instructions if isinstance(i, JointMove))
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """Return the ways into the session, in order."""
+        return tuple(i for i in self.instructions if isinstance(i, Entry))
+
+    @property
+    def stretches(self) -> tuple[tuple[int, int], ...]:
+        """Return ``until`` of every stretch and how many moves come before it."""
+        out, moves = [], 0
+        for item in self.instructions:
+            moves += isinstance(item, JointMove)
+            if isinstance(item, StretchBegin):
+                out.append((item.until, moves))
+        return tuple(out)
+
+    def without_starts(self) -> "Program":
+        """Return the program for a controller that can be started at its beginning only."""
+        kept = (i for i in self.instructions if not isinstance(i, StretchBegin | StretchEnd | Entry))
+        return replace(self, instructions=tuple(kept))
 
 
 def _check_angles(q_deg: tuple[float, ...], n_joints: int, where: str) -> None:

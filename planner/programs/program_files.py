@@ -41,6 +41,7 @@ def program_notes(program: Program, dialect_name: str) -> tuple[str, ...]:
         InputError: no such dialect, or it cannot carry the program.
     """
     dialect = load_dialect(dialect_name)
+    program = program if dialect.resume else program.without_starts()
     return operator_cautions(program, dialect, lower_program(program, dialect))
 
 

@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -15,6 +16,12 @@ from planner.programs.motion_words import format_fixed
 from planner.programs.steps import ProgramStep, lower_program
 
 NUMBERS = ("tool", "base", "load")
+
+
+START_NOTE = (
+    "to start at pose N: {how}, N from 1 to {last} as counted in this program; the way from the mount pose to it is "
+    "planned, what comes before is left out; what was measured is kept, and the bar's zero is set anew"
+)
 
 
 def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> tuple[str, ...]:
@@ -51,6 +58,12 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.select.note,
         dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
     ]
+    if dialect.resume is not None and program.entries:
+        last = max(until for until, _ in program.stretches)
+        words = {"last": last, "ID": program.plan_id.upper(), "id": program.plan_id}
+        notes.append(fill_words(START_NOTE.replace("{how}", dialect.resume.how), words))
+    elif dialect.resume is None:
+        notes.append("this controller has no variable to start at a later pose: it starts at the first")
     place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
     told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
     return tuple(n.replace("{map}", place) for n in told)
@@ -58,6 +71,13 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
 
 def _needs_selection_by_hand(program: Program, dialect: Dialect, name: str) -> bool:
     return getattr(program, name) is not None and not getattr(dialect.select, name)
+
+
+def fill_words(text: str, words: Mapping[str, object]) -> str:
+    """Return ``text`` with the words in braces replaced."""
+    for key, value in words.items():
+        text = text.replace(f"{{{key}}}", str(value))
+    return text
 
 
 LINE_END = {"lf": "\n", "crlf": "\r\n"}
@@ -100,6 +120,7 @@ def render_program(program: Program, dialect: Dialect, stem: str) -> tuple[Progr
     Raises:
         InputError: the dialect cannot carry the program, or its template is wrong.
     """
+    program = program if dialect.resume else program.without_starts()
     steps = lower_program(program, dialect)
     try:
         return _render_files(program, dialect, stem, steps)
@@ -128,12 +149,14 @@ def _render_files(
         "passing": [s for s in steps if s.kind == "log_passing"],
         "overridden": any(s.kind == "override" for s in steps),
         "remarks": _remarks(program, dialect, steps),
+        "resumed": bool(program.entries),
     }
     module = template.make_module(context)
-    blocks = [_lines(module, "step", s) for s in steps]
+    blocks = _step_lines(module, program, dialect, steps)
     if dialect.part_lines is not None and sum(map(len, blocks)) > dialect.part_lines:
         name = program_name(stem, dialect, room=4)
         module = template.make_module({**context, "name": name})
+        blocks = _step_lines(module, program, dialect, steps)
     parts = _split(blocks, name, dialect.part_lines)
     files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
     if dialect.files.part is not None and len(parts) > 1:
@@ -155,6 +178,34 @@ def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:
         raise TemplateError(f"the macro '{macro}' is missing")
     text = str(getattr(module, macro)(*values))
     return [line.rstrip() for line in text.split("\n") if line.strip()]
+
+
+def _step_lines(
+    module: TemplateModule, program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]
+) -> list[list[str]]:
+    """Return the lines of the steps; a branch is one block, so that no file ends inside it."""
+    blocks: list[list[str]] = []
+    inside = False
+    for step in steps:
+        branch = step.kind in ("stretch", "entry", "end")
+        lines = _branch_lines(program, dialect, steps, step) if branch else _lines(module, "step", step)
+        if inside:
+            blocks[-1] += lines
+        else:
+            blocks.append(lines)
+        inside = step.kind != "end" if branch else inside
+    return blocks
+
+
+def _branch_lines(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...], step: ProgramStep) -> list[str]:
+    style = dialect.resume
+    assert style is not None
+    words: dict[str, object] = {"until": step.until, "at": step.until, "number": step.number, "rows": step.row}
+    words |= {"ID": program.plan_id.upper(), "id": program.plan_id}
+    text = {"stretch": style.stretch, "entry": style.entry}.get(step.kind, style.end)
+    counted = step.kind == "entry" and any(s.kind == "log_passing" for s in steps)
+    lines = [text, style.counted] if counted and style.counted else [text]
+    return [fill_words(line, words) for line in lines]
 
 
 def _split(blocks: list[list[str]], name: str, limit: int | None) -> list[ProgramPart]:

@@ -61,7 +61,7 @@ class MoveWords:
 
 Kind = Literal[
     "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
-    "centre", "pause", "wait", "comment", "section", "override",
+    "centre", "pause", "wait", "comment", "section", "override", "stretch", "entry", "end",
 ]  # fmt: skip
 WITH_TEXT: dict[type, Kind] = {ins.Comment: "comment", ins.Section: "section", ins.Pause: "pause"}
 
@@ -78,6 +78,10 @@ class ProgramStep:
     move: MoveWords | None = None
     pulse: bool = False
     log: bool = False
+    until: int = 0
+
+
+UNKNOWN = 0  # an override that depends on where the operator has started
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
@@ -109,10 +113,13 @@ class _StepBuilder:
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
+        self.scaled = any(o != 100 for o in self.overrides)
+        self.branch = 0
         self.marks = find_marks(program.instructions)
         for item in program.instructions:
             self._add(item)
-        self._set_override(100)
+        if self.scaled:
+            self._set_override(100)
 
     def _add(self, item: ins.Instruction) -> None:
         match item:
@@ -125,6 +132,12 @@ class _StepBuilder:
             case ins.Comment(text=text) | ins.Section(name=text) | ins.Pause(message=text):
                 kind: Kind = WITH_TEXT[type(item)]
                 self.steps.append(ProgramStep(kind, text=comment_text(text, self.dialect.comment)))
+            case ins.StretchBegin(until=until):
+                self._begin_stretch(until)
+            case ins.StretchEnd():
+                self.steps.append(ProgramStep("end", number=self.branch))
+            case ins.Entry():
+                self._enter(item)
             case _:
                 self._add_signal(item)
 
@@ -151,8 +164,33 @@ class _StepBuilder:
             )
         return self.dialect.centre.call.format(ball=ball, pose=pose)
 
+    def _begin_stretch(self, until: int) -> None:
+        """What came before may have been left out: every word is said anew."""
+        self._begin_branch("stretch", until)
+        self.last_speed, self.last_blend = "", None
+        if not self.flying and self.scaled:
+            self.override = UNKNOWN
+
+    def _begin_branch(self, kind: Literal["stretch", "entry"], number: int) -> None:
+        self.branch = len(self.steps) + 1
+        self.steps.append(ProgramStep(kind, number=self.branch, row=self.rows, until=number))
+
+    def _enter(self, entry: ins.Entry) -> None:
+        """The way to a start: exact stops, and then the override that the path goes on with."""
+        self._begin_branch("entry", entry.at)
+        override, here = self.override, self.here
+        self.override, self.here = UNKNOWN if self.scaled else override, entry.origin_deg
+        for move, wanted in zip(entry.moves, choose_overrides(entry.moves, self.dialect.speed), strict=True):
+            self._set_override(wanted)
+            self.last_speed, self.last_blend = "", None
+            self.steps.append(ProgramStep("move", move=self._printed(move, None, PoseMark())))
+            self.here = move.q_deg
+        self._set_override(override)
+        self.override, self.here = override, here
+        self.steps.append(ProgramStep("end", number=self.branch))
+
     def _set_override(self, override: int) -> None:
-        if override != self.override:
+        if override not in (self.override, UNKNOWN):
             self.override = override
             self.last_speed = ""
             self.steps.append(ProgramStep("override", number=override))

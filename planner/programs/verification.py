@@ -26,6 +26,7 @@ def check_program(program: Program, dialect: Dialect, texts: tuple[str, ...]) ->
             too many or too few; a statement that is not on the dialect's list; a corner rounded more, or a leg
             driven faster, than planned; another plan_id.
     """
+    program = program if dialect.resume else program.without_starts()
     try:
         found = read_texts(dialect, texts, program)
     except InputError as err:
@@ -57,7 +58,8 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     if found.centrings != _centrings(program):
         yield "it centres other balls, or elsewhere, than planned"
     yield from _too_round(program, dialect, found)
-    yield from _too_fast(program, dialect, found)
+    yield from _too_fast(dialect, program.moves, found.speeds, "move")
+    yield from _wrong_starts(program, dialect, found)
 
 
 def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:
@@ -82,7 +84,7 @@ def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[
                 yield f"move {index + 1} is the last and does not stop"
                 continue
             cut = _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
-            if allowed <= 0.0 or cut > allowed * _SLACK:
+            if allowed <= 0.0 or not cut <= allowed * _SLACK:
                 yield f"move {index + 1} rounds its corner by {cut:.2f} mm, planned are {allowed:.2f} mm"
 
 
@@ -104,8 +106,23 @@ def _cut_mm(
             return travel_mm / 2.0
 
 
-def _too_fast(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
-    for number, (move, value) in enumerate(zip(program.moves, found.speeds, strict=True), start=1):
+def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
+    """Compare what a later start leaves out, and the ways to the starts."""
+    if found.stretches != program.stretches:
+        yield "it leaves out other stretches than planned where it is started later"
+    if [at for at, _, _ in found.entries] != [e.at for e in program.entries]:
+        yield "it has other starts than planned"
+        return
+    for entry, (_, path_deg, speeds) in zip(program.entries, found.entries, strict=True):
+        planned = np.array([m.q_deg for m in entry.moves])
+        if path_deg.shape != planned.shape or np.abs(path_deg - planned).max() > 10.0**-dialect.decimals:
+            yield f"the way to start {entry.at} is another than planned"
+            continue
+        yield from _too_fast(dialect, entry.moves, speeds, f"on the way to start {entry.at} move")
+
+
+def _too_fast(dialect: Dialect, moves: tuple[JointMove, ...], speeds: tuple[float, ...], what: str) -> Iterator[str]:
+    for number, (move, value) in enumerate(zip(moves, speeds, strict=True), start=1):
         match dialect.speed.kind:
             case "axis_percent":
                 ratio = value / move.axis_percent
@@ -113,6 +130,7 @@ def _too_fast(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[s
                 per_second = value / (60.0 if dialect.speed.unit == "mm/min" else 1.0)
                 ratio = per_second / max(move.tool_speed_mm_s, 0.1)
             case "inverse_time":
-                ratio = 0.0 if number == 1 else value / 60.0 * move.duration_s
-        if ratio > _SLACK:
-            yield f"move {number} is driven at {100.0 * ratio:.1f} % of the planned speed"
+                first = number == 1 and what == "move"
+                ratio = 0.0 if first else value / 60.0 * move.duration_s
+        if not ratio <= _SLACK:
+            yield f"{what} {number} is driven at {100.0 * ratio:.1f} % of the planned speed"

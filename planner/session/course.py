@@ -79,20 +79,27 @@ class Course:
         start: where its session starts and ends, in words.
         travel: the way there from home; it is driven back at the end.
         passes: what is driven with the gauge, in order; poses are one pass, both ways where asked.
+        is_of_poses: whether it is a path through poses, which can be started at each of them.
+        shortcuts: points of that path that are proven to be joined straight to its first, for such starts.
     """
 
     mounting: Mounting
     start: str
     travel: TimedPath
     passes: tuple[Pass, ...]
+    is_of_poses: bool = False
+    shortcuts: tuple[int, ...] = ()
 
     @classmethod
-    def of_poses(cls, cell: Cell, mounting: Mounting, travel: TimedPath, measuring: TimedPath) -> "Course":
-        """Return the course through the poses of one mounting."""
-        if not cell.gauge.is_attached:
-            return cls(mounting, "where the session starts", travel, (Pass(measuring, "measuring"),))
-        place = f"fixture {cell.place_name(mounting)}"
-        return cls(mounting, f"the mount pose of {place}", travel, (Pass(measuring, f"measuring on {place}"),))
+    def of_poses(
+        cls, cell: Cell, mounting: Mounting, travel: TimedPath, measuring: TimedPath, shortcuts: tuple[int, ...]
+    ) -> "Course":
+        """Return the course through the poses at one mounting."""
+        start, heading = "where the session starts", "measuring"
+        if cell.gauge.is_attached:
+            place = f"fixture {cell.place_name(mounting)}"
+            start, heading = f"the mount pose of {place}", f"measuring on {place}"
+        return cls(mounting, start, travel, (Pass(measuring, heading),), True, shortcuts)
 
     @property
     def measuring(self) -> TimedPath:
@@ -163,11 +170,17 @@ def rests_at_poses(cell: Cell) -> bool:
     return not (is_continuous(cell) and cell.gauge.reads_moving)
 
 
-def time_course(cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints) -> Course:
+def time_course(
+    cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints, shortcuts: tuple[int, ...] = ()
+) -> Course:
     """Time the way to the mount pose and the measuring path (given one way)."""
     cell = cell.at(mounting)
     return Course.of_poses(
-        cell, mounting, time_path(cell, travel, mounting, bar=False), time_measuring(cell, measuring, mounting)
+        cell,
+        mounting,
+        time_path(cell, travel, mounting, bar=False),
+        time_measuring(cell, measuring, mounting),
+        shortcuts,
     )
 
 

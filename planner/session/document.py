@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, NonNegativeInt, field_validator
 
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, read_json, validate
@@ -30,6 +30,7 @@ class DriveRecord(PartialModel):
     point: str = ""
     travel: tuple[WaypointRecord, ...]
     waypoints: tuple[WaypointRecord, ...]
+    shortcuts: tuple[NonNegativeInt, ...] = ()
 
 
 class PoseRecord(PartialModel):

@@ -12,11 +12,12 @@ from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath, is_continuous
+from planner.session.course import TimedPath, is_continuous, leg_speed
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
+EASY = 1.1  # times the shortest time, on ways that are driven once
 STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
 
 
@@ -55,6 +56,25 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
     ]
 
 
+def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> list[JointMove]:
+    """Return joint moves through points q (m, N) [rad], exact stops, within all limits if the joints move evenly."""
+    limit = np.broadcast_to(leg_speed(cell, visit, bar=True), (len(q) - 1,))
+    run = _leg_travel(cell, q, mounting, LEG_SAMPLES, LEG_MARGIN)
+    quickest = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
+    seconds = np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest / cell.motion.travel) * EASY + 1e-3
+    return [
+        JointMove(
+            degrees(q[k + 1]),
+            duration_s=float(seconds[k]),
+            tool_speed_mm_s=float(run.point[k] / seconds[k]) * 1e3,
+            axis_percent=float(np.clip(100.0 * quickest[k] / seconds[k], 0.01, 100.0)),
+            tool_limit_mm_s=float(limit[k]) * 1e3,
+            mounting=mounting,
+        )
+        for k in range(len(q) - 1)
+    ]
+
+
 @dataclass(frozen=True)
 class LegTravel:
     """Largest |dx/ds| of the tool point and |dL/ds| of the attached gauge on each leg, s from 0 to 1, (m − 1,) [m]."""
@@ -79,8 +99,11 @@ def _leg_travel(cell: Cell, q: Array, mounting: Mounting | None, samples: int, m
     return LegTravel(point, np.abs(np.einsum("lsi,lsi->ls", velocity, along)).max(axis=1) * margin)
 
 
-def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[JointMove]:
-    """The blended path in small steps, each with the time it takes; corners stay inside what was proven."""
+def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> tuple[list[JointMove], dict[int, int]]:
+    """Return the blended path in small steps, each with the time it takes; corners stay inside what was proven.
+
+    Beside them: which step begins at which of the path's points, for the points before the poses.
+    """
     trajectory, ids = path.trajectory, path.visit
     t = _dense_times(cell, trajectory)
     motion = trajectory.at(t)
@@ -103,7 +126,8 @@ def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
         out.append(
             JointMove(angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, mounting)
         )
-    return out
+    before = np.flatnonzero(ids[1:] >= 0)
+    return out, {int(np.argmin(np.abs(t[:-1] - trajectory.waypoint_time[w]))): int(w) for w in before}
 
 
 def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:

@@ -18,6 +18,8 @@ from planner.programs.instructions import (
     Pause,
     Program,
     Section,
+    StretchBegin,
+    StretchEnd,
     Sync,
     WaitInput,
 )
@@ -28,14 +30,22 @@ from planner.session.course import Course, TimedPath, rests_at_poses
 from planner.session.driven_moves import degrees, dense_moves, joint_moves
 from planner.session.emitted_speeds import check_emitted_speeds
 from planner.session.plan_types import Programs
+from planner.session.resumption import count_starts, cut_stretches
 
 
 def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) -> Program:
     """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
     body: list[Instruction] = []
+    first = 1
     for one in courses:
-        body += _course_instructions(cell, one, dense)
+        body += _course_instructions(cell, one, dense, first)
+        first += _count_starts(one)
     return build_program(cell, plan_id, body)
+
+
+def _count_starts(course: Course) -> int:
+    """Return at how many places of a course its session can be started: at poses, or at its beginning."""
+    return count_starts(course.measuring) if course.is_of_poses else 1
 
 
 def assemble_programs(dialects: Sequence[str], assemble: Callable[[bool], Program]) -> dict[str, Program]:
@@ -83,15 +93,28 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
     )
 
 
-def _course_instructions(cell: Cell, one: Course, dense: bool) -> list[Instruction]:
-    """The session of one mounting, from home and back home."""
+def _course_instructions(cell: Cell, one: Course, dense: bool, first: int) -> list[Instruction]:
+    """The session of one mounting, from home and back home; ``first`` is the number of its first start."""
     cell = cell.at(one.mounting)
     bare = ", without the bar" if cell.gauge.is_attached else ""
     travel = joint_moves(cell, one.travel, None)
-    there = [Section(f"to {one.start}{bare}"), *travel, *preparation(cell, one.mounting), WaitInput("gauge ready")]
+    there: list[Instruction] = [
+        Section(f"to {one.start}{bare}"),
+        *travel,
+        *preparation(cell, one.mounting),
+        WaitInput("gauge ready"),
+    ]
     after = [Pause("take the bar off")] if cell.gauge.is_attached else []
-    moves = _pass_instructions(cell, one, dense and not rests_at_poses(cell))
-    return [*there, *moves, *after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
+    back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
+    dense = dense and not rests_at_poses(cell)
+    last = StretchBegin(first + _count_starts(one) - 1)
+    if not one.is_of_poses:
+        return [last, *there, *_pass_instructions(cell, one, dense), *back, StretchEnd()]
+    path = one.measuring
+    written = measured_moves(cell, path, one.mounting, dense)
+    measuring = cut_stretches(cell, one.mounting, path, one.shortcuts, written, first)
+    heading = Section(one.passes[0].heading)
+    return [last, *there, StretchEnd(), heading, *measuring, last, *back, StretchEnd()]
 
 
 def _pass_instructions(cell: Cell, course: Course, dense: bool) -> list[Instruction]:
@@ -106,7 +129,7 @@ def _pass_instructions(cell: Cell, course: Course, dense: bool) -> list[Instruct
         out.append(Section(one.heading))
         key, number = (id(one.trajectory), id(one.path.q)), min(one.marks, default=0)
         if key not in written:  # a repeat is the same path with other marks
-            written[key] = number, measured_moves(cell, one.path, course.mounting, dense)
+            written[key] = number, [item for _, item in measured_moves(cell, one.path, course.mounting, dense)]
         first, moves = written[key]
         out += [_shift_mark(item, number - first) for item in moves] if number != first else moves
     return out
@@ -143,23 +166,29 @@ def move_home(cell: Cell) -> JointMove:
     return JointMove(degrees(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, dense: bool) -> list[Instruction]:
+def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, dense: bool) -> list[tuple[int, Instruction]]:
     """The measuring path with a mark at every pose; where the robot rests there, it settles and dwells.
 
     A ball is centred before the mark: the axes are logged where the centring led them. ``dense``: in small steps.
+    Each instruction with the number of the path's point at which the way to a pose begins, or −1.
     """
-    out: list[Instruction] = []
+    out: list[tuple[int, Instruction]] = []
     if dense:
-        out.append(Comment("the blended path in small steps: every corner is already cut"))
+        out.append((-1, Comment("the blended path in small steps: every corner is already cut")))
+        moves, begins = dense_moves(cell, path, mounting)
+    else:
+        moves = joint_moves(cell, path, mounting)
+        begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
     rests = rests_at_poses(cell) and not dense
-    for move in dense_moves(cell, path, mounting) if dense else joint_moves(cell, path, mounting):
-        out.append(move)
+    for k, move in enumerate(moves):
+        out.append((begins.get(k, -1), move))
         if move.pose is None:
             continue
         mark = _mark(cell, move.pose)
         if cell.gauge.head is not None:
             mark = [Centre(nearest_ball(cell, np.deg2rad(move.q_deg)) + 1, move.pose), *mark]
-        out += [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
+        mark = [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
+        out += [(-1, item) for item in mark]
     return out
 
 

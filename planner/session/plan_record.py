@@ -170,6 +170,7 @@ def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
         **plan.cell.place_record(drive.mounting),
         "travel": waypoint_records(drive.course.travel),
         "waypoints": waypoint_records(measuring, m),
+        "shortcuts": list(drive.course.shortcuts),
     }
 
 

@@ -56,13 +56,28 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     if check:
         _check_robot(path, beside, cell, document)
     courses = tuple(
-        time_course(cell, m, _joint_path(path, cell, d.travel), _joint_path(path, cell, d.waypoints))
-        for m, d in zip(mountings_of(path, document.drives, cell), document.drives, strict=True)
+        time_course(
+            cell,
+            mounting,
+            _joint_path(path, cell, d.travel),
+            _joint_path(path, cell, d.waypoints),
+            _check_shortcuts(path, d),
+        )
+        for mounting, d in zip(mountings_of(path, document.drives, cell), document.drives, strict=True)
     )
     if check:
         _check_courses(path, beside, cell, document, courses)
     notes = check_trust(path, cell, courses) if check else doubts(path, cell)
     return PlannedSession(cell, document, courses, notes)
+
+
+def _check_shortcuts(path: Path, drive: DriveRecord) -> tuple[int, ...]:
+    beyond = [k for k in drive.shortcuts if k >= len(drive.waypoints)]
+    if beyond:
+        raise InputError(
+            f"{path}: a drive has the shortcut {beyond[0]}, allowed are its {len(drive.waypoints)} waypoints"
+        )
+    return drive.shortcuts
 
 
 def read_cell_beside(path: Path, purpose: str) -> tuple[Path, Cell]:

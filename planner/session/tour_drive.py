@@ -32,6 +32,7 @@ from planner.session.course import (
 )
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import add_blends, release_path, release_way
+from planner.session.resumption import prove_shortcuts
 from planner.session.tour_cost import tour_costs
 
 TRIES = 12  # tours re-solved with a leg forbidden
@@ -103,7 +104,8 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     travelling = release_way(place.travelling, travel)
     if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
-    course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path)
+    shortcuts = prove_shortcuts(constraints, points.q, points.visit)
+    course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path, shortcuts)
     step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
     reading = reading_limits(cell, place.mounting, bar=True)
     limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step, reading)

@@ -1,16 +1,21 @@
 """Measuring sessions to write in every dialect."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from planner.programs.instructions import (
     Comment,
     Dwell,
+    Entry,
     Instruction,
     JointMove,
     LogAxes,
     Pause,
     Program,
     Section,
+    StretchBegin,
+    StretchEnd,
     Sync,
     WaitInput,
 )
@@ -72,6 +77,30 @@ def continuous(n_joints: int = 6, n_poses: int = 4) -> Program:
         support = tuple(x + 3.0 for x in q)
         tour.append(JointMove(support, 5.0, 16.0, 0.7, 7.5))
     return _frame(n_joints, tour)
+
+
+def resumable(n_joints: int = 6, n_poses: int = 4, rounded: bool = False) -> Program:
+    """A session that can be started at each of its poses, by a way from the mount pose."""
+    program = continuous(n_joints, n_poses) if rounded else static(n_joints, n_poses)
+    mount = program.moves[1].q_deg
+    head, tour, tail = program.instructions[1:6], program.instructions[6:-4], program.instructions[-4:]
+    out: list[Instruction] = [*program.instructions[:1], head[0], StretchBegin(n_poses), *head[1:], StretchEnd()]
+    number, before = 0, mount
+    for item in tour:
+        if isinstance(item, JointMove):
+            if item.pose is not None:
+                number += 1
+                if number > 1:
+                    way = (
+                        JointMove(tuple(q + 5.0 for q in mount), 20.0, 10.0, 0.7),
+                        JointMove(before, 30.0, 10.0, 1.3),
+                    )
+                    out += [StretchEnd(), Entry(number, mount, way)]
+                out.append(StretchBegin(number))
+            before = item.q_deg
+        out.append(item)
+    out += [tail[0], StretchEnd(), StretchBegin(n_poses), *tail[1:], StretchEnd()]
+    return replace(program, instructions=tuple(out))
 
 
 def mixed(n_joints: int = 6, n_poses: int = 2) -> Program:

@@ -4,69 +4,40 @@ import dataclasses
 import re
 import tomllib
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
+from lark import Lark
 
 import tests.program.sessions as sessions
 from planner.programs.instructions import LogAxes
 from planner.programs.program_files import import_map, write_program
-from planner.programs.rendering import ProgramFile
 
-_NUMBER = r"-?\d+\.\d+"
-_PTP = rf"PTP \{{A1 {_NUMBER}(,[AE]\d {_NUMBER})+\}}( C_PTP)?"
-_SOURCE = (
-    _PTP,
-    r"HALT",
-    r"WAIT SEC (0|\d+\.\d+)",
-    r"WAIT FOR \$IN\[\d+\]",
-    r"BAS \(#(INITMOV|VEL_PTP|ACC_PTP|TOOL|BASE),\d+ \)",
-    r"\$(ADVANCE|APO\.CPTP)=\d+",
-    r"\$OV_PRO=(OV_[0-9A-F]{12}|\(OV_[0-9A-F]{12}\*\d+\+99\)/100)",
-    r"OV_[0-9A-F]{12}=\$OV_PRO",
-    r"NUM_[0-9A-F]{12}=(\d+|NUM_[0-9A-F]{12}\+1)",
-    r"\$OUT\[\d+\]=(TRUE|FALSE)",
-    r"\$LOAD=LOAD_DATA\[\d+\]",
-    r"(TRIGGER WHEN DISTANCE=1 DELAY=0 DO )?PULSE \(\$OUT\[\d+\],TRUE,0\.\d+\)",
-    r"GLOBAL INTERRUPT DECL 3 WHEN \$STOPMESS==TRUE DO IR_STOPM \( \)",
-    r"INTERRUPT ON 3",
-    r"LOG_[0-9A-F]{12}\[(\d+|NUM_[0-9A-F]{12})\]\.AX=\$AXIS_ACT",
-    r"TRIGGER WHEN DISTANCE=1 DELAY=0 DO PASS_[0-9A-F]{12} \( \) PRIO=-1",
-    r"GLOBAL DEF PASS_[0-9A-F]{12} \( \)",
-    r"END",
-    r"[A-Z]\w{0,23} \( \)",
-)
-_DATA = (
-    r"GLOBAL STRUC ROW_[0-9A-F]{12} INT POSE,E6AXIS AX",
-    r"DECL GLOBAL ROW_[0-9A-F]{12} LOG_[0-9A-F]{12}\[\d+\]",
-    r"DECL GLOBAL INT (NUM|OV)_[0-9A-F]{12}=(0|100)",
-    r"LOG_[0-9A-F]{12}\[\d+\]=\{POSE \d+,AX \{A1 0\.0(,[AE]\d 0\.0){11}\}\}",
-)
-
-
-def _body(file: ProgramFile, begin: str, end: str) -> list[str]:
-    """Return the statements between the frame lines; the frame must be the first three lines and the last."""
-    lines = file.text.split("\r\n")
-    name = file.name.partition(".")[0]
-    assert lines[:2] == ["&ACCESS RVP", "&REL 1"]
-    assert re.fullmatch(begin.replace("NAME", name), lines[2])
-    assert lines[-2:] == [end, ""]
-    assert len(name) <= 24
-    return [line for line in lines[3:-2] if not line.startswith(";")]
+GRAMMAR = Lark((Path(__file__).parent / "grammars" / "krl.lark").read_text(), parser="lalr")
+SYSTEM = {
+    "$STOPMESS", "$ADVANCE", "$OUT", "$IN", "$LOAD", "LOAD_DATA", "$OV_PRO", "$APO.CPTP", "$AXIS_ACT",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "program",
-    [sessions.static(6), sessions.static(7), sessions.continuous(6), sessions.dense(6, 2500)],
-    ids=["static", "seven joints", "continuous", "in parts"],
+    [
+        sessions.static(6),
+        sessions.static(7),
+        sessions.continuous(6),
+        sessions.dense(6, 2500),
+        sessions.resumable(),
+        sessions.resumable(rounded=True),
+    ],
+    ids=["static", "seven joints", "continuous", "in parts", "resumable", "resumable in passing"],
 )
-def test_only_statements_of_the_subset(program) -> None:  # type: ignore[no-untyped-def]
+def test_every_file_is_of_the_grammar(program) -> None:  # type: ignore[no-untyped-def]
     for file in write_program(program, "krl", "edbb nj130, a long name for a small controller"):
-        source = file.name.endswith(".src")
-        begin, end = (r"DEF NAME \( \)", "END") if source else ("DEFDAT NAME PUBLIC", "ENDDAT")
-        allowed = _SOURCE if source else _DATA
-        for line in _body(file, begin, end):
-            assert any(re.fullmatch(pattern, line) for pattern in allowed), line
-        assert all(len(name) <= 24 for name in re.findall(r"[A-Za-z_$]\w*", file.text.partition("DEF")[2]))
+        name = file.name.partition(".")[0]
+        tree = GRAMMAR.parse(file.text)
+        assert file.text.splitlines()[2] in (f"DEF {name} ( )", f"DEFDAT {name} PUBLIC")
+        named = {str(t) for t in tree.scan_values(lambda t: t.type == "SYSTEM")}
+        assert named <= SYSTEM
 
 
 def test_log_row_is_read_by_the_import_map() -> None:
@@ -88,10 +59,13 @@ def test_override_changes_only_at_a_stop_and_is_given_back() -> None:
     for before, line in pairwise(moves):
         if line.startswith("$OV_PRO"):
             assert not before.endswith("C_PTP")
-    overrides = [x for x in moves if x.startswith("$OV_PRO")]
-    assert overrides[0] != "$OV_PRO=OV_0123456789AB"
+    overrides = [x for x in moves if x.startswith("$OV_PRO") and "CAP_" not in x]
+    assert overrides[0] == "$OV_PRO=OV_0123456789AB", "what a cancelled run has left is given back first"
+    assert overrides[1] != "$OV_PRO=OV_0123456789AB"
     assert overrides[-1] == "$OV_PRO=OV_0123456789AB"
+    assert lines.index("IF OV_0123456789AB==0 THEN") + 1 == lines.index("OV_0123456789AB=$OV_PRO")
     assert lines.index("OV_0123456789AB=$OV_PRO") < lines.index(overrides[0])
+    assert lines[lines.index("INTERRUPT OFF 20") + 2] == "OV_0123456789AB=0", "the next run keeps its own"
     assert not re.search(r"\$OV_PRO=\d", text)
 
 

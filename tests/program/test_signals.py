@@ -150,6 +150,6 @@ def test_rapid_reads_the_axes_in_one_go_with_the_pulse():
     assert body.index("CJointT()") < body.index("PulseDO") < body.index("passedPose")
     poses = np.array([int(n) for n in re.findall(r"^ +PassPose (\d+);", text, re.MULTILINE)])
     np.testing.assert_array_equal(poses, [1, 2, 3, 4])
-    assert f"passedJoints{{{len(poses)}}};" in text
+    assert f"PERS jointtarget passedJoints{{{len(poses)}}} := [" in text
     assert re.search(r"FOR ", text) is None  # it would count down where nothing has been passed
     assert "where the corner path begins" in " ".join(program_notes(sessions.continuous(), "rapid"))

@@ -1,5 +1,6 @@
 """What a program makes the robot do, noted while its statements are run."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -39,8 +40,54 @@ class ReadBack:
     """Number of pulses at measuring poses."""
     centrings: tuple[tuple[int, int, int], ...] = ()
     """Calls of the centring routine: after how many moves, at which ball and which pose."""
+    stretches: tuple[tuple[int, int], ...] = ()
+    """Stretches that a later start leaves out: up to which start, and how many moves come before."""
+    entries: tuple[tuple[int, Array, tuple[float, ...]], ...] = ()
+    """Ways to a start in the middle: which, the angles (k, N) of their exact stops [deg], and the speed words."""
     unknown: tuple[Statement, ...] = ()
     """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
+
+
+class Branches:
+    """The branches of ``[resume]`` as patterns, and whether the reader stands inside one."""
+
+    def __init__(self, patterns: dict[str, re.Pattern[str]]) -> None:
+        self.patterns = patterns
+        self.inside: str | None = None
+
+    @classmethod
+    def of(cls, dialect: Dialect) -> "Branches":
+        """Return the branches of a dialect, none where it has no ``[resume]``."""
+        style = dialect.resume
+        if style is None:
+            return cls({})
+        texts = {"stretch": style.stretch, "entry": style.entry, "end": style.end}
+        return cls({kind: _branch_pattern(text) for kind, text in texts.items()})
+
+    def find(self, said: str) -> tuple[str, int]:
+        """Return the kind of branch that a statement is, or an empty text, and the number that it compares with.
+
+        An end is one only of the branch that is open.
+        """
+        for kind, pattern in self.patterns.items():
+            match = pattern.fullmatch(" ".join(said.split()))
+            if match is None:
+                continue
+            found = match.groupdict()
+            own = found.get("number") or ""
+            if kind == "end" and self.inside != own:
+                break
+            self.inside = None if kind == "end" else own
+            return kind, int(found.get("value") or 0)
+        return "", 0
+
+
+def _branch_pattern(text: str) -> re.Pattern[str]:
+    said = re.escape(" ".join(text.split()))
+    for word, pattern in (("until", r"(?P<value>\d+)"), ("at", r"(?P<value>\d+)"), ("number", r"(?P<number>\d+)"),
+                          ("ID", "[0-9A-F]{12}"), ("id", "[0-9a-f]{12}")):  # fmt: skip
+        said = said.replace(rf"\{{{word}\}}", pattern)
+    return re.compile(said, re.IGNORECASE)
 
 
 class Execution(ABC):
@@ -56,6 +103,19 @@ class Execution(ABC):
         self.syncs = 0
         self.centrings: list[tuple[int, int, int]] = []
         self.unknown: list[Statement] = []
+        self.stretches: list[tuple[int, int]] = []
+        self.entries: list[tuple[int, list[tuple[list[float], float | None, float]]]] = []
+        self.branches = Branches.of(dialect)
+        self.entered: tuple[list[tuple[list[float], float | None, float]], float, int, int] | None = None
+
+    def forget(self, stopped: bool) -> None:
+        """Forget the words that a later start may have left unsaid, at a ``stopped`` robot those of the stop too."""
+        del stopped  # a language whose moves say everything remembers nothing
+
+    @property
+    def overall_speed(self) -> float:
+        """Return what scales all speeds [%]."""
+        return 100.0
 
     @abstractmethod
     def parse(self, texts: Sequence[str]) -> Iterable[Statement]:
@@ -78,6 +138,9 @@ class Execution(ABC):
         statements = list(self.parse(texts))
         understood = set[int]()
         for statement in self.order(statements):
+            if self._branch(statement):
+                understood.add(id(statement))
+                continue
             match statement:
                 case Waiting(number=number, unit=unit):
                     self.dwell(parse_fixed(number, statement.text) * unit)
@@ -93,6 +156,36 @@ class Execution(ABC):
             called = isinstance(statement, Call) and statement.name in routines
             if not (structure or called or id(statement) in understood or known(statement)):
                 self.unknown.append(statement)
+
+    def _branch(self, statement: Statement) -> bool:
+        """Take in a branch on where the operator starts, and return whether the statement was one."""
+        open_before = self.branches.inside is not None
+        kind, number = self.branches.find(statement.text)
+        if kind == "":
+            return False
+        where = f"line {statement.line}: '{statement.text}'"
+        if kind != "end" and open_before:
+            raise InputError(f"{where} begins a branch inside another")
+        if kind == "end":
+            self._leave_entry(where)
+        elif kind == "entry":
+            self.entered = (self.moves, self.overall_speed, len(self.dwells), self.syncs)
+            self.moves = []
+            self.entries.append((number, self.moves))
+            self.forget(stopped=True)
+        else:
+            self.stretches.append((number, len(self.moves)))
+            self.forget(stopped=not self.moves or self.moves[-1][1] is None)
+        return True
+
+    def _leave_entry(self, where: str) -> None:
+        if self.entered is None:
+            return
+        self.moves, speed, dwells, syncs = self.entered
+        stopped = not self.moves or self.moves[-1][1] is None
+        if (len(self.dwells), self.syncs) != (dwells, syncs) or not (stopped or self.overall_speed == speed):
+            raise InputError(f"{where}: the way to a start measures, or leaves another override than the path has")
+        self.entered = None
 
     def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
         """Note a joint move; all moves must drive the same number of axes."""
@@ -112,4 +205,10 @@ class Execution(ABC):
             raise InputError("the program holds no joint move")
         angles, blends, speeds = zip(*self.moves, strict=True)
         path, unknown = read_only(np.array(angles)), tuple(self.unknown)
-        return ReadBack(plan_id, path, blends, speeds, tuple(self.dwells), self.syncs, tuple(self.centrings), unknown)
+        entries = tuple(
+            (at, read_only(np.array([m[0] for m in moves])), tuple(m[2] for m in moves)) for at, moves in self.entries
+        )
+        return ReadBack(
+            plan_id, path, blends, speeds, tuple(self.dwells), self.syncs, tuple(self.centrings),
+            tuple(self.stretches), entries, unknown,
+        )  # fmt: skip

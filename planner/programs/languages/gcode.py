@@ -1,5 +1,6 @@
 """G-code whose axis words are the robot's joints (``A1=10.5`` or ``X10.5``), one block a line."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -66,6 +67,10 @@ class GcodeExecution(Execution):
         self.blend: float | None = 0.0  # rounding as the machine likes, until a block says otherwise
         self.feed: float | None = None
         self.in_pulse = False
+
+    def forget(self, stopped: bool) -> None:
+        """Forget feed and rounding."""
+        self.feed, self.blend = None, math.nan
 
     def parse(self, texts: Sequence[str]) -> Iterator[Statement]:
         """Yield the blocks of the one file."""

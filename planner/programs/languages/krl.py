@@ -1,5 +1,6 @@
 """KUKA KRL, ``.src`` and ``.dat``: targets in braces, at the move or declared by name; routines are DEFs."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -151,6 +152,15 @@ class KrlExecution(Execution):
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "VEL_PTP": 100.0}
+
+    def forget(self, stopped: bool) -> None:
+        """Forget speed and rounding, and at a stop the override."""
+        self.values |= {"$APO.CPTP": math.nan, "VEL_PTP": math.nan} | ({"$OV_PRO": math.nan} if stopped else {})
+
+    @property
+    def overall_speed(self) -> float:
+        """Return the override."""
+        return self.values["$OV_PRO"]
 
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
         """Yield the statements of all files."""

@@ -1,5 +1,6 @@
 """Comau PDL2: joint targets in braces, ``MOVE TO {10, -20, …}`` and ``MOVEFLY TO {…} ADVANCE``."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -104,6 +105,15 @@ class Pdl2Execution(Execution):
         super().__init__(dialect, program)
         self.arm_percent = 100.0
 
+    def forget(self, stopped: bool) -> None:
+        """Forget the override at a stop."""
+        self.arm_percent = math.nan if stopped else self.arm_percent
+
+    @property
+    def overall_speed(self) -> float:
+        """Return the arm's override."""
+        return self.arm_percent
+
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
         """Yield the statements of the one file."""
         return parse(texts[0])
@@ -117,6 +127,8 @@ class Pdl2Execution(Execution):
         match statement:
             case Pdl2Move():
                 self._move(statement)
+            case st.Assignment(name="$ARM_SPD_OVR", value="kept_ovr"):
+                self.arm_percent = math.nan  # as it was found: no move may follow
             case st.Assignment(name="$ARM_SPD_OVR", value=value):
                 self.arm_percent = st.parse_fixed(value, statement.text)
             case _:
