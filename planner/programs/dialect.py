@@ -76,9 +76,10 @@ INSTEAD = {"(": ", ", ")": ", ", ";": ",", '"': "'"}  # in a comment, for what m
 
 
 def comment_text(text: str, style: CommentStyle) -> str:
-    """Return ``text`` on one line, in ASCII, without the characters that would end a comment."""
+    """Return ``text`` on one line, in ASCII, with commas for characters that would end a comment."""
     ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    kept = "".join(INSTEAD.get(c, " ") if c in style.forbid else c if c.isprintable() else " " for c in ascii_text)
+    instead = {c: " " if set(INSTEAD.get(c, " ")) & set(style.forbid) else INSTEAD.get(c, " ") for c in style.forbid}
+    kept = "".join(instead.get(c, c if c.isprintable() else " ") for c in ascii_text)
     kept = re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).strip(", ")
     return " ".join(kept.split())[: style.max_length].rstrip()
 

@@ -55,9 +55,13 @@ def entry_ways(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int
 
 
 def cut_stretches(
-    cell: Cell, mounting: Mounting, path: TimedPath, shortcuts: Sequence[int], written: Sequence[tuple[int, Instruction]],
+    cell: Cell,
+    mounting: Mounting,
+    path: TimedPath,
+    shortcuts: Sequence[int],
+    written: Sequence[tuple[int, Instruction]],
     first: int,
-) -> list[Instruction]:  # fmt: skip
+) -> list[Instruction]:
     """Return a measuring path as stretches, one for each pose that is passed, with a way to the start of each.
 
     Args:
