@@ -46,7 +46,8 @@ def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], befor
     yield f"Corrected lines: {lines(corrected) or 'none'}."
     reasons: dict[str, list[int]] = {}
     for line, why in left:
-        reasons.setdefault(textwrap.shorten(why, LENGTH, placeholder=" ..."), []).append(line)
+        here = re.sub(r"\bline (\d+)(?! of the other)", lambda m: f"line {lines([int(m[1])])}", why)
+        reasons.setdefault(textwrap.shorten(here, LENGTH, placeholder=" ..."), []).append(line)
     for count, (why, where) in enumerate(reasons.items(), start=1):
         if count > REASONS:
             rest = [n for group in list(reasons.values())[REASONS:] for n in group]

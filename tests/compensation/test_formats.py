@@ -234,7 +234,7 @@ def without_head(text):
     lines = text.splitlines(keepends=True)
     first = next((k for k, line in enumerate(lines) if "Compensated in part" in line), 0)
     last = first
-    while last < len(lines) and re.match(r"[;!#] \w", lines[last]) and first:
+    while last < len(lines) and re.match(r"[;!#] \S", lines[last]) and first:
         last += 1
     return "".join(lines[:first] + lines[last:])
 

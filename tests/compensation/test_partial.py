@@ -1,0 +1,292 @@
+"""What a program says for certain is corrected; everything else stays byte for byte, and both are listed by line."""
+
+import re
+
+import numpy as np
+import pytest
+
+from planner.common.errors import InputError, NoSolutionError
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.targets import ToolAndBase
+from planner.kinematics.robot_reader import load_robot
+from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.test_cartesian import TOOL, abc_of, frame_text, kuka_status, pose_text
+from tests.compensation.test_formats import krl, without_head
+
+NULL = ["$TOOL=$NULLFRAME", "$BASE=$NULLFRAME"]
+FREE = ToolAndBase(np.eye(4), np.eye(4))
+GOOD = "PTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}"
+
+
+@pytest.fixture(scope="module")
+def kuka():
+    return bent("kuka-kr6-r700", seed=4)
+
+
+@pytest.fixture(scope="module")
+def abb():
+    return bent("abb-irb120", seed=4)
+
+
+def pose(robot, q_deg=(10, -80, 100, 20, 40, 30), status=True, plus=0):
+    q = np.radians(q_deg)
+    numbers = ",".join(f"{k} {v:.5f}" for k, v in zip("XYZABC", abc_of(pin_flange(exact(robot), q)), strict=True))
+    turn = int((q < 0) @ (1 << np.arange(6)))
+    return f"{{{numbers},S {kuka_status(robot, q) + plus},T {turn}}}" if status else f"{{{numbers}}}"
+
+
+def target(robot, q_deg=(10, 20, 10, 20, 40, 30), external="9E9"):
+    q = np.radians(q_deg)
+    conf = [int(np.floor(q[j] / (np.pi / 2))) for j in (0, 3, 5)]
+    axes = ",".join([external, *["9E9"] * 5])
+    return f"{pose_text(pin_flange(exact(robot), q))[:-1]},[{conf[0]},{conf[1]},{conf[2]},0],[{axes}]]"
+
+
+def run(path, text, robot, **more):
+    path.write_text(text)
+    return compensate_file(path, *robot, **more)
+
+
+def changed(done, text):
+    """Lines, counted in the input, that the output has otherwise; everything else must be the same."""
+    before, after = text.splitlines(), without_head(done.text).splitlines()
+    assert len(before) == len(after)
+    return [k for k, (a, b) in enumerate(zip(before, after, strict=True), start=1) if a != b]
+
+
+def reasons(done):
+    return {line: why for line, why in done.report.kept}
+
+
+LEFT_KRL = {
+    "tool component": (["$TOOL.Z=5", "PTP {P}"], 6, r"\$TOOL\.Z is changed in line 5"),
+    "base component": (
+        ["BASE_DATA[1]={B}", "BAS(#BASE,1)", "BASE_DATA[1].X=3", "PTP {P}"],
+        8,
+        r"BASE_DATA\[1\]\.X is changed in line 7",
+    ),
+    "two bases": (["BASE_DATA[1]={B}", "BASE_DATA[1]={T}", "BAS(#BASE,1)", "PTP {P}"], 8, r"BASE_DATA\[1\] is changed"),
+    "tool on the floor": (["$IPO_MODE=#TCP", "PTP {P}"], 6, r"\$IPO_MODE is #TCP since line 5"),
+    "accuracy model": (["PTP {A}"], 5, "accuracy model of its own"),
+    "external axis": (["PTP {E}"], 5, "external axes are not at zero"),
+    "computed": (["XP1={P}", "XP1.Z=XP1.Z+5", "PTP XP1"], 5, r"XP1 is computed while the program runs \(line 6\)"),
+    "made a base": (["XP1={P}", "$BASE=XP1", "PTP XP1"], 5, r"XP1 makes a tool or a base \(line 6\)"),
+    "two values": (["F1={F}", "LIN F1", "F1={G}", "LIN F1"], 5, "F1 has more than one value"),
+    "relative": (["LIN_REL {Z 5}"], 5, "moves relative"),
+    "jump": (["again:", "PTP {P}"], 6, "does not say the tool and base"),
+    "no room to say": (["PTP XELSE"], 5, "XELSE is declared elsewhere"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_KRL)
+def test_krl_lines_that_are_not_certain_are_left_and_named(name, kuka, tmp_path):
+    rows, line, why = LEFT_KRL[name]
+    robot, _ = kuka
+    words = {
+        "{P}": pose(robot), "{A}": pose(robot, plus=16), "{E}": pose(robot).replace("}", ",E1 500.0}"),
+        "{F}": pose(robot, status=False), "{G}": pose(robot, (20, -80, 100, 20, 40, 30), status=False),
+        "{B}": frame_text(np.zeros(6)), "{T}": frame_text(TOOL),
+    }  # fmt: skip
+    for word, value in words.items():
+        rows = [row.replace(word, value) for row in rows]
+    text = krl(*NULL, GOOD, *rows, GOOD.replace("10", "15"))
+    done = run(tmp_path / "p.src", text, kuka)
+    assert re.search(why, reasons(done)[line])
+    assert changed(done, text) == [4, 5 + len(rows)] == list(done.report.corrected)
+    with pytest.raises(InputError, match=why):
+        compensate_file(tmp_path / "p.src", *kuka, strict=True)
+
+
+def test_an_accuracy_model_that_is_off_is_no_obstacle(kuka, tmp_path):
+    text = krl(*NULL, f"PTP {pose(kuka[0], plus=16)}")
+    done = run(tmp_path / "p.src", text, kuka, frames=ToolAndBase(uncorrected=True))
+    assert changed(done, text) == [4]
+    assert re.search(r"S (\d+)", done.text)[1] == str(kuka_status(kuka[0], np.radians([10, -80, 100, 20, 40, 30])) + 16)
+
+
+def test_frames_given_a_value_in_the_file_are_points_of_their_moves(kuka, tmp_path):
+    """F1={X …} then LIN F1: the shape of the arm is the one that it comes in."""
+    robot, _ = kuka
+    text = krl(*NULL, GOOD, f"F1={pose(robot, (12, -78, 98, 22, 42, 33), status=False)}", "LIN F1")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == [4, 5]
+    assert done.report.left_m < 2e-6
+    assert not done.partly
+
+
+def test_statements_go_on_over_lines_and_comments(kuka, tmp_path):
+    robot, _ = kuka
+    first, second = pose(robot).split(",Z ")
+    text = krl(*NULL, f"PTP {first}, ; half of it {{X 1}}", f"  Z {second} C_PTP")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == [4, 5]
+    assert done.report.poses == 1
+
+
+def test_the_two_halves_of_a_krl_module_are_read_together(kuka, tmp_path):
+    """The data say the points, the moves say the frames and what the program computes."""
+    robot, _ = kuka
+    data = f"DEFDAT P\nDECL E6POS XP1={pose(robot)}\nDECL E6POS XP2={pose(robot)}\nENDDAT\n"
+    (tmp_path / "P.src").write_text(krl(*NULL, "PTP XP1", "XP2.Z=XP2.Z+5", "PTP XP2"))
+    done = run(tmp_path / "P.dat", data, kuka)
+    assert changed(done, data) == [2]
+    assert reasons(done) == {3: "XP2 is computed while the program runs (line 5 of the other half of the module)"}
+
+
+LEFT_RAPID = {
+    "offset": ("MoveL Offs(p1,0,0,5),v9,fine,tool0;", 5, "Offs from p1 found: it gets the correction of that point"),
+    "tool": ("t1.tframe.trans.z := 5;\nMoveL p2,v9,fine,t1;", 3, r"t1\.tframe\.trans\.z is changed in line 7"),
+    "object": ("w1.uframe.trans.x := 5;\nMoveL p2,v9,fine,tool0\\WObj:=w1;", 3, r"w1\.uframe\.trans\.x is changed"),
+    "frame": ("w1.oframe.trans := p2.trans;\nMoveL p2,v9,fine,tool0;", 3, r"p2 makes a tool or a work object"),
+    "external": ("MoveL {E},v9,fine,tool0;", 7, "external axes are not at zero"),
+    "handed on": ("pick p2;", 3, "it is handed to pick in line 7"),
+    "two tools": ("MoveL p2,v9,fine,tool0;\nMoveL p2,v9,fine,t1;", 3, "different tools or bases"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_RAPID)
+def test_rapid_lines_that_are_not_certain_are_left_and_named(name, abb, tmp_path):
+    body, line, why = LEFT_RAPID[name]
+    line = 7 if name == "offset" else line
+    body = body.replace("{E}", target(abb[0], external="500"))
+    text = (
+        f"MODULE M\nCONST robtarget p1:={target(abb[0])};\nCONST robtarget p2:={target(abb[0], (5, 10, 20, 30, 40, 50))};"
+        "\nPERS tooldata t1:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC main()\n"
+        f"MoveL p1,v9,fine,tool0; PERSIST; {WOBJ}\n{body}\nENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert re.search(why, reasons(done)[line])
+    assert 2 in changed(done, text)
+    assert line not in changed(done, text)
+
+
+WOBJ = 'PERS wobjdata w1:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+
+
+def test_options_behind_a_target_in_place_are_read(abb, tmp_path):
+    q = "[[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    text = (
+        f"MODULE M\nPROC main()\nMoveAbsJ {q}\\NoEOffs,v9,fine,tool0;\nMoveL {target(abb[0])}\\ID:=10,v9,fine,tool0;\n"
+        "ENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [3, 4]
+    assert "\\NoEOffs,v9" in done.text
+    assert "\\ID:=10,v9" in done.text
+    assert not done.partly
+
+
+def test_points_of_one_name_belong_to_their_routine_and_module(abb, tmp_path):
+    """Each p1 is a point of its own: corrected with the tool of its own moves."""
+    robot, real = abb
+    first, second = (target(robot, q) for q in ((10, 20, 10, 20, 40, 30), (-30, 10, 20, -20, 50, 10)))
+    text = (
+        f"MODULE A\nPROC one()\nCONST robtarget p1:={first};\nMoveJ p1,v9,fine,tool0;\nENDPROC\n"
+        f"PROC two()\nCONST robtarget p1:={second};\nMoveJ p1,v9,fine,tool0;\nENDPROC\nENDMODULE\n"
+        f"MODULE B\nCONST robtarget p1:={first};\nPROC three()\nMoveJ p1,v9,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, (robot, real))
+    assert changed(done, text) == [3, 7, 12]
+    alone = text.split("PROC two")[0] + "ENDMODULE\n"
+    corrected = run(tmp_path / "q.mod", alone, (robot, real)).text.splitlines()[2]
+    assert done.text.splitlines()[2] == done.text.splitlines()[11] == corrected
+
+
+def test_a_parameter_hides_the_point_of_its_name(abb, tmp_path):
+    text = (
+        f"MODULE A\nCONST robtarget p1:={target(abb[0])};\nCONST robtarget p2:={target(abb[0])};\nPROC go(robtarget p2)\n"
+        "MoveJ p1,v9,fine,tool0;\nMoveJ p2,v9,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [2]
+    assert "no move of this file uses it" in reasons(done)[3]
+    assert 6 in reasons(done)
+
+
+def test_rows_of_robtargets_are_corrected_one_by_one(abb, tmp_path):
+    text = (
+        f"MODULE A\nCONST robtarget row{{2}}:=[{target(abb[0])},\n{target(abb[0], (5, 10, 20, 30, 40, 50))}];\nPROC go()\n"
+        "FOR i FROM 1 TO 2 DO\nMoveJ row{i},v9,fine,tool0;\nENDFOR\nENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [2, 3]
+    assert done.report.poses == 2
+
+
+def test_without_confdata_the_arm_keeps_the_shape_in_which_it_comes(abb, tmp_path):
+    """ConfL off, and a confdata that nobody has set: a pose behind a known one is certain, the first is not."""
+    robot, _ = abb
+    nonsense = re.sub(r"\],\[-?\d,-?\d,-?\d,\d\]", "],[0,0,0,1]", target(robot, (12, 22, 12, 22, 42, 33)))
+    text = (
+        f"MODULE A\nPROC go()\nConfL\\Off;\nMoveL {nonsense},v9,fine,tool0;\n"
+        f"MoveAbsJ [[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]],v9,fine,tool0;\nMoveL {nonsense},v9,fine,tool0;\n"
+        "ENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [5, 6]
+    assert "confdata is switched off in line 3" in reasons(done)[4]
+    assert done.text.count("[0,0,0,1]") == 2
+
+
+SERVICE = {
+    "masref_user.src": (krl(*NULL, GOOD), r"file is a mastering or service point"),
+    "p.src": (krl(GOOD).replace("DEF P", "DEF MASREF_TEST"), r"MASREF_TEST is a mastering or service point"),
+    "p.dat": (
+        f"DEFDAT P\nDECL E6AXIS XMASREF={GOOD[4:]}\nENDDAT\n",
+        r"XMASREF is a mastering or service point",
+    ),
+    "p.mod": (
+        "MODULE M\nCONST jointtarget sync_pos:=[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nENDMODULE\n",
+        r"sync_pos is a mastering or service point",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SERVICE)
+def test_points_of_mastering_are_never_touched(name, kuka, tmp_path):
+    text, why = SERVICE[name]
+    with pytest.raises(InputError, match=why):
+        run(tmp_path / name, text, kuka)
+
+
+def test_the_head_lists_lines_as_they_are_counted_in_the_written_file(kuka, tmp_path):
+    text = krl(*NULL, GOOD, "PTP XELSE", "LIN_REL {Z 5}", GOOD)
+    done = run(tmp_path / "p.src", text, kuka)
+    rows = done.text.splitlines()
+    head = " ".join(row[2:] for row in rows if row.startswith("; "))
+    at = [int(n) for n in re.search(r"Corrected lines: ([\d, ]+)\.", head)[1].split(",")]
+    assert [rows[n - 1][:8] for n in at] == ["PTP {A1 ", "PTP {A1 "]
+    left = [int(n) for n in re.findall(r"Left as written, lines (\d+):", head)]
+    assert [rows[n - 1] for n in left] == ["PTP XELSE", "LIN_REL {Z 5}"]
+    assert rows[0] == "DEF P ( )"
+    again = run(tmp_path / "q.src", done.text, kuka)
+    assert len(again.report.corrected) == 2
+
+
+def test_a_program_of_another_robot_is_told(kuka, tmp_path):
+    with pytest.raises(InputError, match=r"p\.src:2: the program is for the robot 'comau-nj130'"):
+        run(tmp_path / "p.src", krl("; robot: comau-nj130", "; plan_id: 0123456789ab", GOOD), kuka)
+    done = run(tmp_path / "p.src", krl("; cell 4, KR 210 R2700 prime", GOOD), kuka)
+    assert [line for line, why in done.report.notes if "KR 210 R2700" in why] == [2]
+    assert not run(tmp_path / "p.src", krl("; KUKA KR 6 R700 sixx", GOOD), kuka).report.notes
+    far = [f"PTP {{X {x},Y 0,Z 1500,A 0,B 90,C 0,S 2,T 2}}" for x in (1500, 1800, 2000)]
+    with pytest.raises(NoSolutionError, match="3 of 4 targets are out of reach .* program of another robot"):
+        run(tmp_path / "p.src", krl(*NULL, GOOD, *far), kuka)
+
+
+@pytest.mark.parametrize("name", ["kuka-kr6-r700", "abb-irb120"])
+def test_the_output_of_a_real_file_is_read_and_corrected_again(name, tmp_path):
+    """Never refused by its own tool: what was written is read as the same targets, without a robot's error unchanged."""
+    robot, real = bent(name, seed=6)
+    poses = regular_angles(robot, 12, seed=6, margin=0.2)
+    if name.startswith("kuka"):
+        path, rows = tmp_path / "p.src", [f"PTP {pose(robot, np.degrees(q))}" for q in poses]
+        text = krl(*NULL, *rows)
+    else:
+        path = tmp_path / "p.mod"
+        rows = [f"MoveJ {target(robot, np.degrees(q))},v9,fine,tool0;" for q in poses if abs(q[0]) < 1 and q[4] > 0]
+        text = "\n".join(["MODULE M", "PROC main()", *rows, "ENDPROC", "ENDMODULE", ""])
+    done = run(path, text, (robot, real))
+    again = run(path, done.text, (load_robot(name), exact(robot)))
+    assert again.report.shift_max_m < 1e-6
+    assert len(again.report.corrected) == len(done.report.corrected)
