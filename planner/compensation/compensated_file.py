@@ -13,7 +13,7 @@ from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
 from planner.compensation.head_comment import add_head
 from planner.compensation.languages import comment_style, companion_of, detect_dialect, family_of, read_targets
-from planner.compensation.nominal_angles import solve_nominal_angles
+from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.other_robot import check_reach, foreign_robot_notes
 from planner.compensation.printed import read_printed
 from planner.compensation.report import (
@@ -61,6 +61,7 @@ class _Source:
     companion: str
     robot: Robot
     frames: ToolAndBase
+    seeds: SearchSeeds
 
     def read(self, text: str) -> TargetReading:
         """Return what ``text`` asks the robot to do.
@@ -103,13 +104,13 @@ def compensate_file(
     """
     text, encoding = _read(path)
     language = dialect or detect_dialect(path, text)
-    source = _Source(path.name, language, companion_of(path, language, _read), nominal, frames)
+    source = _Source(path.name, language, companion_of(path, language, _read), nominal, frames, SearchSeeds(nominal))
     notes = list(foreign_robot_notes(path.name, text, nominal))
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
     targets = _understood(path, reading, strict)
-    q, problems = solve_nominal_angles(nominal, targets)
+    q, problems = solve_nominal_angles(nominal, targets, source.seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
@@ -153,7 +154,7 @@ def _write(
         printed = source.read(new_text).take_targets()
         if [t.line for t in printed] != [t.line for t in targets]:
             raise NoSolutionError(f"{source.name}: the corrected file does not read as the same targets")
-        q_printed, bad = read_printed(source.robot, calibrated, printed, rows, q, q_new)
+        q_printed, bad = read_printed(source.seeds, calibrated, printed, rows, q, q_new)
         if not bad:
             return _Written(new_text, printed, rows, q_new, q_printed, wrong)
         wrong += [(targets[rows[k]].line, why) for k, why in bad]

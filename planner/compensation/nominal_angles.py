@@ -1,6 +1,6 @@
 """Joint angles at which the nominal robot reaches the poses of a file, in the configuration that the file says."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -20,7 +20,48 @@ FOUND = 1e-7  # [m and rad] of a pose that is reached
 UNREACHED = "the nominal robot does not reach the pose"
 
 
-def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, list[Note]]:
+class SearchSeeds:
+    """Arm positions that the search for a pose starts from, spread over the limits of one robot."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+
+    @cached_property
+    def q(self) -> Array:
+        """The positions, (m, N) [rad], one turn of each joint at most."""
+        lower, upper = np.maximum(self.robot.q_lower, -np.pi), np.minimum(self.robot.q_upper, np.pi)
+        return np.asarray(lower + _unit_points(self.robot.n_joints) * (upper - lower))
+
+    @cached_property
+    def _shapes(self) -> np.ndarray:
+        return shape_of(self.robot, self.q)
+
+    @cached_property
+    def _features(self) -> Array:
+        return self.features(*NominalPoser(self.robot).flange(self.q))
+
+    @cached_property
+    def _trees(self) -> dict[int, tuple[np.ndarray, KDTree]]:
+        return {}
+
+    def features(self, p: Array, R: Array) -> Array:
+        """Return what poses are compared by, (n, 12): place in reaches of the arm, and axes."""
+        reach = sum(abs(t.nominal) for t in self.robot.transforms if t.kind == "translation")
+        return np.concatenate([2.0 * p / reach, 0.5 * R.reshape(len(p), 9)], axis=1)
+
+    def of_shape(self, shape: int) -> tuple[np.ndarray, KDTree | None]:
+        """Return the rows of ``q`` in one shape of the arm, and the tree of their features."""
+        if shape not in self._trees:
+            own = np.flatnonzero(self._shapes == shape)
+            if not own.size:
+                return own, None
+            self._trees[shape] = own, KDTree(self._features[own])
+        return self._trees[shape]
+
+
+def solve_nominal_angles(
+    robot: Robot, targets: list[Target], seeds: SearchSeeds | None = None
+) -> tuple[Array, list[Note]]:
     """Return the angles (n, N) [rad] of the targets of a file, NaN where there are none, and (line, why) of those."""
     q = np.full((len(targets), robot.n_joints), np.nan)
     problems: list[Note] = []
@@ -28,7 +69,7 @@ def solve_nominal_angles(robot: Robot, targets: list[Target]) -> tuple[Array, li
         if target.q is not None:
             q[i] = target.q
     _from_start(robot, targets, q, problems)
-    _from_configuration(robot, targets, q, problems)
+    _from_configuration(robot, targets, q, problems, SearchSeeds(robot) if seeds is None else seeds)
     return q, problems
 
 
@@ -51,7 +92,9 @@ def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[No
             problems.append((targets[i].line, "the pose is not reached from its starting angles"))
 
 
-def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) -> None:
+def _from_configuration(
+    robot: Robot, targets: list[Target], q: Array, problems: list[Note], seeds: SearchSeeds
+) -> None:
     rows = [i for i, t in enumerate(targets) if t.pose is not None and t.pose.start is None]
     if not rows:
         return
@@ -66,7 +109,7 @@ def _from_configuration(robot: Robot, targets: list[Target], q: Array, problems:
         wanted = None if pose.configuration is None else pose.configuration.shape
         shapes[i] = shapes[follows[0]] if wanted is None and follows else wanted or 0
         poses.append(pose)
-    found, ok = _search(robot, flange_of(poses), shapes[rows])
+    found, ok = _search(robot, flange_of(poses), shapes[rows], seeds)
     for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
         target = targets[i]
         before = targets[target.follows[0]].line if target.follows else None
@@ -93,25 +136,22 @@ def _agree(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) 
                 break
 
 
-def _search(robot: Robot, T: Array, shapes: np.ndarray) -> tuple[Array, np.ndarray]:
+def _search(robot: Robot, T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np.ndarray]:
     """Return angles (n, 6) in the shapes (n,) that reach T (n, 4, 4), and which were found."""
     q, ok = np.zeros((len(T), robot.n_joints)), np.zeros(len(T), dtype=bool)
-    seeds, scale = _seeds(robot)
-    kinds = shape_of(robot, seeds)
-    features = _features(T[:, :3, 3], T[:, :3, :3], scale)
-    pool = _features(*NominalPoser(robot).flange(seeds), scale)
+    features = seeds.features(T[:, :3, 3], T[:, :3, :3])
     for shape in np.unique(shapes):
-        rows, own = np.flatnonzero(shapes == shape), np.flatnonzero(kinds == shape)
-        if not own.size:
+        rows = np.flatnonzero(shapes == shape)
+        own, tree = seeds.of_shape(int(shape))
+        if tree is None:
             continue
-        tree = KDTree(pool[own])
         for count in STARTS:
             rows = rows[~ok[rows]]
             if not rows.size:
                 break
             near = tree.query(features[rows], k=range(1, min(count, own.size) + 1))[1]
             found, good = _reach(
-                robot, seeds[own[near]].reshape(-1, robot.n_joints), np.repeat(T[rows], near.shape[1], 0)
+                robot, seeds.q[own[near]].reshape(-1, robot.n_joints), np.repeat(T[rows], near.shape[1], 0)
             )
             good = (good & has_shape(robot, found, np.full(len(found), shape))).reshape(near.shape)
             q[rows] = found.reshape(*near.shape, -1)[np.arange(len(rows)), good.argmax(axis=1)]
@@ -163,17 +203,6 @@ def _choose_turns(
     return np.asarray(options[best, np.arange(robot.n_joints)]), ""
 
 
-def _seeds(robot: Robot) -> tuple[Array, float]:
-    """Return arm positions (n, N) [rad] spread over the joints' limits, one turn at most, and the reach [m]."""
-    lower, upper = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
-    q = lower + _unit_points(robot.n_joints) * (upper - lower)
-    return q, float(sum(abs(t.nominal) for t in robot.transforms if t.kind == "translation"))
-
-
 @lru_cache(maxsize=4)
 def _unit_points(dimension: int) -> Array:
     return np.asarray(qmc.Sobol(dimension, scramble=False).random_base2(SEEDS))
-
-
-def _features(p: Array, R: Array, scale: float) -> Array:
-    return np.concatenate([2.0 * p / scale, 0.5 * R.reshape(len(p), 9)], axis=1)

@@ -4,27 +4,27 @@ import numpy as np
 
 from planner.common.units import DEG, UM, Array
 from planner.compensation.correction import NominalPoser, Poser, flange_deviation
-from planner.compensation.nominal_angles import solve_nominal_angles
+from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.targets import Note, Target
-from planner.kinematics.robot import Robot
 
 JOINTS = 1e-3  # [rad] of a joint between what is read and what was meant: another turn is 2π, another shape far more
 PLACE = 5e-6  # [m and rad] of the calibrated flange, from rounding alone
 
 
 def read_printed(
-    robot: Robot, calibrated: Poser, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
+    seeds: SearchSeeds, calibrated: Poser, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
 ) -> tuple[Array, list[tuple[int, str]]]:
     """Return the angles (n, N) [rad] at which a controller stands at the printed targets, and which are wrong and why.
 
     Args:
-        robot: the nominal robot, as which the controller reads the file.
+        seeds: of the nominal robot, as which the controller reads the file.
         calibrated: the robot as it is.
         printed: all targets of the corrected text.
         rows: indices of those that were corrected.
         q, q_new: their nominal and corrected angles, (n, N) [rad].
     """
-    found, problems = solve_nominal_angles(robot, printed)
+    robot = seeds.robot
+    found, problems = solve_nominal_angles(robot, printed, seeds)
     angles = found[rows]
     said: dict[int, str] = dict(_by_line(problems))
     p, R = NominalPoser(robot).flange(q)
