@@ -143,7 +143,7 @@ def released_tool(found, bench, folder: Path, q: np.ndarray) -> np.ndarray:
     for name, text in calibrated_files(found):
         (folder / "out" / name).write_text(text)
     p, R = CalibratedRobot(load_robot(folder / "out" / "robot.toml")).flange(q)
-    fitted = dict(zip(found.fit.model.names, found.fit.errors, strict=True))
+    fitted = dict(zip(found.released.fit.model.names, found.released.fit.errors, strict=True))
     return p + R @ (bench.tool + [fitted.get(f"map_{x}", 0.0) for x in "xyz"])
 
 
