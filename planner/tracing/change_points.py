@@ -28,6 +28,7 @@ FEWEST_SAMPLES = 3  # on either side of a step
 # tries that are as good as one: neighbouring samples and things look much alike. Of 200 clean runs of 80, and of 200,
 # poses the surest step in a hundred had a chance of 0.2 and 0.05 by Bonferroni's correction for all tries
 ALIKE = 8
+LOG_SUDDEN = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
 LEAST_SLIP = 8.0  # robust standard deviations from which on a row is wrong and no mere outlier
 SIMILAR_GAIN = 0.7  # share of the best one's gain from which on another step is tried beside it
 MOST_OF_A_SERIES = 10  # steps of one thing
@@ -66,7 +67,8 @@ def change_sample(found: FittedEffect) -> int | None:
 def best_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[EffectScore]:
     """Yield the best step of each thing that may step."""
     for thing, columns in zip(things, _columns(test, things), strict=True):
-        yield _best_step(test, thing, columns, len(things))
+        score = _best_step(test, thing, columns, len(things))
+        yield score if _is_sudden(test, columns, score) else replace(score, log_p=0.0)
 
 
 def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[EffectScore, ...]]:
@@ -83,9 +85,10 @@ def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[Effe
             if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
                 break
             steps.append(score)
-            left = _beside(left, columns, score)
-        if len(steps) > 1:
-            out.append(tuple(steps))
+            left = _beside(left, _as_stepped(left, columns, score))
+        held = tuple(s for s in steps if _is_sudden(_beside_others(test, columns, steps, s), columns, s))
+        if len(held) > 1:
+            out.append(held)
     return sorted(out, key=lambda steps: -series_merit(test, steps))
 
 
@@ -96,20 +99,33 @@ def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
     return float(test.dof * np.log(test.scatter / left)) - costs
 
 
-def _beside(test: ScoreTest, columns: Array, score: EffectScore) -> ScoreTest:
-    """Return the test with a step of columns (n, r, k) in the model."""
-    sample = change_sample(FittedEffect(score.effect))
-    before = np.asarray(test.problem.samples.number) < sample
-    A = np.where(before[:, None, None], -columns, 0.0).reshape(-1, columns.shape[2])
+def _beside(test: ScoreTest, A: Array) -> ScoreTest:
+    """Return the test with whitened columns A (n, r, k) in the model."""
+    A = A.reshape(-1, A.shape[2])
+    shared = test.basis.T @ A
     # with the prior's rows below Q, the part of a column that is left has the length of the score's information
-    mu, axes = np.linalg.eigh(score.information)
-    seen = mu > 1e-9 * mu[-1]
+    mu, axes = np.linalg.eigh(A.T @ A - shared.T @ shared)
+    seen = mu > 1e-9 * max(float(mu[-1]), 1e-300)
     root = axes[:, seen] / np.sqrt(mu[seen])
-    U = (A - test.basis @ (test.basis.T @ A)) @ root
+    U = (A - test.basis @ shared) @ root
     return replace(
-        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ (root.T @ score.along),
+        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ (root.T @ (A.T @ test.residual)),
         dof=max(1.0, test.dof - U.shape[1]),
     )  # fmt: skip
+
+
+def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:
+    """Return the test with all steps of a series but one in the model."""
+    for other in steps:
+        test = test if other is own else _beside(test, _as_stepped(test, columns, other))
+    return test
+
+
+def _as_stepped(test: ScoreTest, columns: Array, score: EffectScore) -> Array:
+    """Columns (n, r, k) of the step that was scored."""
+    sample = change_sample(FittedEffect(score.effect))
+    before = np.asarray(test.problem.samples.number) < sample
+    return np.where(before[:, None, None], -columns, 0.0)
 
 
 def _best_step(test: ScoreTest, thing: Steppable, columns: Array, things: int) -> EffectScore:
@@ -121,6 +137,19 @@ def _best_step(test: ScoreTest, thing: Steppable, columns: Array, things: int) -
     j = int(allowed[np.argmax(gain[allowed])])
     effect = thing.step(int(number[j + 1]), -(-len(number) * things // ALIKE))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
+
+
+def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
+    """Tell whether a step holds beside a steady drift of the same thing.
+
+    Of poses in a systematic order whatever the model lacks changes slowly over the run, and much of that looks like a
+    step.
+    """
+    beside = _beside(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
+    A = _as_stepped(test, columns, score).reshape(-1, columns.shape[2])
+    shared, along = beside.basis.T @ A, A.T @ beside.residual
+    gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
+    return beside.log_p(float(gain[0]), int(size[0]), 1.0) < LOG_SUDDEN
 
 
 def _columns(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[Array]:
