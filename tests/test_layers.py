@@ -1,6 +1,7 @@
 """Imports point down, rooms of one layer do not tangle, and what the libraries must not do is not asked of them."""
 
 import ast
+import re
 from pathlib import Path
 
 import planner
@@ -96,6 +97,28 @@ def test_files_and_functions_stay_small():
             if isinstance(node, ast.FunctionDef):
                 doc = ast.get_docstring(node) or ""
                 assert node.end_lineno - node.lineno - doc.count("\n") <= 60, f"{path}: {node.name}"
+
+
+IRREGULAR = re.compile(
+    "begun|bent|bought|broken|brought|caught|chosen|done|drawn|driven|felt|found|given|gone|grown|held|hidden|kept|known|"
+    "laid|led|left|lost|made|meant|met|paid|said|seen|sent|shown|sought|spent|spun|stood|struck|taken|thought|thrown|"
+    "told|torn|understood|worn|written"
+)
+NO_PARTICIPLES = {"seed", "need", "feed", "speed"}
+
+
+def test_no_function_is_named_by_a_participle_alone():
+    """A verb does (``solve_ik``), a noun is. Properties say what is so; validators and wrappers are not called."""
+    free = ("property", "validator", "wraps", "setter")
+    for path in ROOT.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.FunctionDef) or any(
+                w in ast.unparse(d) for d in node.decorator_list for w in free
+            ):
+                continue
+            word = node.name.strip("_")
+            bare = "_" not in word and word not in NO_PARTICIPLES and (word.endswith("ed") or IRREGULAR.fullmatch(word))
+            assert not bare, f"{path}: {node.name}: name what it does, or what it returns"
 
 
 def test_no_room_prints_or_exits():

@@ -54,14 +54,14 @@ def significant(value: float, digits: int = 4) -> float | None:
 
 def in_units(decimals: int, **values: ArrayLike | None) -> dict[str, object]:
     """Return SI values by their keys in the unit that each key ends in, rounded; ``None`` where there is no number."""
-    return {key: _rounded(value, SCALES[key[key.rindex("_") :]], decimals) for key, value in values.items()}
+    return {key: _round_to_unit(value, SCALES[key[key.rindex("_") :]], decimals) for key, value in values.items()}
 
 
-def _rounded(value: ArrayLike | None, scale: float, decimals: int) -> object:
+def _round_to_unit(value: ArrayLike | None, scale: float, decimals: int) -> object:
     if value is None:
         return None
     if np.ndim(value):
-        return [_rounded(v, scale, decimals) for v in np.asarray(value)]
+        return [_round_to_unit(v, scale, decimals) for v in np.asarray(value)]
     number = float(np.asarray(value))
     return None if np.isnan(number) else round(number / scale, decimals) + 0.0
 

@@ -109,7 +109,7 @@ def compensate_file(
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
-    targets = _understood(path, reading, strict)
+    targets = _certain_targets(path, reading, strict)
     q, problems = solve_nominal_angles(nominal, targets, source.seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
@@ -187,7 +187,7 @@ def _finish(
     return CompensatedFile(source.name, text, encoding, report)
 
 
-def _understood(path: Path, reading: TargetReading, strict: bool) -> list[Target]:
+def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:
     """Return the targets whose meaning is certain.
 
     Raises:
@@ -269,7 +269,7 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
         to_words = to_abc if pose.spelling == "abc" else to_quaternion
         numbers = [*T[k, :3, 3], *to_words(T[k : k + 1, :3, :3], pose.words[None])[0]]
         if pose.configuration is not None:
-            numbers += pose.configuration.renewed(arms[k])
+            numbers += pose.configuration.correct_numbers(arms[k])
         elif pose.start is not None:
             numbers += q_new[i].tolist()
         out += zip(targets[i].slots, [float(v) for v in numbers], strict=True)

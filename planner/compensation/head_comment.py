@@ -31,7 +31,7 @@ def add_head(
         head = [
             f"{style.start}{row}{style.end}"
             for said in _sentences(robot, corrected, left, before, shift)
-            for row in textwrap.wrap(comment_text(said.translate(_SPELLED), _unbounded(style)), style.max_length)
+            for row in textwrap.wrap(comment_text(said.translate(_SPELLED), _without_bound(style)), style.max_length)
         ]
     end = "\r\n" if "\r\n" in text else "\n"
     gap = end if at and not text[:at].endswith(("\n", "\r")) else ""
@@ -72,5 +72,5 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
     return place
 
 
-def _unbounded(style: CommentStyle) -> CommentStyle:
+def _without_bound(style: CommentStyle) -> CommentStyle:
     return style.model_copy(update={"max_length": 100_000})

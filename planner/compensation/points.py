@@ -57,7 +57,7 @@ class PointTable:
 
     def has(self, name: str) -> bool:
         """Return whether ``name`` is declared."""
-        return bool(self._named(name))
+        return bool(self._find_by_name(name))
 
     def compute(self, name: str, why: str) -> None:
         """Note why ``name`` has no certain value; an index that is computed means every one of a row."""
@@ -68,7 +68,7 @@ class PointTable:
 
         ``line`` is the move's, 0 in another file.
         """
-        found = self._named(name)
+        found = self._find_by_name(name)
         if not found and line:
             self._missing.setdefault(name, line)
         for pose in found:
@@ -78,14 +78,14 @@ class PointTable:
             pose.follows.append(follows)
             pose.linear.append(linear)
         if line and (why := self._why_computed(name)):
-            self.reading.leave(line, f"{_shown(name)} {why}")
+            self.reading.leave(line, f"{_short(name)} {why}")
         return found[0].index if len(found) == 1 else None
 
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
         for name, line in self._missing.items():
             if not self._why_computed(name):
-                sentence = f"{_shown(name)} is declared elsewhere: compensate the {self.container} that declares it too"
+                sentence = f"{_short(name)} is declared elsewhere: compensate the {self.container} that declares it too"
                 self.reading.leave(line, sentence)
         for poses in self._poses.values():
             for pose in poses:
@@ -98,20 +98,20 @@ class PointTable:
 
     def _why_not(self, pose: DeclaredPose, others: list[DeclaredPose]) -> str:
         if sum(other.name == pose.name for other in others) > 1:
-            return f"{_shown(pose.name)} has more than one value in this file"
+            return f"{_short(pose.name)} has more than one value in this file"
         if why := self._why_computed(pose.name):
-            return f"{_shown(pose.name)} {why}"
-        return "" if pose.value is not None else f"{_shown(pose.name)}: plain numbers are allowed"
+            return f"{_short(pose.name)} {why}"
+        return "" if pose.value is not None else f"{_short(pose.name)}: plain numbers are allowed"
 
     def _why_computed(self, name: str) -> str:
         return self._computed.get(name, self._computed.get(_base(name), ""))
 
-    def _named(self, name: str) -> list[DeclaredPose]:
+    def _find_by_name(self, name: str) -> list[DeclaredPose]:
         found = self._poses.get(_base(name), [])
         return [pose for pose in found if pose.name == name] if _fixed_index(name) else found
 
 
-def _shown(name: str) -> str:
+def _short(name: str) -> str:
     """Return a name without the module and the routine that it belongs to."""
     return name.rpartition(".")[2]
 

@@ -32,7 +32,7 @@ class Configuration(Protocol):
     def turns(self, q: Array) -> np.ndarray:
         """Return for angles (n, N) [rad] whether each joint is in the turn that is meant, (n, N) bool."""
 
-    def renewed(self, arm: "CorrectedArm") -> tuple[int, ...]:
+    def correct_numbers(self, arm: "CorrectedArm") -> tuple[int, ...]:
         """Return the numbers that say the corrected configuration: as written where they hold, else of ``arm``."""
 
 

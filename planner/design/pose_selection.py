@@ -159,7 +159,9 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
     """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
     if not cell.plan.refine or choice.ball is not None:
         return choice
-    filters = [(choice.samples.held(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings]
+    filters = [
+        (choice.samples.at_mounting(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings
+    ]
 
     def rows(states: Array, pose: np.ndarray) -> Array:
         return choice.model.rows(replace(choice.samples.take(pose), q=states))
@@ -244,7 +246,7 @@ def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:
     """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
     rng = np.random.default_rng(lost)
     there = choice.samples
-    alike = pool.samples.held(there.mounting(lost))
+    alike = pool.samples.at_mounting(there.mounting(lost))
     if pool.ball is not None:
         alike &= pool.ball == pool.ball[choice.chosen[lost]]
     others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)

@@ -40,7 +40,7 @@ class FrameGauge(LineGauge):
     pose_columns: ClassVar[tuple[str, str]] = ("ball", "first contact (mm)")
 
     @classmethod
-    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
         """Return the section of the cell file that says where it stands.
 
         Raises:
@@ -58,7 +58,7 @@ class FrameGauge(LineGauge):
             raise InputError(f"{path}: [[fixtures]] are for a bar ({bars}); a {file.gauge.kind} has none")
         given = file.gauge.mount_deg
         mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
-        placed = cls.placed(path, file)
+        placed = cls.placed_section(path, file)
         R, p = placed_frame(placed)
         turn = float(from_deg(placed.prior_deg))
         return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, (mount,), R, turn),)

@@ -50,7 +50,7 @@ class Tracker(FrameGauge):
         return {"beam_radius": 0.0 if file.tracker is None else file.tracker.beam_radius_mm * MM}
 
     @classmethod
-    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
         """Return where the tracker stands."""
         if file.tracker is None:
             raise InputError(f"{path}: the section [tracker] with position_mm is missing: where the tracker stands")

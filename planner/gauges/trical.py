@@ -30,7 +30,7 @@ class TriCalHead(BallGauge):
         return {"head": read_head(path, file)}
 
     @classmethod
-    def placed(cls, path: Path, file: CellFile) -> PlacedFile:
+    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
         """Return where the artifact stands, once artifact, balls and head are checked."""
         _check_trical(path, file)
         assert file.artifact is not None

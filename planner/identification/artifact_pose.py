@@ -18,7 +18,7 @@ NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
 
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
     """Return the set-up with the artifact's or tracker's frame as the cell declares it, if it was found near there."""
-    declared = _declared(cell, setup)
+    declared = _declared_frame(cell, setup)
     if declared is None or not _near(*_apart(*declared, setup)):
         return setup
     R, p = declared
@@ -27,7 +27,7 @@ def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
 
 def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     """Return a warning if the balls were found far from the pose that the cell declares."""
-    declared = _declared(cell, setup)
+    declared = _declared_frame(cell, setup)
     if declared is None or not cell.gauge.is_surveyed:
         return []
     off, turn = _apart(*declared, setup)
@@ -39,7 +39,7 @@ def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     ]
 
 
-def _declared(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] | None:
+def _declared_frame(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] | None:
     """Return R (3, 3) and p (3,) [m] of the frame that the cell declares; ``None`` unless there is exactly one."""
     placed = cell.gauge.declared_frame(cell.file)
     return None if placed is None or len(setup.p_BG) > 1 else placed_frame(placed)

@@ -176,7 +176,7 @@ def assess_fit(
         limits=traced.limits,
         rejected=tuple(RejectedEffect(name=name, because=why) for name, why in traced.rejected),
         tried=traced.tried,
-        unexplained=_unexplained(diagnosis, last),
+        unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
         release=describe_release(released, stages),
@@ -214,7 +214,7 @@ def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced:
     return estimate_parameters(whole, found, free.dropped, covariance, inner)
 
 
-def _unexplained(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:
+def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:
     """Return what the last stage leaves, with the structure that the tests found in it."""
     return Unexplained(
         structured=diagnosis.structured,

@@ -123,9 +123,9 @@ class CalibratedRobot:
     @cached_property
     def _acting(self) -> tuple[tuple[int, BasisFunction, float], ...]:
         """Transform, basis function and value of every effect that is used."""
-        return tuple(self._checked())
+        return tuple(self._check_effects())
 
-    def _checked(self) -> Iterator[tuple[int, BasisFunction, float]]:
+    def _check_effects(self) -> Iterator[tuple[int, BasisFunction, float]]:
         names = [t.name for t in self._setup.chain.transforms[: N_BASE_TRANSFORMS + len(self.robot.transforms)]]
         for e in self.robot.effects:
             where = f"{self.robot.path}: effect '{e.name}'"

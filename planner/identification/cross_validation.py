@@ -92,7 +92,7 @@ def run_groups(run: Run) -> tuple[str, np.ndarray]:
     if run.continuous:
         return "stretch", _stretches(len(run))
     session = np.zeros(len(run), dtype=int) if samples.session is None else samples.session
-    if _balanced(session):
+    if _are_balanced(session):
         return "session", session
     whole = finest_groups(run)
     if max(len(np.unique(session)), len(np.unique(stood))) >= SEVERAL:
@@ -111,7 +111,7 @@ def _stretches(n: int) -> np.ndarray:
     return np.arange(n) * (STRETCHES * 5) // max(1, n)
 
 
-def _balanced(session: np.ndarray) -> bool:
+def _are_balanced(session: np.ndarray) -> bool:
     """Tell whether sessions can be folds: enough of them hold a fair share of the run, and none holds most of it."""
     share = np.unique(session, return_counts=True)[1] / len(session)
     return bool((share > FAIR_SHARE).sum() >= FEWEST and share.max() <= 0.5)
@@ -152,7 +152,7 @@ class HeldOutPrediction:
 
 def predict_held_out(fit: Fit, split: Split) -> HeldOutPrediction:
     """Predict every sample by the fit without its fold."""
-    return _judged(fit, split, _grams(fit.problem, fit.errors, split), np.full(len(fit.errors), np.nan))
+    return _predict_all(fit, split, _grams(fit.problem, fit.errors, split), np.full(len(fit.errors), np.nan))
 
 
 def predict_held_out_without(
@@ -171,10 +171,10 @@ def predict_held_out_without(
         step = np.full(len(fit.errors), np.nan)
         step[list(known)] = 0.0
         step[list(which)] = -(fit.errors / fit.problem.prior)[list(which)]
-        yield _judged(fit, split, grams, step)
+        yield _predict_all(fit, split, grams, step)
 
 
-def _judged(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPrediction:
+def _predict_all(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPrediction:
     """Predict every sample; ``step`` (P,): given steps in prior sizes, NaN where the step is to be solved for."""
     problem, errors = fit.problem, fit.errors
     total = grams.sum(axis=0)
@@ -186,7 +186,7 @@ def _judged(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPredict
         shift[f] = problem.prior * _without(total - gram, gram, z, own[f], step)
     names = fit.model.names
     return HeldOutPrediction(
-        _moved(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
+        _shift_residual(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
     )
 
 
@@ -221,7 +221,7 @@ def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array) 
     return move
 
 
-def _moved(problem: FitProblem, errors: Array, shift: Array, split: Split) -> Array:
+def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Split) -> Array:
     """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
 
     def one(part: slice) -> Array:

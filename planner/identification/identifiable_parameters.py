@@ -78,7 +78,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     if run.clocks == 2 and run.samples.speed is not None:
         whole = whole.before([clock_offset_parameter(setup)])
     whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
-    out = _held(cell, whole, run)
+    out = _held_parameters(cell, whole, run)
     names = {d.name for d in out}
     open_ = whole.subset([k for k, name in enumerate(whole.names) if name not in names])
     stated = cell.file.artifact is not None or cell.file.tracker is not None  # else nobody can have planned with it
@@ -89,7 +89,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     return FittedParameters(whole.plus(idle), model, (*seen.dropped, *out, *still), known)
 
 
-def _held(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
+def _held_parameters(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
     """Return tool parameters whose declared uncertainty is smaller than this run could reach."""
     if not cell.tool.measured:
         return ()

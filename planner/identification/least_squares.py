@@ -14,7 +14,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.effects.parameters import Parameter
-from planner.identification.noise import Noise, estimated
+from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
 
@@ -173,8 +173,8 @@ def fit(
         solution = solve(few, errors, ROUGHLY_CONVERGED)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
-        shrunk = _undecided(solution)
-        noise = estimated(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
+        shrunk = _prior_share(solution)
+        noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
         model = _with_prior(few.model, prior * _factors(few.model, prior, errors, shrunk))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
@@ -186,7 +186,7 @@ def fit(
     if long and robust and errors is not None:
         whole = replace(whole, weight=_weights(whole, errors))
     solution = solve(whole, errors)
-    return Fit(whole, solution, float((1 - _undecided(solution)).sum()), _outliers(whole, solution))
+    return Fit(whole, solution, float((1 - _prior_share(solution)).sum()), _outliers(whole, solution))
 
 
 def subset_size(model: Model, samples: int) -> int:
@@ -204,7 +204,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
     return np.concatenate(list(problem.over_pieces(one)))
 
 
-def _undecided(solution: Solution) -> Array:
+def _prior_share(solution: Solution) -> Array:
     """Share of each parameter's prior variance that is left after the readings, (P,), 0 … 1."""
     root = np.linalg.inv(solution.factor)
     return np.asarray((root**2).sum(axis=1))

@@ -74,7 +74,7 @@ class Whitener:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
 
-def estimated(white: Whitener, residual: Array, leverage: Array) -> Noise:
+def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     """Estimate how large the noise really is from the residuals (n, r) of a fit and their leverages h (n, r).
 
     A residual is as large as its noise times √(1 − h) (Cook and Weisberg 1982): without that the readings which hold

@@ -32,7 +32,7 @@ def residuals_csv(calibration: Calibration) -> str:
     columns |= _errors("residual", last.residual) | _errors("held_out", last.held_residual)
     outlier = np.zeros(len(run), dtype=np.int8)
     outlier[fit.outliers] = 1
-    columns |= {"whitened": _rounded(np.sqrt((white**2).mean(axis=1)), 4), "outlier": outlier}
+    columns |= {"whitened": _round_column(np.sqrt((white**2).mean(axis=1)), 4), "outlier": outlier}
     return pl.DataFrame(columns).write_csv()
 
 
@@ -40,36 +40,36 @@ def _circumstances(run: Run) -> dict[str, np.ndarray]:
     s = run.samples
     out: dict[str, np.ndarray] = {}
     if s.t is not None:
-        out["t_s"] = _rounded(s.t, 9)
+        out["t_s"] = _round_column(s.t, 9)
     if s.pose is not None:
         out["pose"] = s.pose
     out["place"] = np.array(run.places)[s.place]
     if s.point is not None:
         out["point"] = np.array(run.points)[s.point]
-    return out | {f"q{j + 1}_deg": _rounded(to_deg(q)) for j, q in enumerate(s.q.T)}
+    return out | {f"q{j + 1}_deg": _round_column(to_deg(q)) for j, q in enumerate(s.q.T)}
 
 
 def _reading(run: Run) -> dict[str, np.ndarray]:
     r = run.readings
     if r.length is not None:
-        return {"length_mm": _rounded(to_mm(r.length))}
+        return {"length_mm": _round_column(to_mm(r.length))}
     if r.position is not None:
-        return {f"{axis}_mm": _rounded(to_mm(v)) for axis, v in zip("xyz", r.position.T, strict=True)}
+        return {f"{axis}_mm": _round_column(to_mm(v)) for axis, v in zip("xyz", r.position.T, strict=True)}
     assert r.ball is not None
     out: dict[str, np.ndarray] = {"ball": np.array(run.balls)[r.ball]}
     if r.offset is None:
         return out
-    return out | {f"d{axis}_mm": _rounded(to_mm(v)) for axis, v in zip("xyz", r.offset.T, strict=True)}
+    return out | {f"d{axis}_mm": _round_column(to_mm(v)) for axis, v in zip("xyz", r.offset.T, strict=True)}
 
 
 def _errors(name: str, residual: Array) -> dict[str, np.ndarray]:
     """Columns of residuals (n, r) [m, rad]: one length, or x, y, z and where the probe turns rx, ry, rz."""
     if residual.shape[1] == 1:
-        return {f"{name}_mm": _rounded(to_mm(residual[:, 0]))}
-    out = {f"{name}_{axis}_mm": _rounded(to_mm(residual[:, k])) for k, axis in enumerate("xyz")}
+        return {f"{name}_mm": _round_column(to_mm(residual[:, 0]))}
+    out = {f"{name}_{axis}_mm": _round_column(to_mm(residual[:, k])) for k, axis in enumerate("xyz")}
     turns = residual[:, 3:].T
-    return out | {f"{name}_r{axis}_deg": _rounded(to_deg(v)) for axis, v in zip("xyz", turns, strict=False)}
+    return out | {f"{name}_r{axis}_deg": _round_column(to_deg(v)) for axis, v in zip("xyz", turns, strict=False)}
 
 
-def _rounded(values: Array, decimals: int = DECIMALS) -> Array:
+def _round_column(values: Array, decimals: int = DECIMALS) -> Array:
     return np.round(values, decimals) + 0.0

@@ -24,7 +24,7 @@ def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
     setup = found.model.setup
     model = _timeless(found, run)
     if not new_frames(setup, run):
-        problem = FitProblem.of(model, _renamed(run, setup))
+        problem = FitProblem.of(model, _renumber_places(run, setup))
         return Metrics.of(problem.residual(np.zeros(0)))
     model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
@@ -54,7 +54,7 @@ def _timeless(found: Fit, run: Run) -> Model:
     return replace(model, fixed=fixed)
 
 
-def _renamed(run: Run, setup: MeasurementSetup) -> Run:
+def _renumber_places(run: Run, setup: MeasurementSetup) -> Run:
     """Number the places of the run as the setup does."""
     order = np.array([setup.place_names.index(name) if name in setup.place_names else 0 for name in run.places])
     return replace(run, samples=replace(run.samples, place=order[run.samples.place]))

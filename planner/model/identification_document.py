@@ -324,7 +324,7 @@ class Identification(DocumentSection):
 
     def content(self) -> dict[str, object]:
         """Return what the file says, in the contract's keys and units."""
-        out = _rounded(self.model_dump(mode="json", by_alias=True))
+        out = _round(self.model_dump(mode="json", by_alias=True))
         assert isinstance(out, dict)
         return out
 
@@ -333,11 +333,11 @@ class Identification(DocumentSection):
         return json.dumps(self.content(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _rounded(value: object) -> object:
+def _round(value: object) -> object:
     if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
+        return {k: _round(v) for k, v in value.items()}
     if isinstance(value, list):
-        return [_rounded(v) for v in value]
+        return [_round(v) for v in value]
     if not isinstance(value, float):
         return value
     return float(f"{value:.{DIGITS}g}") + 0.0 if isfinite(value) else None

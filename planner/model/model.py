@@ -142,7 +142,7 @@ class Model:
         for part in chunks(len(samples)):
             context = Context(self.setup, samples.take(part))
             motion = self.setup.chain.forward(context.theta, self.setup.offsets(context.samples))
-            out[part] = np.einsum("krn,kj->nrj", self._projected(context, motion, which), robot.sense_matrix)
+            out[part] = np.einsum("krn,kj->nrj", self._project(context, motion, which), robot.sense_matrix)
         return out
 
     def _pass(self, context: Context, errors: Array | None) -> tuple[ForwardPass, Array]:
@@ -165,7 +165,7 @@ class Model:
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
         which = self._moved
-        projected = self._projected(context, motion, which)
+        projected = self._project(context, motion, which)
         place = {int(k): i for i, k in enumerate(which)}
         known = basis_values(self.parameters, context)
         columns = np.empty((len(self.parameters), self.width, len(context.samples)))  # samples side by side: quick
@@ -187,7 +187,7 @@ class Model:
         """Transforms that any parameter moves."""
         return np.array(sorted({m.index for p in self.parameters for m in p.moves if m.on == "transform"}), dtype=int)
 
-    def _projected(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
+    def _project(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""
         return self.setup.gauge.project(self.setup, context.samples, motion, which)
 

@@ -183,7 +183,7 @@ class _StepBuilder:
         for move, wanted in zip(entry.moves, choose_overrides(entry.moves, self.dialect.speed), strict=True):
             self._set_override(wanted)
             self.last_speed, self.last_blend = "", None
-            self.steps.append(ProgramStep("move", move=self._printed(move, None, PoseMark())))
+            self.steps.append(ProgramStep("move", move=self._print_move(move, None, PoseMark())))
             self.here = move.q_deg
         self._set_override(override)
         self.override, self.here = override, here
@@ -212,7 +212,7 @@ class _StepBuilder:
         mark = self.marks[self.moves]
         if not self.flying:
             self._set_override(self.overrides[self.moves])
-        move = self._printed(item, self.blends[self.moves], mark)
+        move = self._print_move(item, self.blends[self.moves], mark)
         self.steps.append(ProgramStep("move", move=move))
         self.moves += 1
         self.here, self.flying = item.q_deg, not move.exact
@@ -226,9 +226,9 @@ class _StepBuilder:
                     f"point before pose {mark.sync}"
                 )
         if self.flying:
-            self._passed(mark)
+            self._passing_steps(mark)
 
-    def _printed(self, item: ins.JointMove, value: float | None, mark: PoseMark) -> MoveWords:
+    def _print_move(self, item: ins.JointMove, value: float | None, mark: PoseMark) -> MoveWords:
         d = self.dialect
         blend = "" if value is None else format_fixed(value, d.blend.decimals)
         if d.blend.kind == "dense" and value is not None:
@@ -256,7 +256,7 @@ class _StepBuilder:
         """Whether a mark in passing pulses the output, and whether it records the axes."""
         return self.pulses and mark.sync is not None, self.dialect.logs_passing and mark.log is not None
 
-    def _passed(self, mark: PoseMark) -> None:
+    def _passing_steps(self, mark: PoseMark) -> None:
         """The steps of a pose that the robot has just driven through."""
         pose, (pulse, log) = mark.pose, self._signals(mark)
         if pose is None:

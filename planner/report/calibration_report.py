@@ -105,7 +105,7 @@ def _most_moved(facts: CalibrationFacts) -> list[Row]:
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
     rows = list[Row]()
     for e, moves in robot[:MOST_MOVED]:
-        change = f"{_fixed(e, e.value - e.nominal, '+')} ± {_fixed(e, e.std)}"
+        change = f"{_format(e, e.value - e.nominal, '+')} ± {_format(e, e.std)}"
         rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2)))
     return rows
 
@@ -116,7 +116,14 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     change, unit = e.value - e.nominal, text.estimate_unit(e)[0]
     moves = float(facts.moves[facts.calibration.fit.model.names.index(e.name)])
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
-    numbers = (_nominal(e), _fixed(e, e.value), _fixed(e, change, "+"), _fixed(e, e.std), times, in_mm(moves, 2))
+    numbers = (
+        _nominal(e),
+        _format(e, e.value),
+        _format(e, change, "+"),
+        _format(e, e.std),
+        times,
+        in_mm(moves, 2),
+    )
     return (e.name, e.what, unit, *numbers, ", ".join(e.absorbs))
 
 
@@ -124,7 +131,7 @@ def _nominal(e: Estimate) -> str:
     return f"{e.nominal * text.estimate_unit(e)[1]:.6g}"
 
 
-def _fixed(e: Estimate, value: float | None, sign: str = "") -> str:
+def _format(e: Estimate, value: float | None, sign: str = "") -> str:
     """Write a value with as many decimals as its standard deviation has at two digits."""
     if value is None:
         return "–"

@@ -193,7 +193,7 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
     """Say what familiar effects would have been seen from which size on, where they were not found."""
     out = []
     for kind in FAMILIAR:
-        own = [x for x in limits if x.effect == kind and _seen(x)]
+        own = [x for x in limits if x.effect == kind and _would_show(x)]
         if own:
             worst = max(own, key=lambda x: x.size)
             unit, factor = display_unit(worst.unit, worst.size)
@@ -264,15 +264,15 @@ def limit_table(c: Calibration) -> list[Row]:
 
 
 def _limits(effect: str, joints: Row, own: list[tuple[str, DetectionLimit]]) -> Row:
-    seen = sorted(limit.size for _, limit in own if _seen(limit)) or [0.0]
+    seen = sorted(limit.size for _, limit in own if _would_show(limit)) or [0.0]
     middle = seen[len(seen) // 2]
     unit, factor = display_unit(own[0][1].unit, middle)
-    at = {place: digits(limit.size * factor, 2) if _seen(limit) else "–" for place, limit in own}
+    at = {place: digits(limit.size * factor, 2) if _would_show(limit) else "–" for place, limit in own}
     elsewhere = ", ".join(f"{place} {size}" for place, size in at.items() if place not in joints)
     return (effect, unit, *(at.get(j, "") for j in joints), elsewhere)
 
 
-def _seen(limit: DetectionLimit) -> bool:
+def _would_show(limit: DetectionLimit) -> bool:
     """Tell whether the run would show a size of the effect that an arm may have."""
     return limit.size < BLIND.get(limit.unit, np.inf)
 

@@ -31,7 +31,7 @@ class Mesh:
     vertices: Array
     triangles: np.ndarray
 
-    def moved(self, T: Array) -> "Mesh":
+    def move(self, T: Array) -> "Mesh":
         """Return the mesh carried by the pose ``T`` (4, 4)."""
         return Mesh(self.vertices @ T[:3, :3].T + T[:3, 3], self.triangles)
 
@@ -46,16 +46,16 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
 def body_mesh(body: Body) -> Mesh:
     """Return the surface of a body in the frame that carries it."""
     if body.kind == "mesh":
-        return Mesh(*mesh_vertices(body)).moved(body.T)
+        return Mesh(*mesh_vertices(body)).move(body.T)
     if body.kind == "box":
         sides = np.vstack([BOX_SIDES[:, :3], BOX_SIDES[:, [0, 2, 3]]])
         # every side has its own corners, so that edges stay sharp when shaded
-        return Mesh((BOX_CORNERS * body.size)[sides.ravel()], np.arange(sides.size).reshape(-1, 3)).moved(body.T)
+        return Mesh((BOX_CORNERS * body.size)[sides.ravel()], np.arange(sides.size).reshape(-1, 3)).move(body.T)
     radius, straight = body.size[0], body.size[1] if body.kind == "capsule" else 0.0
     up = np.linspace(-np.pi / 2, 0.0, RINGS + 1)
     profile_r = radius * np.concatenate([np.cos(up), np.cos(up[::-1])])
     profile_z = np.concatenate([radius * np.sin(up) - straight / 2, -radius * np.sin(up[::-1]) + straight / 2])
-    return _turned(profile_r, profile_z).moved(body.T)
+    return _turn_profile(profile_r, profile_z).move(body.T)
 
 
 def sphere_cap(centre: Array, axis: Array, radius: float, opening: float) -> Mesh:
@@ -63,10 +63,10 @@ def sphere_cap(centre: Array, axis: Array, radius: float, opening: float) -> Mes
     polar = np.linspace(0.0, opening, 4 * RINGS)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rotation_from_z(axis), centre
-    return _turned(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND).moved(T)
+    return _turn_profile(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND).move(T)
 
 
-def _turned(r: Array, z: Array, around: int = AROUND) -> Mesh:
+def _turn_profile(r: Array, z: Array, around: int = AROUND) -> Mesh:
     """Turn the profile (r, z) about z."""
     angle = np.arange(around) * (2 * np.pi / around)
     ring = np.stack([np.cos(angle), np.sin(angle), np.ones(around)], axis=1)
@@ -154,7 +154,7 @@ def build_cell_view(plan: Plan) -> CellView:
         cell,
         frames,
         cloud=np.vstack(
-            [to_mm(cell.at(d.mounting).map_position(thin.q[thin.samples.held(d.mounting)])) for d in drives]
+            [to_mm(cell.at(d.mounting).map_position(thin.q[thin.samples.at_mounting(d.mounting)])) for d in drives]
         ),
         paths=tuple(to_mm(cell.at(d.mounting).map_position(sample_drive(cell, d).motion.q)) for d in drives),
         ways=tuple(to_mm(cell.at(d.mounting).map_position(d.course.travel.trajectory.sample(0.05).q)) for d in drives),

@@ -56,15 +56,15 @@ def player_json(view: CellView) -> str:
     spans = {"all": (view.low, view.high), "near": (view.near_low, view.near_high)}
     data = {
         "carriers": view.frames.poses.shape[1],
-        "poses": _packed(view.frames.poses),
-        "groups": [{"vertices": _packed(m.mesh.vertices), "carrier": _packed(m.carrier)} for m in view.moving],
+        "poses": _encode(view.frames.poses),
+        "groups": [{"vertices": _encode(m.mesh.vertices), "carrier": _encode(m.carrier)} for m in view.moving],
         "labels": list(view.frames.labels),
         "ranges": {k: (np.round(np.stack(v, axis=1)) + 0.0).tolist() for k, v in spans.items()},
     }
     return json.dumps(data, ensure_ascii=False)
 
 
-def _packed(values: Array) -> str:
+def _encode(values: Array) -> str:
     """Numbers as 32-bit floats in base64: 0.1 µm in a cell of metres is enough to look at."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
@@ -160,7 +160,7 @@ def _draw(ax: Axes3D, view: CellView, low: Array, high: Array, near: bool) -> No
         bodies.append((view.standing.vertices, view.standing.triangles, (STAND,) * len(view.standing.triangles)))
     if bodies:
         corners = np.vstack([v[t] for v, t, _ in bodies])
-        colours = np.vstack([_shaded(Mesh(v, t), c) for v, t, c in bodies])
+        colours = np.vstack([_shade(Mesh(v, t), c) for v, t, c in bodies])
         ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=3))
     for path in view.paths:
         ax.plot(*path.T, "-", color="#444444", linewidth=0.9, zorder=4)
@@ -181,7 +181,7 @@ def _draw(ax: Axes3D, view: CellView, low: Array, high: Array, near: bool) -> No
     ax.view_init(elev=22, azim=42)
 
 
-def _shaded(mesh: Mesh, colours: tuple[str, ...]) -> Array:
+def _shade(mesh: Mesh, colours: tuple[str, ...]) -> Array:
     """Colour of each triangle in the light of one far lamp, (t, 3)."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     normal = np.cross(b - a, c - a)

@@ -106,7 +106,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     fit, (which, rows) = facts.calibration.fit, facts.few_rows
     context = Context(fit.model.setup, facts.calibration.run.samples.take(which))
     residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
-    added = _added(facts, step)
+    added = _effect_readings(facts, step)
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
         residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
@@ -114,7 +114,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     changed = isinstance(first.main.phi, BeforeSample)
     looked = first.main.phi.plot_variable(context) if changed or _single(own) else None
     if looked is None:
-        return _pulled(added, residuals)
+        return _residual_along(added, residuals)
     bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
     screws = Model(fit.model.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
@@ -128,7 +128,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks)
 
 
-def _added(facts: CalibrationFacts, step: FindingStep) -> Array:
+def _effect_readings(facts: CalibrationFacts, step: FindingStep) -> Array:
     """What an effect adds to the readings (m, r) beyond what the parameters of the stage before could take up."""
     fit, rows = facts.calibration.fit, facts.few_rows[1]
     groups = [p.group for p in fit.model.parameters]
@@ -148,7 +148,7 @@ def _single(parameters: list[Parameter]) -> bool:
     return len(places) == 1 and all(len(p.moves) == 1 for p in parameters)
 
 
-def _pulled(added: Array, residuals: list[Array]) -> Evidence:
+def _residual_along(added: Array, residuals: list[Array]) -> Evidence:
     """Residuals (m, r) along what an effect adds (m, r), against that."""
     size = np.linalg.norm(added, axis=1)
     along = added / np.maximum(size, 1e-300)[:, None]

@@ -105,7 +105,7 @@ class TraceMap(StrictModel):
             )
         return found
 
-    def picked(self, name: str) -> MappedColumn:
+    def column(self, name: str) -> MappedColumn:
         """Return where a column is and what its values are changed by."""
         what = self.columns[name]
         return what if isinstance(what, MappedColumn) else MappedColumn(column=what)

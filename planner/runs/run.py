@@ -79,7 +79,7 @@ class Samples:
         """Return how the gauge is held at sample ``k``."""
         return Mounting(int(self.place[k]), 0 if self.point is None else int(self.point[k]))
 
-    def held(self, mounting: Mounting) -> np.ndarray:
+    def at_mounting(self, mounting: Mounting) -> np.ndarray:
         """Tell which samples have the gauge held like that, (n,) bool."""
         point = 0 if self.point is None else self.point
         return np.asarray((self.place == mounting.fixture) & (point == mounting.point))

@@ -55,7 +55,7 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
 def _scaled_column(name: str, target: RunColumn, trace: TraceMap) -> pl.Expr:
     if trace.pattern is not None or target.stem in NAMES:
         return pl.col(name)
-    picked = trace.picked(name)
+    picked = trace.column(name)
     value = pl.col(name) if picked.factor == 1.0 else pl.col(name) * picked.factor
     return value if picked.offset == 0.0 else value + picked.offset
 
@@ -121,7 +121,7 @@ def _first_row(file: str, lines: list[str], trace: TraceMap) -> int:
 
 def _position(name: str, fields: list[str], trace: TraceMap, where: str, file: str) -> int:
     """Return which column of the trace (from 0) the map means by a quantity."""
-    wanted = trace.picked(name).column
+    wanted = trace.column(name).column
     if isinstance(wanted, int):
         if 1 <= wanted <= len(fields):
             return wanted - 1

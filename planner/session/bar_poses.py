@@ -83,7 +83,7 @@ class BarPoses(PoseSession):
             choice, count = replace_all(
                 self.pool,
                 chosen.choice,
-                self._unjoined,
+                self._find_unjoined,
                 "could not be joined to the mount pose, nor those put in their places: the cable or an obstacle splits "
                 "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
             )
@@ -94,12 +94,12 @@ class BarPoses(PoseSession):
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
 
-    def _unjoined(self, choice: PoseChoice) -> np.ndarray:
+    def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
         lost = []
         for m in self.cell.mountings:
-            mine = np.flatnonzero(choice.samples.held(m))
-            near = self.pool.q[self.pool.samples.held(m)]
+            mine = np.flatnonzero(choice.samples.at_mounting(m))
+            near = self.pool.q[self.pool.samples.at_mounting(m)]
             states = np.vstack([np.array(self.cell.mount(m)), choice.q[mine], near])
             part = connected_parts(Constraints(self.cell, m), states, self.options.seed, certain=1 + len(mine))
             lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
@@ -116,7 +116,7 @@ class BarPoses(PoseSession):
         repeats = 0 if is_continuous(self.cell) else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:
-            cell, near = self.cell.at(m), self.pool.q[self.pool.samples.held(m)]
+            cell, near = self.cell.at(m), self.pool.q[self.pool.samples.at_mounting(m)]
             out.append(MountingSession(cell, m, Constraints(cell, m), Constraints(cell, m, bar=False), near, repeats))
         return out
 

@@ -28,7 +28,7 @@ class Waypoints:
     visit: np.ndarray
     blend: Array
 
-    def reversed(self) -> "Waypoints":
+    def backwards(self) -> "Waypoints":
         """Return the path driven from its end to its beginning."""
         return Waypoints(self.q[::-1], self.visit[::-1], self.blend[::-1])
 

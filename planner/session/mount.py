@@ -82,7 +82,7 @@ def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) 
     """Tell which candidates lie in their mount pose's part; those in ``certain`` by roadmap edges of their own."""
     kept = np.zeros(len(pool), dtype=bool)
     for m in cell.mountings:
-        held = pool.samples.held(m)
+        held = pool.samples.at_mounting(m)
         mine, first = np.flatnonzero(held), certain[held[certain]]
         rows = np.concatenate([first, np.setdiff1d(mine, first)])
         part = connected_parts(

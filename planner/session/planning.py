@@ -130,8 +130,8 @@ class PoseSession(ABC):
         drives: list[Drive] = []
         for place in self.places():
             for _ in range(REPLACEMENTS):
-                mine = np.flatnonzero(choice.samples.held(place.mounting))
-                others = checks[self.pool.samples.take(checks).held(place.mounting)]
+                mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
+                others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
                 stops = [self.stop(choice, int(k)) for k in mine]
                 stops += [self.validation_stop(int(k)) for k in others]
                 first = sum(len(d.visits) for d in drives)

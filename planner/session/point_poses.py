@@ -57,7 +57,7 @@ class PointPoses(PoseSession):
     def _reachable(self, pool: PoseSet) -> PoseSet:
         """Keep the candidates that a path joins to the mount pose; a note says how many others there were."""
         mount = np.asarray(self.cell.mount(FIRST_MOUNTING))
-        part = connected_parts(self.away, np.vstack([mount, _passed(pool)]), self.options.seed)
+        part = connected_parts(self.away, np.vstack([mount, _passed_states(pool)]), self.options.seed)
         kept = np.flatnonzero(part[1:] == part[0])
         if not len(kept):
             raise NoSolutionError(
@@ -134,7 +134,7 @@ class PointPoses(PoseSession):
     def places(self) -> list[MountingSession]:
         """Return the one place from which everything is measured; balls are repeated in a row, not at the end."""
         repeats = 0 if self.at_balls else self.cell.plan.repeat
-        return [MountingSession(self.cell, FIRST_MOUNTING, self.away, self.away, _passed(self.pool), repeats)]
+        return [MountingSession(self.cell, FIRST_MOUNTING, self.away, self.away, _passed_states(self.pool), repeats)]
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the number of centrings where there is a ball."""
@@ -160,7 +160,7 @@ class PointPoses(PoseSession):
         return choice.model.rows(choice.samples)
 
 
-def _passed(pool: PoseSet) -> Array:
+def _passed_states(pool: PoseSet) -> Array:
     """States that a tour passes, (n, N) [rad]: the candidates, at balls the poses that they are approached from."""
     return pool.q if pool.back is None else pool.back
 

@@ -121,7 +121,7 @@ def map_fixture_places(
 def _present_reach(cell: Cell, pool: PoseSet, seed: int) -> FixtureReach:
     """Drawn as at all other places; where that is meagre, the cell's own candidates."""
     here = reach_poses(cell, cell.fixtures[0].p_BX, CANDIDATES, seed)
-    own = pool.q[pool.samples.held(FIRST_MOUNTING)][:CANDIDATES]
+    own = pool.q[pool.samples.at_mounting(FIRST_MOUNTING)][:CANDIDATES]
     return here if len(here.q) >= len(own) else FixtureReach(read_only(own), "usable")
 
 

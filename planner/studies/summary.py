@@ -69,11 +69,11 @@ class StudySummary:
             "dropped": [{"name": d.name, "because": d.because} for d in b.seen.dropped],
             "absorbs": {name: carried for name, carried in b.absorbers.items() if carried},
             "predicted": [
-                {"name": p.name, "std": _rounded(std), "prior": _rounded(p.prior), "unit": p.unit}
+                {"name": p.name, "std": _round(std), "prior": _round(p.prior), "unit": p.unit}
                 for p, std in zip(b.model.parameters, b.predicted.std, strict=True)
             ],
             "sensitivity_um": {
-                n: {"rms": _rounded(r), "max": _rounded(m)}
+                n: {"rms": _round(r), "max": _round(m)}
                 for n, r, m in zip(b.whole.names, rms / UM, most / UM, strict=True)
             },
             "curves": [{"index": c.index, "scaling": c.scaling, "bend": c.knee} for c in b.curves],
@@ -85,7 +85,7 @@ class StudySummary:
     def _map(self) -> dict[str, Any]:
         m = self.places
         best, present = (
-            {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": _rounded(p.value)}
+            {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": _round(p.value)}
             for p in (m.best, m.present)
         )
         counts = {"places": len(m.places), "usable": len(m.usable)}
@@ -103,7 +103,7 @@ class StudySummary:
             "steps": [
                 {"fixtures": s.fixtures, "position_mm": _mm(s.place), "parameters": s.parameters}
                 | {"seen": s.seen, "robot_seen": s.robot_seen, "becomes_visible": list(s.becomes)}
-                | {"value": _rounded(s.value)}
+                | {"value": _round(s.value)}
                 for s in f.steps
             ],
             "remedies": [{"name": r.name, "shows": list(r.shows)} for r in f.remedies],
@@ -117,7 +117,7 @@ def format_number(value: float) -> str:
     return f"{value:.3g}" if 1e-3 <= abs(value) < 1e3 else f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
-def _rounded(value: float) -> float | None:
+def _round(value: float) -> float | None:
     """Round to six significant digits; ``None`` for what is not finite."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 

@@ -235,7 +235,7 @@ def relocate_steps(
 ) -> SearchState:
     """Move each step to its likeliest sample with everything else in the model, and refit, until none moves."""
     for _ in range(rounds):
-        moved = tuple(_relocated(state, f, things) for f in state.effects)
+        moved = tuple(_relocate(state, f, things) for f in state.effects)
         if [change_sample(f) for f in moved] == [change_sample(f) for f in state.effects]:
             break
         trial = context.try_refit(state, moved)
@@ -245,7 +245,7 @@ def relocate_steps(
     return state
 
 
-def _relocated(state: SearchState, found: FittedEffect, things: Sequence[Steppable]) -> FittedEffect:
+def _relocate(state: SearchState, found: FittedEffect, things: Sequence[Steppable]) -> FittedEffect:
     if found.effect.kind != STEP:
         return found
     thing = next(t for t in things if t.place == found.effect.place)

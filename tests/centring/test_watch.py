@@ -15,7 +15,7 @@ def watch(*readings, moves, to_tool=None):
     made = FollowingCheck(np.eye(3) if to_tool is None else np.array(to_tool), MoveSettings())
     for k, reading in enumerate(readings):
         if k:
-            made.moved(np.array(moves[k - 1]) * MM)
+            made.note_move(np.array(moves[k - 1]) * MM)
         made.check(np.array(reading) * MM)
 
 

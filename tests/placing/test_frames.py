@@ -90,10 +90,10 @@ def test_derivatives_agree_with_differences():
     s = flange_poses(truth.p, truth.R, truth.place, truth.point)
     free = np.ones(6 * s.n_places + 6 * s.n_points, dtype=bool)
     problem = FrameProblem(s, truth.y, truth.Y, free, 0.7)
-    state = PlacementFrames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).packed()
+    state = PlacementFrames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).pack()
     _, J = problem.evaluate(state)
     for column, step in enumerate(1e-6 * np.eye(free.sum())):
-        ahead, behind = (problem.evaluate(problem.moved(state, sign * step[None]))[0] for sign in (1, -1))
+        ahead, behind = (problem.evaluate(problem.advance(state, sign * step[None]))[0] for sign in (1, -1))
         assert (ahead - behind)[0] / 2e-6 == pytest.approx(J[0, ..., column], abs=1e-8)
 
 

@@ -58,7 +58,7 @@ class _KrlTargets:
             case st.Assignment(name="$TOOL" | "$BASE" | "$IPO_MODE"):
                 self.frames.assign(statement)
             case st.Assignment():
-                self._assigned(statement)
+                self._read_assignment(statement)
             case st.Flow(depth=depth):
                 self.last = None
                 self.frames.branch(depth)
@@ -69,7 +69,7 @@ class _KrlTargets:
                 self.routine = statement.name if isinstance(statement, st.Routine) else ""
                 self.frames.forget()
             case st.Call():
-                self._called(statement)
+                self._read_call(statement)
             case _ if type(statement) is st.Statement:
                 self.last = None
 
@@ -82,15 +82,15 @@ class _KrlTargets:
             elif "A1" in pose.value:
                 self._joints(pose.line, pose.value, pose.index)
             else:
-                frames = self.frames.of_point(pose.name) or common_frames(pose.frames or [self.frames.given()])
+                frames = self.frames.of_point(pose.name) or common_frames(pose.frames or [self.frames.default_frames()])
                 follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
                 self._pose(pose.line, pose.value, frames, follows, inherits=False, index=pose.index)
 
-    def _called(self, call: st.Call) -> None:
+    def _read_call(self, call: st.Call) -> None:
         """A routine may set other frames and may drive elsewhere; it may use the points that it is given."""
         for name in re.findall(r"[A-Z_]\w*(?:\[[^\]]*\])?", call.text.upper().partition("(")[2]):
             if self.points.has(name):
-                self.points.use(name, 0, self.frames.given(), None, linear=False)
+                self.points.use(name, 0, self.frames.default_frames(), None, linear=False)
         if not call.triggered:
             self.last = None
             self.frames.forget()
@@ -127,7 +127,7 @@ class _KrlTargets:
             follows = None if self.last is None else [self.last]
             self.last = self._pose(move.line, target.numbers, self.frames.now(), follows, linear)
 
-    def _assigned(self, statement: st.Assignment) -> None:
+    def _read_assignment(self, statement: st.Assignment) -> None:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
         name, kind, line = statement.name, statement.kind, statement.line if self.own else 0
         where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")

@@ -32,7 +32,7 @@ class StatusTurn:
         negative = (self.turn >> np.arange(q.shape[1])) & 1
         return np.asarray((np.abs(q) < NEAR) | ((q < 0) == (negative == 1)))
 
-    def renewed(self, arm: CorrectedArm) -> tuple[int, ...]:
+    def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return status and turn; a bit changes only where the corrected angle contradicts it."""
         turn = renewed_bits(self.turn, arm.q, arm.q_slack)
         status = renewed_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3

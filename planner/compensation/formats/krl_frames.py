@@ -56,9 +56,9 @@ class FrameState:
             return
         elif (table := _TABLE.fullmatch(name)) and not table[2].isdigit():
             for index in range(1, 129):
-                self._values[f"{table[1]}_DATA[{index}]"] = _changed(statement)
+                self._values[f"{table[1]}_DATA[{index}]"] = _describe_change(statement)
         elif T is None or not np.array_equal(T, self._values.get(name, T)):
-            self._values[name] = _changed(statement)
+            self._values[name] = _describe_change(statement)
         else:
             self._values[name] = T
 
@@ -74,7 +74,7 @@ class FrameState:
         tool, base = ("" if self._doubtful and isinstance(f, np.ndarray) else f for f in self._now.values())
         return self._or_given(tool, base)
 
-    def given(self) -> FramePair:
+    def default_frames(self) -> FramePair:
         """Return tool and base of a point that no move of the file uses."""
         return (self._everywhere,) * 2 if self._everywhere else self._or_given("", "")
 
@@ -120,7 +120,7 @@ class FrameState:
         T: Frame | None = None if statement.part else _plain(statement.value)
         if T is None and not statement.part:
             T = self._values.get(re.sub(r"\s", "", statement.value).upper())
-        self._set(statement.name[1:], _changed(statement) if T is None else T)
+        self._set(statement.name[1:], _describe_change(statement) if T is None else T)
 
     def _set(self, which: str, T: Frame) -> None:
         self._now[which] = T
@@ -131,7 +131,7 @@ def _variable(statement: st.Assignment) -> str:
     return f"{statement.name}.{statement.part}" if statement.part else statement.name
 
 
-def _changed(statement: st.Assignment) -> str:
+def _describe_change(statement: st.Assignment) -> str:
     return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
 
 

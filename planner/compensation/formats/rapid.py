@@ -32,7 +32,7 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     targets = _RapidTargets(placed, reading)
     for p in placed:
         if isinstance(p.statement, st.Assignment):
-            targets.assigned(p, p.statement)
+            targets.read_value(p, p.statement)
     for p in placed:
         targets.take(p)
     targets.finish()
@@ -50,7 +50,7 @@ class _RapidTargets:
         self.conf_off = {m[1].lower(): p.statement.line for p in placed if (m := _CONF_OFF.search(p.statement.text))}
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
-    def assigned(self, p: Placed, statement: st.Assignment) -> None:
+    def read_value(self, p: Placed, statement: st.Assignment) -> None:
         """Take in a declaration, or a value that is given while the program runs."""
         kind, value = statement.kind, statement.value
         if not kind:
@@ -82,7 +82,7 @@ class _RapidTargets:
                 if not move.text.lower().startswith(move.word):
                     self.last = None  # behind a condition
             case st.Call() as call:
-                frames = self.frames.given(f"it is handed to {call.name} in line {call.line}")
+                frames = self.frames.default_frames(f"it is handed to {call.name} in line {call.line}")
                 for name in re.findall(r"[A-Za-z]\w*", call.text.partition(call.text.split()[0])[2]):
                     if self.points.has(key := self.names.resolve(p, name)):
                         self.points.use(key, 0, frames, None, linear=False)
@@ -100,7 +100,7 @@ class _RapidTargets:
             elif len(pose.value) == 12:
                 self._joints(pose.line, pose.value, pose.index)
             else:
-                frames = common_frames(pose.frames or [self.frames.given("no move of this file uses it")])
+                frames = common_frames(pose.frames or [self.frames.default_frames("no move of this file uses it")])
                 self._pose(pose.line, pose.value, frames, pose.follows, pose.linear, pose.index)
 
     def _move(self, p: Placed, move: RapidMove) -> None:

@@ -32,7 +32,7 @@ class ConfData:
             fits[:, joint] = _in_quarter(q[:, joint], quarter, NEAR)
         return fits
 
-    def renewed(self, arm: CorrectedArm) -> tuple[int, ...]:
+    def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return cf1, cf4, cf6, cfx; a number changes only where the corrected angle contradicts it."""
         quarters = [
             quarter if _in_quarter(arm.q[j], quarter, arm.q_slack[j]) else int(np.floor(arm.q[j] / QUARTER))

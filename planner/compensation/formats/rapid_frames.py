@@ -82,7 +82,7 @@ class FrameTable:
             f"that does (--frames), or name it yourself ({option})"
         )
 
-    def given(self, because: str) -> FramePair:
+    def default_frames(self, because: str) -> FramePair:
         """Return what the person has named, for a target whose moves are not in the file."""
         T_FT, T_WB = self._given.T_FT, self._given.T_WB
         why = f"{because}, so that its tool and work object are not known (--tool, --base)"

@@ -42,7 +42,7 @@ class Names:
         for p in placed:
             if p.module not in self._modules:
                 self._modules.append(p.module)
-            self._keys.update(_key(p.module, p.routine, name) for name in _declared(p.statement))
+            self._keys.update(_key(p.module, p.routine, name) for name in _declared_names(p.statement))
 
     def own(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is declared in this statement."""
@@ -62,7 +62,7 @@ def _key(module: str, routine: str, name: str) -> str:
     return f"{module}.{routine}.{name.lower()}"
 
 
-def _declared(statement: st.Statement) -> Iterator[str]:
+def _declared_names(statement: st.Statement) -> Iterator[str]:
     """Yield the names that a statement declares: data with or without a value, or parameters."""
     match statement:
         case st.Assignment(kind=kind, name=name) if kind:

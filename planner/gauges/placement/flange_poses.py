@@ -36,7 +36,7 @@ class FlangePoses:
         rows = (self.p_BF[which], self.R_BF[which], self.place[which], self.point[which])
         return FlangePoses(*rows, self.n_places, self.n_points)
 
-    def carried(self, p_FM: Array) -> Array:
+    def target_positions(self, p_FM: Array) -> Array:
         """Return the targets (k, n, 3) [m] in the base frame for points p_FM (k, T, 3) on the flange."""
         m = p_FM[:, self.point]
         return np.asarray(np.matmul(self.R_BF, m[..., None])[..., 0] + self.p_BF)
@@ -128,7 +128,7 @@ class PlacementFrames:
     p_FM: Array
     R_FM: Array
 
-    def packed(self) -> Array:
+    def pack(self) -> Array:
         """Return the states (k, D)."""
         k = len(self.R_BG)
         return np.concatenate([v.reshape(k, -1) for v in (self.R_BG, self.p_BG, self.p_FM, self.R_FM)], axis=1)

@@ -86,7 +86,7 @@ def _complete_frames(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[A
 
 def _register_place(s: FlangePoses, p_GM: Array, m: Array, R: Array) -> tuple[Array, Array]:
     """Return R_BG (k, 3, 3) and p_BG (k, 3) of one place from known points, reweighted; a known R is kept."""
-    x = s.carried(m)
+    x = s.target_positions(m)
     y = np.broadcast_to(p_GM, x.shape)
     weight = np.ones(x.shape[:2])
     fixed = bool(np.isfinite(R).all())

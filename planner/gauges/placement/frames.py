@@ -58,7 +58,7 @@ class FrameProblem:
         S, T, n = s.n_places, s.n_points, len(s)
         A = f.R_BG[:, s.place]
         reading = np.matmul(A, self.p_GM[..., None])[..., 0]
-        r = s.carried(f.p_FM) - reading - f.p_BG[:, s.place]
+        r = s.target_positions(f.p_FM) - reading - f.p_BG[:, s.place]
         d = 3 if self.R_GM is None else 6
         J = np.zeros((k, n, d, 6 * S + (3 if d == 3 else 6) * T))
         row, axis = np.arange(n)[:, None, None], np.arange(3)[None, :, None]
@@ -74,7 +74,7 @@ class FrameProblem:
             J[:, row, 3 + axis, 6 * S + 3 * T + of_point] = self.per_radian * s.R_BF
         return r, J[..., self.free]
 
-    def moved(self, state: Array, step: Array) -> Array:
+    def advance(self, state: Array, step: Array) -> Array:
         """Return the moved states (k, D)."""
         s, k = self.stand, len(state)
         S, T = s.n_places, s.n_points
@@ -84,7 +84,7 @@ class FrameProblem:
             v.reshape(k, -1, 3) for v in np.split(full, np.cumsum([3 * S, 3 * S, 3 * T]), axis=1)
         )
         f = unpack_frames(state, s)
-        return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).packed()
+        return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).pack()
 
 
 FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
@@ -155,7 +155,7 @@ def place_frames(
     rms, rms_angle = float(np.sqrt((error[~outlier] ** 2).mean())), 0.0
     if turns is not None:
         A = f.R_BG[0, s.place]
-        gap = s.carried(f.p_FM)[0] - np.einsum("nij,nj->ni", A, p_GM) - f.p_BG[0, s.place]
+        gap = s.target_positions(f.p_FM)[0] - np.einsum("nij,nj->ni", A, p_GM) - f.p_BG[0, s.place]
         turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (A @ turns).swapaxes(-1, -2))
         rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
     R_BG, p_BG, m, R = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
@@ -170,7 +170,7 @@ def _solve_frames(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None)
             f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
         )
     few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
-    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).packed()
+    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).pack()
     promising = best_first(refine(few, starts, ()), d)[:TRIED]
     found = refine(few, starts[promising], _FIRST)
     found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)

@@ -38,7 +38,7 @@ class BarProblem:
         """Return residuals (k, n, 1) [m] and derivatives (k, n, 1, P)."""
         s, k = self.stand, len(state)
         m, X, zero = unpack_bar(state, s)
-        apart = s.carried(m) - X[:, s.place]
+        apart = s.target_positions(m) - X[:, s.place]
         distance = np.linalg.norm(apart, axis=2)
         u = apart / np.maximum(distance, 1e-9)[..., None]
         J = np.zeros((k, len(s), state.shape[1]))
@@ -48,7 +48,7 @@ class BarProblem:
         J[:, :, -1] = 1.0
         return (distance + zero[:, None] - self.length)[..., None], J[:, :, None, self.free]
 
-    def moved(self, state: Array, step: Array) -> Array:
+    def advance(self, state: Array, step: Array) -> Array:
         """Return the moved states (k, D)."""
         out = state.copy()
         out[:, self.free] += step
@@ -236,7 +236,7 @@ def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | Non
     seed(of_main, open_X, zero)
     if p_BX is None:
         reach = (float(length.mean()),) if zero_known else _REACHES
-        middle = s.carried(np.zeros((1, T, 3)) if p_FM is None else p_FM[None])[0]
+        middle = s.target_positions(np.zeros((1, T, 3)) if p_FM is None else p_FM[None])[0]
         centre = np.array([middle[s.place == k].mean(axis=0) if np.any(s.place == k) else middle[0] for k in range(S)])
         for r in reach:
             X = centre + r * directions()[:, None]
@@ -252,7 +252,7 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
         point_next = largest_group(s.point, ~known_m[s.point] & known_X[s.place])
         if place_next is not None:
             k, at = place_next
-            X[:, k], zero = trilateration(s.take(at).carried(m), length[at], zero)
+            X[:, k], zero = trilateration(s.take(at).target_positions(m), length[at], zero)
             known_X[k] = True
         elif point_next is not None:
             k, at = point_next
@@ -265,7 +265,7 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
         else:
             X[:, ~known_X], known_X[:] = 0.0, True
     if not np.isfinite(zero).all():
-        distance = np.linalg.norm(s.carried(m) - X[:, s.place], axis=2)
+        distance = np.linalg.norm(s.target_positions(m) - X[:, s.place], axis=2)
         zero = np.median(length - distance, axis=1)
     return pack_bar(m, X, zero)
 
@@ -304,7 +304,7 @@ def _unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:
 def _evaluate_placement(s: FlangePoses, length: Array, state: Array) -> LengthPlacement:
     """Judge all rows with the state (1, D)."""
     m, X, zero = unpack_bar(state, s)
-    error = np.abs(np.linalg.norm(s.carried(m)[0] - X[0, s.place], axis=1) + zero[0] - length)
+    error = np.abs(np.linalg.norm(s.target_positions(m)[0] - X[0, s.place], axis=1) + zero[0] - length)
     outlier = error > outlier_limit(1) * robust_scale(error, 1)[0]
     rms = float(np.sqrt((error[~outlier] ** 2).mean()))
     return LengthPlacement(read_only(X[0]), read_only(m[0]), float(zero[0]), rms, outlier)

@@ -161,7 +161,7 @@ def place_sockets(
     pair = np.unique(np.stack([s.place, ball], axis=1), axis=0, return_inverse=True)
     keys, of_pair = pair[0], pair[1].reshape(-1)
     m = _tool_points(s, of_pair, p_FM)
-    X, counts = _socket_medians(s.carried(m[None])[0], of_pair, len(keys))
+    X, counts = _socket_medians(s.target_positions(m[None])[0], of_pair, len(keys))
     if p_PS is None:
         p_PS = fit_plate_shape(keys, X, counts, distances)
     R, t = _register_plates(s.n_places, keys, X, counts, p_PS)
@@ -169,7 +169,7 @@ def place_sockets(
     problem = FrameProblem(s, p_PS[ball] + away, None, free)
     start = PlacementFrames(R[None], t[None], m[None], np.broadcast_to(np.eye(3), (1, s.n_points, 3, 3)))
     many = problem.take(s.spread(MANY))
-    found = refine(many, start.packed(), LAST, floor=_SURE / LIMIT / np.sqrt(len(many.stand)))
+    found = refine(many, start.pack(), LAST, floor=_SURE / LIMIT / np.sqrt(len(many.stand)))
     f = unpack_frames(found.state, s)
     error, outlier = find_outliers(problem, found.state)
     missing = undetermined_unknowns(found.jacobian[0], found.error[0], frame_unknowns(s, free))

@@ -23,7 +23,7 @@ class PlacementProblem(Protocol):
     def evaluate(self, state: Array) -> tuple[Array, Array]:
         """Return residuals (k, n, d) [m] and their derivatives (k, n, d, P) at states (k, D)."""
 
-    def moved(self, state: Array, step: Array) -> Array:
+    def advance(self, state: Array, step: Array) -> Array:
         """Return the states (k, D) moved by steps (k, P)."""
 
 
@@ -71,7 +71,7 @@ def refine(
         damping = np.full(len(state), 1e-3)
         for _ in range(iterations):
             weight, cost = _weights(np.linalg.norm(r, axis=2) / scale, kind, d)
-            trial = problem.moved(state, _step(r, J, weight, damping, floor))
+            trial = problem.advance(state, _step(r, J, weight, damping, floor))
             r_new, J_new = problem.evaluate(trial)
             _, cost_new = _weights(np.linalg.norm(r_new, axis=2) / scale, kind, d)
             better = cost_new <= cost

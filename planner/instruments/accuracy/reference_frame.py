@@ -39,7 +39,7 @@ class TrackerRegistration:
     misses: Array
     p_WN: Array
 
-    def seen(self, p_GM: Array) -> Array:
+    def to_nests(self, p_GM: Array) -> Array:
         """Bring points (n, 3) [m] from the tracker's frame to the nests'."""
         return np.asarray(p_GM @ self.R_WG.T + self.p_WG)
 
@@ -95,7 +95,7 @@ def position_errors(robot: Robot, p_FM: Array, stand: NestFrame, frame: TrackerR
         raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
     p_BF, R_BF = CalibratedRobot(robot).flange(run.samples.q)
     model = p_BF + R_BF @ p_FM
-    seen = frame.seen(run.readings.position) @ stand.R_BW.T + stand.p_BW
+    seen = frame.to_nests(run.readings.position) @ stand.R_BW.T + stand.p_BW
     return np.asarray(seen - model)
 
 
@@ -126,7 +126,7 @@ def error_floor(cell: Cell, run: Run, frame: TrackerRegistration, by_nests: bool
     """Work it out for the poses of a run with positions; without ``by_nests`` the model stands by no nest."""
     assert run.readings.position is not None
     noise = Model.from_cell(cell).reading_noise(run.samples)
-    nests = frame_uncertainty(frame, frame.seen(run.readings.position), cell.gauge.noise)
+    nests = frame_uncertainty(frame, frame.to_nests(run.readings.position), cell.gauge.noise)
     return ErrorFloor(
         float(np.sqrt((nests**2).mean())) * by_nests,
         float(np.sqrt(noise.gauge_variance.sum())),

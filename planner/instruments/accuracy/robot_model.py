@@ -84,7 +84,7 @@ def _place_model(robot: Robot, others: Run, frame: TrackerRegistration, notes: l
     p_BF, R_BF = CalibratedRobot(robot).flange(others.samples.q)
     assert others.readings.position is not None
     none = np.zeros(len(others), dtype=int)
-    found = place_frames(p_BF, R_BF, frame.seen(others.readings.position), none, none)
+    found = place_frames(p_BF, R_BF, frame.to_nests(others.readings.position), none, none)
     notes.append(
         f"the model's gauge stood elsewhere: {len(others)} poses of the plan to calibrate with placed robot and "
         "reflector, those that it is judged by had no part in it"

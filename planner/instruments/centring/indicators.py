@@ -69,7 +69,7 @@ class SerialIndicators:
         for _ in range(self._head.tries):
             self._stop.check()
             try:
-                answer = self._asked(line, channel)
+                answer = self._request(line, channel)
                 value = None if answer is None else self._language.value(answer, channel)
             except RefusedReadingError as err:
                 last = str(err)
@@ -84,7 +84,7 @@ class SerialIndicators:
             f"within {self._head.timeout_s:g} s; is it switched on, and is this its protocol and port?"
         )
 
-    def _asked(self, line: serial.Serial, channel: int) -> bytes | None:
+    def _request(self, line: serial.Serial, channel: int) -> bytes | None:
         """Ask once; what came before the request is thrown away. ``None`` where no whole answer came in time."""
         line.reset_input_buffer()
         line.write(self._language.request(channel))

@@ -34,7 +34,7 @@ class VarProxy:
         """
         value = self._exchange(READ, name, _text(name))
         if not value:
-            raise LinkError(self._refused("give", name))
+            raise LinkError(self._refusal_text("give", name))
         return value
 
     def write(self, name: str, value: str) -> None:
@@ -77,7 +77,7 @@ class VarProxy:
         if found != mode:
             raise LinkError(f"the robot at {self.where} answered with mode {found} for '{name}'; is it KUKAVARPROXY?")
         if status[-1:] != b"\x01":
-            raise LinkError(self._refused("set" if mode == WRITE else "give", name))
+            raise LinkError(self._refusal_text("set" if mode == WRITE else "give", name))
         return value.decode("ascii", "replace").strip()
 
     def _answer(self, until: float) -> tuple[int, bytes, bytes]:
@@ -102,7 +102,7 @@ class VarProxy:
         found, self._buffer = self._buffer[:count], self._buffer[count:]
         return found
 
-    def _refused(self, verb: str, name: str) -> str:
+    def _refusal_text(self, verb: str, name: str) -> str:
         return (
             f"the controller at {self.where} does not {verb} '{name}': "
             "is the centring program with its .dat on the controller (edbb centre --program DIR writes them)?"

@@ -68,7 +68,7 @@ class FollowingCheck:
         self._best = np.inf
         self._moved, self._step = np.zeros(3), np.zeros(3)
 
-    def moved(self, step: Array) -> None:
+    def note_move(self, step: Array) -> None:
         """Note a move of the tool by ``step`` (3,) [m] in its own frame."""
         self._step, self._moved = step, self._moved + step
 
@@ -169,7 +169,7 @@ def centre_ball(indicators: Indicators, link: RobotLink, settings: CentringSetti
         if moves < limits.most_moves:
             link.shift(step)
             moved = moved + step
-            watch.moved(step)
+            watch.note_move(step)
     shown = ", ".join(f"{1e3 * v:+.1f}" for v in to_mm(reading))
     raise DivergingError(
         f"after {limits.most_moves} moves the indicators still show {shown} µm (x, y, z); "

@@ -86,13 +86,13 @@ class StopRequest:
 def stop_on_signals(stop: StopRequest) -> Iterator[StopRequest]:
     """Turn Ctrl-C and a termination signal into a stop while the block runs; a second one ends the program at once."""
 
-    def asked(number: int, _frame: FrameType | None) -> None:
+    def on_signal(number: int, _frame: FrameType | None) -> None:
         stop.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
         signal.signal(number, before[number])
 
     before = {int(number): signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        signal.signal(number, asked)
+        signal.signal(number, on_signal)
     try:
         yield stop
     finally:

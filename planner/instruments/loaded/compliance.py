@@ -80,7 +80,7 @@ class Harmonics:
         """Return what is left after a change of the compliances (N,) and of the height [m]."""
         return Harmonics(self.rows, self.residual - self.rows @ np.append(step, height), self.weight, self.count)
 
-    def told(self, noise: Array, prior: float, height: float = 0.0) -> CircleInformation:
+    def information(self, noise: Array, prior: float, height: float = 0.0) -> CircleInformation:
         """Say what the circle tells.
 
         Args:
@@ -100,7 +100,7 @@ class Harmonics:
         """Weighted sum of squares."""
         return float((self._weights(noise) * np.abs(self.residual) ** 2).sum())
 
-    def averaged(self, noise: Array) -> Array:
+    def mean_variance(self, noise: Array) -> Array:
         """Variance of an averaged reading, for every sense and load, (D, K) [m²]."""
         return np.asarray((noise * self.count).sum() / self.count.sum() / self.weight)
 
@@ -167,7 +167,7 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
         moved = [replace(model, setup=raise_fixture(setup, c, h)) for c, h in zip(curves, heights, strict=True)]
         waves = [harmonics_of(m, c, value) for m, c in zip(moved, curves, strict=True)]
         noise = noise if k else [_first_noise(w, c) for w, c in zip(waves, curves, strict=True)]
-        told = [w.told(s, p, h) for w, s, p, h in zip(waves, noise, sizes, heights, strict=True)]
+        told = [w.information(s, p, h) for w, s, p, h in zip(waves, noise, sizes, heights, strict=True)]
         information = np.asarray(sum(t.information for t in told))
         pulled = np.asarray(sum(t.pulled for t in told)) + information @ value
         change = np.linalg.solve(information * np.outer(prior, prior) + np.eye(len(prior)), pulled * prior)
@@ -179,7 +179,7 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
         noise = [_noise(w, c, misfit) for w, c in zip(left, curves, strict=True)]
         if k > 1 and np.abs(step / prior).max() < STILL and np.abs(raise_by).max() < STILL * MM:
             break
-    size = np.sqrt(np.mean([np.mean(w.averaged(_first_noise(w, c))) for w, c in zip(left, curves, strict=True)]))
+    size = np.sqrt(np.mean([np.mean(w.mean_variance(_first_noise(w, c))) for w, c in zip(left, curves, strict=True)]))
     found = compliance_posterior(model.names, prior, information, pulled, float(size), float(np.sqrt(misfit)))
     return ComplianceFit(found, read_only(heights))
 

@@ -41,11 +41,11 @@ def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> S
 def use_held_torques(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return parameters with compliances by the torques that the samples carry, see :func:`with_held_torque`."""
 
-    def held(p: Parameter) -> Parameter:
+    def hold(p: Parameter) -> Parameter:
         phi = p.main.phi
         return replace(p, moves=(replace(p.main, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
 
-    return tuple(held(p) for p in parameters)
+    return tuple(hold(p) for p in parameters)
 
 
 def solve_equilibrium(model: Model, samples: Samples, errors: Array) -> tuple[Model, Samples]:

@@ -93,7 +93,7 @@ def predict_information(setup: MeasurementSetup, place: CirclePlace) -> Array:
     there = replace(setup, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=setup.place_prior[:1])
     model = Model(there, tuple(compliance_parameters(setup)))
     waves = harmonics_of(model, curves, TYPICAL_SHARE * model.prior)
-    return waves.told(curves.noise, float(setup.place_prior[circle.fixture])).information
+    return waves.information(curves.noise, float(setup.place_prior[circle.fixture])).information
 
 
 def planned_curves(setup: MeasurementSetup, place: CirclePlace) -> AveragedCurves:

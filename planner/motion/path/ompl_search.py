@@ -31,11 +31,11 @@ def roadmap_edges(points: Array, neighbours: int, seed: int) -> np.ndarray:
     number = {row.tobytes(): k for k, row in enumerate(points)}
     edges: list[tuple[int, int]] = []
 
-    def wanted(a: Array, b: Array) -> bool:
+    def is_wanted(a: Array, b: Array) -> bool:
         edges.append((number[a.tobytes()], number[b.tobytes()]))
         return True
 
-    validator = _Validator(info, wanted, points.shape[1])
+    validator = _Validator(info, is_wanted, points.shape[1])
     info.setMotionValidator(validator)
     info.setValidStateSamplerAllocator(lambda i: _PoolSampler(i, points))
     info.setup()

@@ -40,7 +40,7 @@ class Outcome:
 
 def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
     """Return a local search that has come to a good tour, a few per cent at most above the best."""
-    weight = instance.weighted()
+    weight = instance.weigh_legs()
     search = LocalSearch(weight, nearest_neighbours(weight, _SEARCH_NEIGHBOURS), greedy_tour(weight), seed)
     search.improve(len(weight) // 2)
     return search
@@ -49,7 +49,7 @@ def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
 def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | None = None) -> Outcome:
     """Return the best tour found from ``search`` on, and the lower bound proven for it over ``nodes`` of the tree."""
     size, tour = len(instance.cost), list(search.tour)
-    near = nearest_neighbours(instance.weighted(), _NEIGHBOURS)
+    near = nearest_neighbours(instance.weigh_legs(), _NEIGHBOURS)
     first = np.column_stack([np.repeat(np.arange(size), near.shape[1]), near.ravel()])
     relaxation = Relaxation(instance, instance.length(tour), np.concatenate([first, _legs(tour)]))
     reduced = relaxation.optimize()
@@ -163,7 +163,7 @@ class Relaxation(_Program):
             dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * _GRID).astype(np.int64)
             dual[self.size :] = np.maximum(dual[self.size :], 0)
             self._dual: IntArray = dual
-            reduced = self._reduced()
+            reduced = self._reduce_costs()
             if not self.add_legs(np.argwhere(np.triu(reduced < 0, 1))):
                 return reduced
 
@@ -177,7 +177,7 @@ class Relaxation(_Program):
         """Return the node sets (k, m) whose inequalities hold the bound up."""
         return np.asarray(self.sets[self._dual[self.size :] > 0])
 
-    def _reduced(self) -> IntArray:
+    def _reduce_costs(self) -> IntArray:
         dual, sets = self._dual.astype(float), self.sets.astype(float)
         node, price = dual[: self.size], dual[self.size :]
         once = price @ sets + node

@@ -92,7 +92,7 @@ class TourInstance:
         """Cost taken off the required leg: more than any tour costs with all its penalties [units]."""
         return (len(self.cost) + 1) * self.penalty
 
-    def weighted(self) -> IntArray:
+    def weigh_legs(self) -> IntArray:
         """Return (m, m) costs with penalties on forbidden legs and the bonus on the required one."""
         cost = self.cost + self.penalty * self.forbidden
         if self.required is not None:

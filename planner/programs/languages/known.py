@@ -28,10 +28,10 @@ def known_statements(
     patterns = [re.compile(text.replace(ANY, r"\d+"), re.IGNORECASE) for text in dict.fromkeys(texts)]
 
     @cache
-    def known(said: str) -> bool:
+    def is_known(said: str) -> bool:
         return any(p.fullmatch(said) for p in patterns)
 
-    return lambda statement: known(_squeeze(statement.text))
+    return lambda statement: is_known(_squeeze(statement.text))
 
 
 def _own_lines(dialect: Dialect, program: Program | None) -> Iterator[str]:
