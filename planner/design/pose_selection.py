@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
-from planner.common.determinism import Positions
+from planner.common.determinism import Positions, even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
@@ -32,6 +32,8 @@ from planner.runs.run import Samples
 
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
 LOOSE, TIGHT = 5e-4, 1e-4  # tolerance of the bound: from nothing, and from a certificate nearby
+PROBED = 400  # states at each mounting that tell how many parameters there are before candidates are drawn
+CLEARLY_TOO_FEW = 0.9  # share of the readings that the parameters take, below which no candidates are drawn
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
 
 
@@ -108,6 +110,32 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
     kept = list(seen.kept)
     seen = add_dropped(seen, names, (*out, *unloaded_compliances(cell.plan.effects, model)))
     return model.subset(kept), seen, np.ascontiguousarray(rows[:, :, kept])
+
+
+def check_pose_number(cell: Cell, poses: int, seed: int) -> None:
+    """Refuse so few poses that no candidates could identify the parameters, before any are drawn.
+
+    States that the gauge reaches stand for the candidates; what is left of them later may show a parameter or two less,
+    so numbers near the limit are left to :func:`select_poses`.
+
+    Raises:
+        InputError: with the least number.
+    """
+    parts = []
+    for mounting in cell.mountings:
+        q = cell.gauge.joint_sampler(cell, mounting, seed)(PROBED).q
+        parts.append(Samples.at(q[even_positions(len(q), PROBED)], mounting))
+    samples = Samples.concatenate(parts)
+    if len(samples) < PROBED:
+        return
+    model = planned_model(cell, samples)
+    rows, noise = model.rows(samples), float(np.median(model.noise(samples)))
+    out = {d.name for d in hold_measured_tool(cell, model, rows, noise)}
+    free = [k for k, name in enumerate(model.names) if name not in out]
+    model, rows = model.subset(free), rows[:, :, free]
+    rank = find_identifiable(rows, model.names, model.prior, prefer=preference_order(model), noise=noise).rank
+    if poses < CLEARLY_TOO_FEW * rank / model.width:
+        _check_count(poses, -(-rank // model.width), poses, rank)
 
 
 def select_poses(

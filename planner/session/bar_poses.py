@@ -12,6 +12,7 @@ from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.fixtures.addition import add_fixtures, describe_added_fixtures
 from planner.design.pose_selection import (
     PoseChoice,
+    check_pose_number,
     refine_poses,
     replace_all,
     replace_pose,
@@ -52,6 +53,8 @@ class BarPoses(PoseSession):
             with stages.stage("fixtures"):
                 self.cell = add_fixtures(self.cell, self.options.fixtures, seed, stages.say)
             self.notes += describe_added_fixtures(self.cell)
+        if self.poses is not None:
+            check_pose_number(self.cell, self.poses, seed)
         with stages.stage("candidates") as progress:
             self.cell = with_mounts(self.cell, seed)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
