@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import ToolPoint
 from planner.cell.reading import load_cell
 from planner.model.tool_error import ToolError
-from tests.generator.arm import Arm
+from tests.simulation.generator.arm import Arm
 
 DRAWN = 300
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-import tests.observability.dh_arm as dh_arm
+import tests.design.observability.dh_arm as dh_arm
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import index_value
 from planner.design.selection.d_optimal import detmax
@@ -26,7 +26,7 @@ from planner.design.selection.index_curves import compute_index_curve
 from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.pruning import prune_poses
 from planner.design.selection.refinement import refine_off_grid
-from tests.observability.dh_arm import NJ130
+from tests.design.observability.dh_arm import NJ130
 
 CELLS = {"paper": ((), ()), "edbb": ((2,), ("fixture", "tool", "zero"))}
 

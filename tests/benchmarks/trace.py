@@ -6,13 +6,13 @@ import tempfile
 import time
 from pathlib import Path
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from tests.generator.arm import Arm
-from tests.generator.draw import as_in_a_real_arm, random_run
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.draw import as_in_a_real_arm, random_run
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from tests.blind.trial import Task
-from tests.generator.arm import Arm
-from tests.generator.catalogue import KINDS
-from tests.generator.draw import shown_by
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.catalogue import KINDS
+from tests.simulation.generator.draw import shown_by
 
 NJ, KR = "comau-nj130", "kuka-kr6-r700"
 BENCH = (("edbb", NJ), ("moving", NJ), ("tracker", KR), ("balls", KR))

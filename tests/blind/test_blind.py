@@ -5,7 +5,7 @@ import pytest
 from tests.blind.plan import PARTS, tasks
 from tests.blind.table import table
 from tests.blind.trial import Outcome, Task, right, tried
-from tests.generator.kinds import Effect
+from tests.simulation.generator.kinds import Effect
 
 
 def test_the_judge_tells_right_from_wrong():

@@ -4,9 +4,9 @@ import numpy as np
 
 from tests.blind.workspace import Outcome, Task, arm_tool, distance, hidden_effects, states_anywhere, true_tool
 from tests.blind.workspace_table import table
-from tests.generator.arm import Arm
-from tests.generator.benches import BENCHES
-from tests.generator.truth import draw_truth
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.truth import draw_truth
 
 NAME = "comau-nj130"
 TASK = Task("edbb", "plan", (), 0, False, 1)

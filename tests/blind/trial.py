@@ -5,19 +5,19 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import tests.generator.catalogue as catalogue
-import tests.generator.runs as runs
+import tests.simulation.generator.catalogue as catalogue
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.cross_validation import split_run
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from tests.catalogue.naming import joint_of, named
-from tests.generator.arm import Arm
-from tests.generator.draw import USUAL, as_in_a_real_arm, random_run
-from tests.generator.made import Made
-from tests.generator.sizing import Implausible
-from tests.generator.truth import Noise, draw_truth
+from tests.effects.catalogue.naming import joint_of, named
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.draw import USUAL, as_in_a_real_arm, random_run
+from tests.simulation.generator.made import Made
+from tests.simulation.generator.sizing import Implausible
+from tests.simulation.generator.truth import Noise, draw_truth
 
 NOISES = {"white": USUAL, "heavy": Noise(shape="heavy"), "correlated": Noise(shape="correlated")}
 UNNAMED = "unnamed"

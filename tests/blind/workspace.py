@@ -1,8 +1,8 @@
 """How good a calibrated robot is everywhere: true tool errors over the workspace, beside what the fit states of them.
 
-The arm, its hidden effects and the readings come from ``tests.generator``, which shares no code with the planner. The
-tool is compared at joint states anywhere above the floor, after one rigid alignment of the base, as a cell aligns its
-work pieces.
+The arm, its hidden effects and the readings come from ``tests.simulation.generator``, which shares no code with the
+planner. The tool is compared at joint states anywhere above the floor, after one rigid alignment of the base, as a cell
+aligns its work pieces.
 """
 
 import tempfile
@@ -12,20 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from tests.generator.arm import Arm
-from tests.generator.benches import BENCHES
-from tests.generator.catalogue import KINDS, motions
-from tests.generator.course import course
-from tests.generator.kinds import Effect
-from tests.generator.scene import total
-from tests.generator.truth import draw_truth
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.catalogue import KINDS, motions
+from tests.simulation.generator.course import course
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.scene import total
+from tests.simulation.generator.truth import draw_truth
 
 STATES = 500
 # what moves the tool at a joint state by itself, inside and outside the catalogue, and largest amplitude [rad] of gears

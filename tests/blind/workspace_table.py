@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.blind.workspace import Outcome, Task, try_task
-from tests.generator.arm import Arm
-from tests.generator.runs import edbb_static, tracker
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.runs import edbb_static, tracker
 
 HIDDEN = ((0, False), (1, False), (3, False), (6, False), (1, True), (3, True))
 FIRST_SEED = 70_001

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import tests.program.sessions as sessions
+import tests.programs.sessions as sessions
 from planner.common.errors import InputError, NoSolutionError
 from planner.compensation.compensated_file import compensate_file
 from planner.kinematics.robot_reader import load_robot

@@ -6,8 +6,8 @@ from scipy import stats
 
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.model.model import Model
-from tests.generator.truth import draw_errors
 from tests.identification.worlds import Trials, covered, declared, trials, world
+from tests.simulation.generator.truth import draw_errors
 
 pytestmark = pytest.mark.long
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
@@ -27,10 +27,10 @@ from planner.runs.run import Samples
 from planner.simulation.measurement import simulate
 from planner.simulation.truth import draw_truth
 from planner.tracing.trace import trace
-from tests.generator.benches import BENCHES
-from tests.generator.kinds import Effect
-from tests.generator.truth import Noise, Truth
 from tests.identification.worlds import arm_of
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.truth import Noise, Truth
 
 NAME = "kuka-kr6-r700"
 FREE = [f"{kind}{i}" for kind in ("alpha", "a") for i in range(1, 6)] + ["d3", "d4", "d5", "d6", "beta2"]

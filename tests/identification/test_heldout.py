@@ -11,9 +11,9 @@ from planner.identification.least_squares import fit, solve
 from planner.identification.pipeline import identify
 from planner.identification.problem import FitProblem
 from planner.runs.run import Readings, Run, Samples
-from tests.generator.runs import balls, edbb_continuous, edbb_static, tracker
-from tests.generator.truth import draw_errors
 from tests.identification.worlds import arm_of, declared, loaded, world
+from tests.simulation.generator.runs import balls, edbb_continuous, edbb_static, tracker
+from tests.simulation.generator.truth import draw_errors
 
 
 def made_run(n, rng, **how):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.generator.truth import Noise
 from tests.identification.worlds import covered, trials, world
+from tests.simulation.generator.truth import Noise
 
 pytestmark = pytest.mark.long
 

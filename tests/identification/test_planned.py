@@ -17,9 +17,9 @@ from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
-from tests.generator.poses import at_targets, shell_points
-from tests.generator.truth import Noise, draw_errors
 from tests.identification.worlds import World, arm_of
+from tests.simulation.generator.poses import at_targets, shell_points
+from tests.simulation.generator.truth import Noise, draw_errors
 
 CELLS = ("comau-nj130/edbb", "ur10/edbb")
 POSES, FITS = 60, 150

@@ -22,12 +22,12 @@ from planner.identification.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Run
-from tests.generator.arm import Arm
-from tests.generator.made import Made
-from tests.generator.runs import edbb_continuous, edbb_static
-from tests.generator.scene import total
-from tests.generator.station import Station
-from tests.generator.truth import Noise, draw_errors
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.made import Made
+from tests.simulation.generator.runs import edbb_continuous, edbb_static
+from tests.simulation.generator.scene import total
+from tests.simulation.generator.station import Station
+from tests.simulation.generator.truth import Noise, draw_errors
 
 BUILD = {"static": edbb_static, "continuous": edbb_continuous}
 

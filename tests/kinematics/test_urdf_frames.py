@@ -10,7 +10,7 @@ from planner.design.observability.identifiability import find_identifiable
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.runs.run import Samples
-from tests.calibrated.made import setup_at_flange
+from tests.identification.calibrated.made import setup_at_flange
 
 CUBE = Rotation.create_group("O")  # the 24 ways to put axes onto axes
 UR10 = [  # alpha [rad], a [m], d [m]

@@ -7,15 +7,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
 from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_run
 from planner.runs.run import Run
-from tests.generator.arm import Arm
-from tests.generator.truth import draw_truth
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.truth import draw_truth
 
 
 @cache

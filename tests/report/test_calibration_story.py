@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
 from planner.identification.calibration import Calibration
@@ -20,10 +20,10 @@ from planner.report.chart import weighted_means
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps
 from planner.runs.loader import load_run
 from planner.tracing.trace import trace
-from tests.generator.arm import Arm
-from tests.generator.kinds import Effect
-from tests.generator.truth import draw_truth
 from tests.report.calibrated import calibrated
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.truth import draw_truth
 
 RIPPLE, WAVES = 6e-5, 24.738  # [rad], waves a turn of joint 3
 PLAY = 8e-5  # [rad] of joint 2

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from planner.workflow.writing import cell_text
-from tests.generator.arm import Arm
-from tests.generator.benches import BENCHES
+from planner.workflow.writing import write_cell
 from tests.reproduction.planned import minutes, of_bar, of_tracker, of_trical, stops
 from tests.reproduction.truth import BAR_M, DEVICE_M, TOOL_COM_MM, TOOL_KG, TRACKER_M, truth
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.benches import BENCHES
 
 NAME = "kuka-kr6-r700"
 CHOSEN = 80  # poses of TriCal and of the tracker, as in the paper
@@ -112,7 +112,8 @@ def identified(measured, traced):
 
 def _measured(name, run_csv, plan, poses, map_mm):
     with tempfile.TemporaryDirectory() as folder:
-        cell = cell_text(plan.cell, Path(folder))
+        write_cell(plan.cell, Path(folder))
+        cell = (Path(folder) / "cell.toml").read_text()
     tool = np.array(map_mm) / 1e3
     return Measured(name, run_csv, cell, poses, minutes(plan), EUROS[name.partition(",")[0]], tool)
 

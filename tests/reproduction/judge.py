@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-import tests.generator.catalogue as catalogue
+import tests.simulation.generator.catalogue as catalogue
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.kinematics.robot_reader import load_robot
-from tests.generator.course import course
-from tests.generator.scene import total
 from tests.reproduction.instruments import CHOSEN, REGISTERED, VALIDATED, arm, bench
 from tests.reproduction.planned import of_tracker, stops
 from tests.reproduction.truth import COMPLIANCES, TRACKER_M, errors, truth
+from tests.simulation.generator.course import course
+from tests.simulation.generator.scene import total
 
 
 @dataclass(frozen=True)

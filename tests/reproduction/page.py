@@ -4,8 +4,8 @@ from html import escape
 from pathlib import Path
 
 import tests.reproduction.pictures as pictures
-from tests.loaded.reproduction import rows as loaded_rows
-from tests.loaded.reproduction import write_figures
+from tests.instruments.loaded.reproduction import rows as loaded_rows
+from tests.instruments.loaded.reproduction import write_figures
 from tests.reproduction.judge import as_planted, nominal
 from tests.reproduction.table9 import PUBLISHED, SIZE, other_arms, quickest, rows
 from tests.reproduction.truth import hidden

@@ -4,8 +4,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from tests.generator.kinds import Effect
-from tests.generator.truth import Noise, Truth
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.truth import Noise, Truth
 
 SEED = 7
 TOOL_KG = 6.0  # of the end effector in all tests of the paper

@@ -18,7 +18,7 @@ from planner.session.document import read_plan
 from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate
 from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_reading import simulate_plan
-from tests.generator.arm import GRAVITY, Arm, moment_of_weight
+from tests.simulation.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file
 
 SILENT = "[noise]\ngauge_um = 0\nrepeatability_mm = 0\n"

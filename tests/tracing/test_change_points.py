@@ -14,8 +14,8 @@ from planner.tracing.change_text import slip_of_the_pen
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.state import FittedEffect
 from planner.tracing.trace import trace
-from tests.generator.truth import Noise, draw_errors
 from tests.identification.worlds import declared, world
+from tests.simulation.generator.truth import Noise, draw_errors
 
 THINGS = {
     "step, gauge": ("zero",),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.generator.catalogue import motions
+from tests.simulation.generator.catalogue import motions
 from tests.tracing.worlds import calibrated, effect, names, run
 
 

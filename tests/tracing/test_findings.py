@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.generator.truth import Noise
+from tests.simulation.generator.truth import Noise
 from tests.tracing.worlds import arm, calibrated, effect, names
 
 

@@ -4,15 +4,15 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-import tests.generator.runs as runs
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from tests.generator.arm import Arm
-from tests.generator.draw import USUAL
-from tests.generator.kinds import Effect
-from tests.generator.truth import draw_truth
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.draw import USUAL
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.truth import draw_truth
 
 NJ = "comau-nj130"
 

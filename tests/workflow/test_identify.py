@@ -13,7 +13,7 @@ from planner.runs.writer import save_run
 from planner.workflow.identification import identify_runs
 from planner.workflow.plan_reading import simulate_plan
 from tests import command
-from tests.generator.arm import Arm
+from tests.simulation.generator.arm import Arm
 from tests.simulation.made import truth_file, wide_plan
 
 TRUTH = """[errors]

@@ -8,7 +8,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from tests.command import edbb
-from tests.generator.arm import Arm
+from tests.simulation.generator.arm import Arm
 from tests.workflow.conftest import small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')

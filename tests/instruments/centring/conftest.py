@@ -1,0 +1,74 @@
+"""One cell for a test: the world, its devices, a plan file, short time-outs."""
+
+import json
+from contextlib import ExitStack
+
+import pytest
+
+from planner.instruments.centring.indicators import open_indicators
+from planner.instruments.centring.protocols import find_protocol
+from planner.instruments.centring.robot_link import open_link
+from planner.instruments.centring.session import CentringBench, open_session, run_session
+from planner.instruments.centring.settings import (
+    CentringSettings,
+    HeadSettings,
+    MoveSettings,
+    RestSettings,
+    RobotSettings,
+)
+from planner.instruments.centring.stop import StopRequest
+from tests.instruments.centring.devices import Controller, indicator
+from tests.instruments.centring.world import World
+from tests.instruments.centring.world import plan as plan_of
+
+OFFSETS = {1: (3.0, -2.0, 1.5), 3: (-2.8, 2.9, -2.9), 5: (0.4, 0.02, -0.7), 7: (2.0, 2.0, 2.0)}
+
+
+def settings(head=None, rest=None, moves=None, robot=None):
+    return CentringSettings(
+        head=HeadSettings(**({"timeout_s": 0.2} | (head or {}))),
+        rest=RestSettings(**({"settle_s": 0.0} | (rest or {}))),
+        moves=MoveSettings(**(moves or {})),
+        robot=RobotSettings(**({"answer_s": 1.0, "poll_s": 0.002, "move_s": 5.0} | (robot or {}))),
+    )
+
+
+class Cell:
+    """A world with its devices; ``run()`` is one session."""
+
+    def __init__(self, folder, stack, count=3, lose=0.0, faults=None, plan_id="0123456789ab", **world):
+        self.content = plan_of(count, plan_id)
+        self.plan, self.output = folder / "plan.json", folder / "run.csv"
+        self.plan.write_text(json.dumps(self.content))
+        self.world = World(self.content, OFFSETS, **world)
+        self.stack = stack
+        self.terminals = [indicator(self.world, k, lose=lose, seed=k) for k in range(3)]
+        self.ports = [t.port for t in self.terminals]
+        self.controller = Controller(self.world, **(faults or {}))
+        self.stop, self.said = StopRequest(), []
+        for device in (*self.terminals, self.controller):
+            stack.callback(device.close)
+
+    def revive(self, **faults):
+        """A new controller for the same arm."""
+        self.controller.close()
+        self.controller = Controller(self.world, **faults)
+        self.stack.callback(self.controller.close)
+        self.stop = StopRequest()
+
+    def run(self, how=None, follow=False):
+        how = how or settings()
+        with ExitStack() as opened:
+            session = open_session(self.plan, self.output)
+            head = open_indicators(self.ports, find_protocol(how.head.protocol), how.head, self.stop)
+            opened.callback(head.close)
+            link = open_link(self.controller.address, 6, how.robot, self.stop, follow)
+            opened.callback(link.close)
+            run_session(session, CentringBench(head, link, how, self.stop, self.said.append), follow)
+        return session
+
+
+@pytest.fixture
+def cell(tmp_path):
+    with ExitStack() as stack:
+        yield lambda **how: Cell(tmp_path, stack, **how)

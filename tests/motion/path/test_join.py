@@ -1,0 +1,237 @@
+"""Joined paths keep every constraint at every densely sampled state, judged by modules that the search does not use."""
+
+import hashlib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from planner.cell.workspace import Workspace
+from planner.common.units import Array
+from planner.motion.collision.engines import FclWorld
+from planner.motion.path.connection import connect_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.proof import Prover
+from planner.motion.path.roadmap import connected_parts
+from planner.motion.path.verdict import PathGaps, ProvenPath, judge_path
+from tests.motion.path.poses import cell_and_world, dense, valid_poses
+
+COUNT = 20
+
+
+def constraints() -> Constraints:
+    cell, world = cell_and_world()
+    return Constraints(cell, scene=world.scene)
+
+
+@pytest.fixture(scope="module")
+def labelled() -> tuple[Array, np.ndarray]:
+    q = valid_poses(700)
+    return q, connected_parts(constraints(), q)
+
+
+@pytest.fixture(scope="module")
+def tour(labelled: tuple[Array, np.ndarray]) -> tuple[Array, list[int], Array]:
+    """Poses of the largest part in no good order, so that many legs need a detour; and the rest as a pool."""
+    q, part = labelled
+    q = q[part == 0]
+    return q[:COUNT], [*range(COUNT), 0], q[COUNT:]
+
+
+@pytest.fixture(scope="module")
+def path(tour: tuple[Array, list[int], Array]) -> ProvenPath:
+    q, order, pool = tour
+    found = connect_poses(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(found, ProvenPath)
+    return found
+
+
+def digest(path: ProvenPath) -> str:
+    return hashlib.sha256(path.q.tobytes() + path.node.tobytes()).hexdigest()
+
+
+def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
+    q, order, _ = tour
+    assert path.node[path.node >= 0].tolist() == order
+    np.testing.assert_array_equal(path.q[path.node >= 0], q[order])
+    assert [(leg.start, leg.end) for leg in path.legs] == list(pairwise(order))
+    np.testing.assert_array_equal(np.concatenate([leg.supports for leg in path.legs]), path.q[path.node < 0])
+    assert path.direct_legs + path.planned_legs == len(order) - 1
+    assert path.planned_legs >= 5
+    assert not path.q.flags.writeable
+
+
+def test_path_holds_when_sampled_densely(path: ProvenPath) -> None:
+    cell, world = cell_and_world()
+    sampled = dense(path.q[:-1], path.q[1:], 150)
+    assert (Workspace(cell).margins(sampled) > 0.0).all()
+    assert not world.collides(sampled).any()
+    distance = FclWorld(world.scene).distances(sampled[::20])
+    assert distance.min() > cell.motion.clearance
+    assert path.clearance <= distance.min() + 5e-4
+    length = np.linalg.norm(cell.map_position(sampled) - cell.fixtures[0].p_BX, axis=1)
+    assert abs(path.length_min - length.min()) < 6e-4
+    assert abs(path.length_max - length.max()) < 6e-4
+    assert path.clear
+    assert path.checked == "continuous"
+
+
+def test_direct_legs_are_those_whose_straight_motion_is_proven(path: ProvenPath) -> None:
+    q = path.q[path.node >= 0]
+    np.testing.assert_array_equal(constraints().prove(q[:-1], q[1:]).proven, [leg.direct for leg in path.legs])
+
+
+def test_detours_are_short_and_have_few_supports(path: ProvenPath) -> None:
+    cell, _ = cell_and_world()
+    seconds = (np.abs(np.diff(path.q, axis=0)) / cell.robot.speed).max(axis=1).sum()
+    straight = (np.abs(np.diff(path.q[path.node >= 0], axis=0)) / cell.robot.speed).max(axis=1).sum()
+    assert seconds < 1.8 * straight
+    assert np.mean([len(leg.supports) for leg in path.legs if not leg.direct]) < 4.0
+
+
+def test_same_seed_same_path(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
+    q, order, pool = tour
+    again = connect_poses(constraints(), q, order, seed=4, pool=pool)
+    assert isinstance(again, ProvenPath)
+    assert digest(again) == digest(path)
+
+
+def test_poses_of_another_part_are_reported(labelled: tuple[Array, np.ndarray]) -> None:
+    q, part = labelled
+    main, other = q[part == 0], q[part == 1]
+    nodes = np.vstack([main[:3], other[:1]])
+    found = connect_poses(constraints(), nodes, [0, 1, 3, 2, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(found, PathGaps)
+    assert set(found.failed) == {(1, 3), (2, 3)}
+    assert found.unreachable == (3,)
+    assert len(found.reasons) == 2
+    cut_off = connect_poses(constraints(), nodes[::-1], [0, 1, 2, 3, 0], seed=1, pool=np.vstack([main[3:], other[1:]]))
+    assert isinstance(cut_off, PathGaps)
+    assert cut_off.unreachable == (0,)
+
+
+def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list[int], Array]) -> None:
+    q, _, pool = tour
+    broken = q[:4].copy()
+    broken[2, 0] += 1.5
+    found = connect_poses(constraints(), broken, [0, 1, 2, 3], seed=1, pool=pool)
+    assert isinstance(found, PathGaps)
+    assert found.unreachable == (2,)
+
+
+def test_leg_through_the_fixture_stand_goes_round_it() -> None:
+    cell, world = cell_and_world()
+    free, q = Constraints(cell, bar=False, scene=world.scene), valid_poses(900)
+    proof = free.prove(q[:450], q[450:])
+    names = [free.failure(proof, k) or "" for k in range(450)]
+    through = [k for k, name in enumerate(names) if "fixture stand" in name][:4]
+    assert len(through) == 4
+    nodes = np.concatenate([q[[k, 450 + k]] for k in through])
+    found = connect_poses(
+        free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(450 + k for k in through)], axis=0)
+    )
+    assert isinstance(found, ProvenPath)
+    assert found.clear
+    assert not any(leg.direct for leg in found.legs[::2])
+    distance = FclWorld(free.scene).distances(dense(found.q[:-1], found.q[1:], 30))
+    assert distance.min() > cell.motion.clearance
+
+
+def test_both_judges_refuse_a_path_that_collides(path: ProvenPath) -> None:
+    free = constraints()
+    straight = path.q[path.node >= 0]
+    first, second = judge_path(free, straight)
+    assert not first.clear
+    assert not second.clear
+    assert len(first.failures) == path.planned_legs
+    assert first.failures[0].startswith("motion ")
+
+
+def test_blends_are_judged_with_the_path(path: ProvenPath) -> None:
+    free = constraints()
+    corner = path.q[1:2]
+    wild = np.stack([corner, corner + 1.0, corner - 1.0], axis=1)
+    verdict, _ = judge_path(free, path.q, wild)
+    assert [f[:7] for f in verdict.failures] == ["blend 1"]
+
+
+def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
+    cell, world = cell_and_world()
+    q, _ = labelled
+    free = Constraints(cell, bar=False, scene=world.scene)
+    found = connect_poses(free, np.vstack([cell.home, q[:3]]), [0, 1, 2, 3, 0], seed=0)
+    assert isinstance(found, ProvenPath)
+    assert found.clear
+    sampled = dense(found.q[:-1], found.q[1:], 200)
+    assert (Workspace(cell, bar=False).margins(sampled) > 0.0).all()
+    assert not world.without_bar().collides(sampled).any()
+
+
+def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> None:
+    q, _, pool = tour
+    nodes = np.vstack([q[:3], q[1:2]])
+    found = connect_poses(constraints(), nodes, [0, 1, 3, 1, 2, 0], seed=0, pool=np.vstack([pool, nodes]))
+    assert isinstance(found, ProvenPath)
+    assert found.node[found.node >= 0].tolist() == [0, 1, 3, 1, 2, 0]
+
+
+@pytest.mark.parametrize("name", ["kuka-kr6-r700/edbb", "ur10/edbb"])
+def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
+    cell, world = cell_and_world(name)
+    other, q = Constraints(cell, scene=world.scene), valid_poses(500, name)
+    q = q[connected_parts(other, q) == 0]
+    found = connect_poses(other, q[:15], [*range(15), 0], seed=0, pool=q[15:])
+    assert isinstance(found, ProvenPath)
+    assert found.clear, found.second.failures
+    assert not world.collides(dense(found.q[:-1], found.q[1:], 200)).any()
+
+
+class Strict:
+    """Fcl's distances, but none left within ``reach`` [rad] of a state: a judge that sees more than coal does."""
+
+    def __init__(self, judge: FclWorld, state: Array, reach: float) -> None:
+        self.judge, self.state, self.reach = judge, state, reach
+
+    def distances(self, q: Array, mask: np.ndarray) -> Array:
+        """Distances as fcl gives them, shortened near the state."""
+        out = self.judge.distances(q, mask)
+        out[np.abs(q - self.state).max(axis=1) <= self.reach] -= 1.0
+        return out
+
+
+def judged_strictly(state: Array, reach: float, monkeypatch: pytest.MonkeyPatch) -> Constraints:
+    free = constraints()
+    strict = Prover(free.bounds, free.pairs, Strict(FclWorld(free.scene), state, reach), free.clearance)
+    monkeypatch.setitem(free.__dict__, "_judge", strict)
+    return free
+
+
+def test_a_leg_that_the_second_judge_does_not_prove_is_led_round(
+    path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    q, order, pool = tour
+    straight = next(leg for leg in path.legs if leg.direct)
+    free = judged_strictly((q[straight.start] + q[straight.end]) / 2, 1e-3, monkeypatch)
+    assert len(judge_path(free, path.q)[1].unproven) == 1
+    found = connect_poses(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, ProvenPath), found.reasons
+    assert found.clear
+    again = next(leg for leg in found.legs if (leg.start, leg.end) == (straight.start, straight.end))
+    assert not again.direct
+    assert all(v.clear for v in judge_path(constraints(), found.q))
+
+
+def test_legs_that_no_detour_makes_right_for_the_second_judge_are_named(
+    path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All about one pose is what it refuses: the legs to it come back, with the judge's words."""
+    q, order, pool = tour
+    free = judged_strictly(q[3], 0.3, monkeypatch)
+    refused = judge_path(free, path.q)[1]
+    assert 0 < len(refused.unproven) == len(refused.failures)
+    found = connect_poses(free, q, order, seed=4, pool=pool)
+    assert isinstance(found, PathGaps)
+    assert found.unreachable == ()
+    assert set(found.failed) >= {(2, 3), (3, 4)}
+    assert len(found.reasons) == len(found.failed) < 10
+    assert all("python-fcl does not prove motion" in reason for reason in found.reasons)

@@ -1,0 +1,106 @@
+"""Concorde's protocol against a stand-in that succeeds, crashes, hangs and lies; and the real one where it is."""
+
+import itertools
+import os
+import subprocess
+import time
+
+import pytest
+
+import planner.motion.tour.concorde as concorde
+from planner.common.errors import MissingProgramError
+from planner.motion.tour.solve import solve_tour
+from tests.motion.tour.conftest import BEHAVIOURS, leg_costs, solving
+
+ENDS = [(0, 0), (0, 29), (5, None), (None, 5), (None, None)]
+
+
+@pytest.mark.parametrize(("start", "end"), ENDS)
+def test_its_optimum_is_taken(start, end, install):
+    cost = leg_costs(30, seed=8)
+    exact = solve_tour(cost, start=start, end=end, method="exact")
+    install(solving(exact.order))
+    tour = solve_tour(cost, start=start, end=end)
+    assert tour.solver == "concorde"
+    assert tour.optimal
+    assert tour.notes == ()
+    assert tour.order.tolist() == exact.order.tolist()
+    assert tour.lower_bound_s == pytest.approx(exact.lower_bound_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "concorde"])
+@pytest.mark.parametrize("behaviour", BEHAVIOURS)
+def test_failures_are_reported_and_survived(behaviour, method, install, monkeypatch):
+    monkeypatch.setattr(concorde, "TIMEOUT_S", 0.5)
+    install(BEHAVIOURS[behaviour])
+    tour = solve_tour(leg_costs(30, seed=8), start=0, end=0, method=method)
+    assert tour.solver == "embedded"
+    assert tour.optimal
+    assert len(tour.notes) == 1
+    assert "the embedded solver took over" in tour.notes[0]
+    expected = {"hang": "did not finish", "hanging child": "did not finish", "crash": "code 139"}
+    assert expected.get(behaviour, "Concorde") in tour.notes[0]
+
+
+def test_nothing_of_it_stays_behind(install, monkeypatch, tmp_path):
+    monkeypatch.setattr(concorde, "TIMEOUT_S", 1.0)
+    mark = tmp_path / "child"
+    install(
+        f"import subprocess\nopen({str(mark)!r}, 'w').write(str(subprocess.Popen(['sleep', '60']).pid))\nsignal.pause()"
+    )
+    solve_tour(leg_costs(20, seed=8), start=0, end=0)
+    child = int(mark.read_text())
+    for _ in range(100):
+        state = subprocess.run(["ps", "-o", "stat=", "-p", str(child)], capture_output=True, text=True).stdout
+        if not state or state.startswith("Z"):
+            break
+        time.sleep(0.05)
+    assert not state or state.startswith("Z")
+
+
+def test_another_program_of_that_name_is_told_apart(install):
+    install("", identity=False)
+    tour = solve_tour(leg_costs(20, seed=8))
+    assert "is not the Concorde TSP solver" in tour.notes[0]
+    with pytest.raises(MissingProgramError, match="is not the Concorde TSP solver"):
+        solve_tour(leg_costs(20, seed=8), method="concorde")
+
+
+@pytest.mark.parametrize("n", [5, 20])
+def test_demanded_but_missing(n, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("EDBB_CONCORDE", raising=False)
+    with pytest.raises(MissingProgramError, match="EDBB_CONCORDE is not set") as caught:
+        solve_tour(leg_costs(n, seed=8), method="concorde")
+    assert caught.value.exit_code == 4
+    assert solve_tour(leg_costs(n, seed=8)).notes == ()
+    monkeypatch.setenv("EDBB_CONCORDE", str(tmp_path / "nowhere"))
+    with pytest.raises(MissingProgramError, match="nowhere, which is not a program"):
+        solve_tour(leg_costs(n, seed=8), method="concorde")
+
+
+def test_no_file_is_left_where_one_stands(install, tmp_path, monkeypatch):
+    cost = leg_costs(20, seed=8)
+    install(solving(solve_tour(cost, start=0, end=0, method="exact").order))
+    folder = tmp_path / "work"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    assert solve_tour(cost, start=0, end=0).solver == "concorde"
+    assert os.listdir(folder) == []
+
+
+def _real() -> bool:
+    try:
+        return concorde.find_concorde() is not None
+    except concorde.ConcordeError:
+        return False
+
+
+@pytest.mark.skipif(not _real(), reason="Concorde is not installed here (its licence is academic)")
+def test_the_real_one_finds_the_same_cost():
+    for (start, end), n, clusters in itertools.product(ENDS, (30, 35, 80), (0, 4)):
+        cost = leg_costs(n, seed=11, clusters=clusters)
+        theirs = solve_tour(cost, start=start, end=end, method="concorde")
+        ours = solve_tour(cost, start=start, end=end, method="exact")
+        assert theirs.solver == "concorde"
+        assert theirs.lower_bound_s == pytest.approx(ours.lower_bound_s, abs=1e-9)

@@ -1,0 +1,118 @@
+"""No text of a person changes what a program does, and no statement that nobody listed is released."""
+
+import re
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tests.programs.sessions as sessions
+from planner.programs.dialect import dialects, load_dialect
+from planner.programs.instructions import Comment, Program
+from planner.programs.program_files import read_back, verify, write_program
+from planner.programs.readback import EXECUTIONS
+from planner.programs.rendering import ProgramFile
+from planner.programs.verification import ProgramMismatchError
+
+NAMES = [d.name for d in dialects()]
+STATEMENTS = {
+    "gcode": ["G0 X999", "G2 X1 Y1 I5", "G1 X1", "M3 S5000", "G92 X0", "M62 P9", "#1=5", "CALL \"X\"", "G10 L2 P1 X5"],
+    "krl": ["$OUT[9]=TRUE", "ASYPTP {E1 5}", "LIN {X 5}", "BAS (#TOOL,-5 )", "$TOOL=$NULLFRAME", "OTHER ( )",
+            "IF TRUE THEN", "PULSE ($OUT[9],TRUE,1)", "$VEL.CP=3", "CWRITE(1,2)", "INTERRUPT ON 9", "DECL INT X=5"],
+    "rapid": ["SetDO do9, 1;", "Other;", "MoveL p1, v100, fine, tool0;", "tool1.tframe.trans.z := 5;", "IF TRUE THEN",
+              "PulseDO do9;", "GripLoad load9;", "VelSet 100, 5000;", "CONST num a := 5;"],
+    "pdl2": ["$DOUT[9] := TRUE", "other", "MOVE TO p1", "PULSE $DOUT[9] FOR 5", "$TOOL := t", "WAIT FOR $DIN[9]",
+             "CALL other"],
+}  # fmt: skip
+PIECES = st.one_of(
+    st.sampled_from([s for found in STATEMENTS.values() for s in found]),
+    st.sampled_from(
+        ["\n", "\r", "\x0b", "\x85", "\u2028", ")", "(", ";", "%", "'", '"', "\\", "!", "--", "*)", "|", "{", "}"]
+    ),
+    st.sampled_from(
+        ["MSG,", "DEBUG,#1", "py,", "LOG,", "FOLD", "ENDFOLD", "#", "\x00", "\x1b[2J", "\u037e", "\uff08", "\uff1b"]
+    ),
+    st.text(max_size=8),
+)
+TEXT = st.lists(PIECES, max_size=8).map("".join)
+
+
+def _with_text(value: object, text: str) -> object:
+    """Return the value with ``text`` for every string of a person in it, however deep."""
+    if isinstance(value, str):
+        return text
+    if isinstance(value, tuple):
+        return tuple(_with_text(v, text) for v in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        kept = "plan_id"  # a hash, and checked as such
+        said = {f.name: _with_text(getattr(value, f.name), text) for f in fields(value) if f.name != kept}
+        return replace(value, **said)
+    return value
+
+
+def _statements(name: str, files: tuple[ProgramFile, ...]) -> list[str]:
+    """Every statement of a program, as the reader takes them from it; nothing that stands in remarks or quotes."""
+    dialect = load_dialect(name)
+    found = EXECUTIONS[dialect.reading.family](dialect).parse(tuple(f.text for f in files))
+    return [re.sub(r"\s+", " ", s.text) for s in found]
+
+
+@cache
+def _harmless(name: str, kind: str) -> list[str]:
+    files = write_program(PROGRAMS[kind], name, "a")
+    own = files[0].name.partition(".")[0]
+    return [re.sub(rf"\b{own}\b", "a", s, flags=re.IGNORECASE) for s in _statements(name, files)]
+
+
+PROGRAMS: dict[str, Program] = {
+    kind: replace(made, instructions=(*made.instructions, Comment("as the operator says")))
+    for kind, made in (("static", sessions.static(n_poses=2)), ("continuous", sessions.continuous(n_poses=2)))
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=12, deadline=None)
+@given(text=TEXT, stem=TEXT, kind=st.sampled_from(sorted(PROGRAMS)))
+def test_no_text_changes_the_statements(name: str, text: str, stem: str, kind: str) -> None:
+    hostile = _with_text(PROGRAMS[kind], text)
+    assert isinstance(hostile, Program)
+    files = write_program(hostile, name, stem)
+    own = files[0].name.partition(".")[0]
+    said = [re.sub(rf"\b{own}\b", "a", s, flags=re.IGNORECASE) for s in _statements(name, files)]
+    assert [s.lower() for s in said] == [s.lower() for s in _harmless(name, kind)]
+    assert all(re.fullmatch(r"\w+\.\w+", f.name) and f.text.isascii() for f in files)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_statement_that_nobody_listed_is_not_released(name: str) -> None:
+    program = sessions.continuous()
+    files = write_program(program, name, "a")
+    lines = files[0].text.split("\n")
+    for statement in STATEMENTS[load_dialect(name).reading.family]:
+        for at in (len(lines) // 3, len(lines) // 2):
+            text = "\n".join([*lines[:at], statement, *lines[at:]])
+            with pytest.raises(ProgramMismatchError):
+                verify(program, name, (replace(files[0], text=text), *files[1:]))
+
+
+@pytest.mark.parametrize(("name", "statement"), [("pdl2", "MOVE TO {1, 2}"), ("krl", "PTP {A1 5}"), ("rapid", "Stop;")])
+def test_a_statement_before_the_first_routine_is_not_passed_over(name: str, statement: str) -> None:
+    program = sessions.static()
+    first, *rest = write_program(program, name, "a")
+    head, line, tail = first.text.partition("BEGIN" if name == "pdl2" else "DEF A" if name == "krl" else "PROC main")
+    edited = replace(first, text=f"{head}{statement}\n{line}{tail}")
+    if name != "rapid":  # a known statement at an odd place is the controller's error, no command
+        with pytest.raises(ProgramMismatchError):
+            verify(program, name, (edited, *rest))
+
+
+def test_the_signals_of_another_cell_are_not_released() -> None:
+    for name in NAMES:
+        files = write_program(sessions.static(), name, "a")
+        if name in ("bnr", "din66025"):  # an M function is the same whatever output the PLC gives it
+            continue
+        with pytest.raises(ProgramMismatchError, match=r"does not know|pulses"):
+            verify(replace(sessions.static(), sync_output=8), name, files)
+        assert read_back(name, files).unknown == ()

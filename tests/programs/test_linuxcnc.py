@@ -1,0 +1,135 @@
+"""LinuxCNC's own interpreter runs the program; its canonical commands are compared with the plan."""
+
+import dataclasses
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tests.programs.sessions as sessions
+from planner.programs.instructions import Dwell, Pause, Program, Sync
+from planner.programs.program_files import import_map, write_program
+
+RS274 = shutil.which("rs274")
+pytestmark = pytest.mark.skipif(RS274 is None, reason="rs274 is not installed (Debian package linuxcnc-uspace)")
+
+
+def _canonical(text: str, folder: Path) -> tuple[int, list[str]]:
+    """Return the exit code and the canonical commands that the interpreter issues."""
+    (folder / "program.ngc").write_text(text)
+    run = subprocess.run(
+        [str(RS274), "-g", "program.ngc"], cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=60
+    )
+    lines = run.stdout.decode().splitlines()
+    return run.returncode, [re.sub(r"^\s*\d+ N\S+\s+", "", line) for line in lines]
+
+
+def _numbers(command: str) -> list[float]:
+    return [float(x) for x in re.findall(r"-?\d+\.\d+", command)]
+
+
+def _written(program: Program) -> str:
+    (file,) = write_program(program, "linuxcnc", "edbb")
+    return file.text
+
+
+@pytest.mark.parametrize("session", [sessions.static, sessions.continuous, sessions.dense])
+@pytest.mark.parametrize("joints", [5, 6])
+def test_every_axis_of_every_move(session, joints: int, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    program = session(joints)
+    code, commands = _canonical(_written(program), tmp_path)
+    assert code == 0
+    path = np.array([_numbers(c) for c in commands if c.startswith("STRAIGHT_FEED")])[:, :joints]
+    planned = np.array([m.q_deg for m in program.moves])
+    assert path.shape == planned.shape
+    assert np.abs(path - planned).max() <= 0.5001e-4
+    assert commands[-1] == "ON_RESET()"
+    assert any(c.startswith("PROGRAM_END") for c in commands)
+
+
+def test_each_move_takes_its_time(tmp_path: Path) -> None:
+    program = sessions.dense()
+    _, commands = _canonical(_written(program), tmp_path)
+    feed, here, times = 0.0, np.zeros(6), []
+    for command in commands:
+        if command.startswith("SET_FEED_RATE"):
+            (feed,) = _numbers(command)
+        elif command.startswith("STRAIGHT_FEED"):
+            there = np.array(_numbers(command))
+            times.append(float(np.linalg.norm((there - here)[:3])) / feed * 60.0)
+            here = there
+    planned = [m.duration_s for m in program.moves]
+    # the feed is printed to 1e-4, and the interpreter's path length from ends printed to 1e-4
+    moving = [i for i, m in enumerate(program.moves) if i > 0 and times[i] > 0.05]
+    assert len(moving) > 150
+    np.testing.assert_allclose([times[i] for i in moving], [planned[i] for i in moving], rtol=2e-3)
+
+
+def test_dwells_pulses_and_stops(tmp_path: Path) -> None:
+    program = sessions.static()
+    _, commands = _canonical(_written(program), tmp_path)
+    dwells = [_numbers(c)[0] for c in commands if c.startswith("DWELL")]
+    pulse = 0.05
+    planned = [
+        i.seconds if isinstance(i, Dwell) else pulse for i in program.instructions if isinstance(i, Dwell | Sync)
+    ]
+    assert dwells == planned
+    pulses = sum(isinstance(i, Sync) for i in program.instructions)
+    assert commands.count("SET_AUX_OUTPUT_BIT(5)") == commands.count("CLEAR_AUX_OUTPUT_BIT(5)") == pulses
+    assert commands.count("PROGRAM_STOP()") == sum(isinstance(i, Pause) for i in program.instructions)
+    modes = [c for c in commands if c.startswith("SET_MOTION_CONTROL_MODE")]
+    assert modes == ["SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)"]
+
+
+def test_path_mode_and_pulses_in_passing(tmp_path: Path) -> None:
+    program = sessions.dense()
+    _, commands = _canonical(_written(program), tmp_path)
+    mode, modes = "", []
+    for command in commands:
+        if command.startswith("SET_MOTION_CONTROL_MODE"):
+            mode = command.split("(")[1]
+        elif command.startswith("STRAIGHT_FEED"):
+            modes.append(mode.startswith("CANON_CONTINUOUS"))
+    assert modes == [m.blend_mm > 0.0 for m in program.moves]
+    on = [i for i, c in enumerate(commands) if c.startswith("SET_MOTION_OUTPUT_BIT")]
+    off = [i for i, c in enumerate(commands) if c.startswith("CLEAR_MOTION_OUTPUT_BIT")]
+    assert len(on) == len(off) == sum(isinstance(i, Sync) for i in program.instructions)
+    for begin, end in zip(on, off, strict=True):
+        assert sum(c.startswith("STRAIGHT_FEED") for c in commands[begin:end]) == 1
+
+
+@pytest.mark.parametrize("session", [sessions.static, sessions.dense])
+# type: ignore[no-untyped-def]
+def test_without_signals_no_output_is_switched_and_no_input_awaited(session, tmp_path: Path) -> None:
+    program = session()
+    signals = ("SET_AUX", "CLEAR_AUX", "SET_MOTION_OUTPUT", "CLEAR_MOTION_OUTPUT", "WAIT(")
+    counts = []
+    for one in (program, dataclasses.replace(program, sync_output=None, gauge_input=None)):
+        code, commands = _canonical(_written(one), tmp_path)
+        assert code == 0
+        counts.append(sum(c.startswith(signals) for c in commands))
+    assert counts[0] > 0 == counts[1]
+
+
+def test_the_log_has_the_columns_of_the_import_map(tmp_path: Path) -> None:
+    program = sessions.static()
+    _, commands = _canonical(_written(program), tmp_path)
+    columns = tomllib.loads(import_map("linuxcnc", 6))
+    rows = [c[5:-2].split(columns["separator"]) for c in commands if c.startswith("LOG(")]
+    poses = [m for m in program.moves if m.pose is not None]
+    assert [int(row[columns["columns"]["pose"] - 1]) for row in rows] == [m.pose for m in poses]
+    for row, move in zip(rows, poses, strict=True):
+        q = [float(row[columns["columns"][f"cmd{i}_deg"] - 1]) for i in range(1, 7)]
+        np.testing.assert_allclose(q, move.q_deg, atol=0.5001e-4)
+
+
+def test_the_interpreter_would_notice(tmp_path: Path) -> None:
+    text = _written(sessions.static())
+    for old, new in ((" F15.0000", ""), ("Z-60.0000", "X-60.0000"), ("M66 P7 L3", "M66 P7 E0 L3")):
+        assert old in text
+        code, _ = _canonical(text.replace(old, new), tmp_path)
+        assert code != 0, f"{old!r} -> {new!r}"

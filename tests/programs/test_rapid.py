@@ -1,0 +1,78 @@
+"""The third-party RAPID checker reads every module."""
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner.programs.program_files as catalogue
+import tests.programs.sessions as sessions
+from planner.programs.program_files import write_program
+
+pytest.importorskip("rapidchecker", reason="rapidchecker is not installed (pip install 'edbb-planner[dev]')")
+
+
+def _check(text: str, folder: Path) -> tuple[int, str]:
+    (folder / "edbb.sys").write_text(text)
+    run = subprocess.run(
+        [sys.executable, "-m", "rapidchecker", "edbb.sys"], cwd=folder, capture_output=True, text=True, timeout=120
+    )
+    return run.returncode, run.stdout + run.stderr
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        sessions.static(6, 1),
+        sessions.static(7, 1),
+        sessions.continuous(6, 2),
+        dataclasses.replace(sessions.continuous(6, 1), tool=None, sync_output=None, gauge_input=None),
+    ],
+    ids=["static", "seven joints", "continuous", "no tool and no signals"],
+)
+def test_module_is_accepted(program, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    (file,) = write_program(program, "rapid", "edbb")
+    code, message = _check(file.text, tmp_path)
+    assert code == 0, message
+
+
+def test_module_in_parts_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    short = catalogue.load_dialect("rapid").model_copy(update={"part_lines": 20})
+    monkeypatch.setattr(catalogue, "load_dialect", lambda _name: short)
+    (file,) = write_program(sessions.continuous(6, 3), "rapid", "edbb")
+    assert file.text.count("PROC edbb_00") >= 2
+    code, message = _check(file.text, tmp_path)
+    assert code == 0, message
+
+
+@pytest.mark.parametrize(("old", "new"), [("fine,", "fine"), ("ENDPROC", "ENDPRO"), ("    Stop;", "   Stop;")])
+def test_the_checker_would_notice(old: str, new: str, tmp_path: Path) -> None:
+    (file,) = write_program(sessions.static(6, 1), "rapid", "edbb")
+    assert old in file.text
+    code, _ = _check(file.text.replace(old, new, 1), tmp_path)
+    assert code != 0
+
+
+def test_seventh_joint_is_the_first_external_axis() -> None:
+    (file,) = write_program(sessions.static(7), "rapid", "edbb")
+    assert "[[0.0000,-10.0000,0.0000,0.0000,90.0000,0.0000],[5.0000,9E9,9E9,9E9,9E9,9E9]]" in file.text
+
+
+def test_strings_fit_the_controller() -> None:
+    (file,) = write_program(sessions.static(), "rapid", "edbb")
+    strings = [line.split('"')[1] for line in file.text.splitlines() if "TPWrite" in line]
+    assert strings
+    assert all(len(s) <= 80 and "\\" not in s for s in strings)
+
+
+def test_a_leg_that_only_turns_the_tool_is_not_driven_at_full_speed() -> None:
+    (file,) = write_program(sessions.static(6, 1), "rapid", "edbb")
+    moves = [line for line in file.text.splitlines() if "MoveAbsJ" in line]
+    turning = [float(line.split("], [")[1].split(",")[1]) for line in moves]
+    program = sessions.static(6, 1)
+    legs = np.abs(np.diff([m.q_deg for m in program.moves], axis=0)).sum(axis=1)
+    planned = legs / [m.duration_s for m in program.moves[1:]]
+    np.testing.assert_allclose(turning[1:], planned, atol=0.0501)

@@ -1,0 +1,106 @@
+"""Every dialect that is on disk: what is written is what is read back, and it is the plan."""
+
+import re
+
+import numpy as np
+import pytest
+
+import tests.programs.sessions as sessions
+from planner.programs.dialect import dialects, load_dialect
+from planner.programs.instructions import Dwell, Program, Sync
+from planner.programs.program_files import read_back, write_program
+
+NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
+SESSIONS = {
+    "static": sessions.static,
+    "continuous": sessions.continuous,
+    "mixed": sessions.mixed,
+    "dense": sessions.dense,
+}
+
+
+def _cases() -> list[tuple[str, str, int]]:
+    cases = []
+    for name in NAMES:
+        dialect = load_dialect(name)
+        for joints in range(max(5, dialect.min_joints), min(7, dialect.max_joints) + 1):
+            cases += [(name, session, joints) for session in SESSIONS]
+    return cases
+
+
+def _planned(program: Program) -> np.ndarray:
+    return np.array([m.q_deg for m in program.moves])
+
+
+@pytest.mark.parametrize(("name", "session", "joints"), _cases())
+def test_read_back_is_the_plan(name: str, session: str, joints: int) -> None:
+    program = SESSIONS[session](joints)
+    files = write_program(program, name, "edbb nj-130")
+    found = read_back(name, files)
+    resolution = 10.0 ** -load_dialect(name).decimals
+    assert found.joint_path_deg.shape == _planned(program).shape
+    assert np.abs(found.joint_path_deg - _planned(program)).max() <= 0.5001 * resolution
+    assert found.plan_id == sessions.PLAN_ID
+    assert found.syncs == sum(isinstance(i, Sync) for i in program.instructions)
+    assert found.dwells_s == tuple(i.seconds for i in program.instructions if isinstance(i, Dwell))
+    for move, blend in zip(program.moves, found.blends, strict=True):
+        assert blend is None or move.blend_mm > 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_is_fit_for_the_controller(name: str) -> None:
+    dialect = load_dialect(name)
+    for session in (sessions.static, sessions.continuous, sessions.mixed):
+        for file in write_program(session(), name, "edbb"):
+            text = file.text.encode(file.encoding).decode()
+            end = "\r\n" if dialect.line_ending == "crlf" else "\n"
+            lines = text.split(end)
+            assert lines.pop() == ""
+            assert not any("\n" in line or "\r" in line or "\t" in line for line in lines)
+            assert all(line.strip() and line == line.rstrip() for line in lines)
+            assert max(map(len, lines)) <= dialect.max_line
+            assert sessions.PLAN_ID in text
+            assert not re.search(r"\d[eE][-+]\d|-0\.0*(?![\d])|\bnan\b|\binf\b|None", text)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_same_program_same_bytes(name: str) -> None:
+    program = sessions.continuous()
+    assert write_program(program, name, "a") == write_program(program, name, "a")
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).reading.family == "gcode"])
+def test_no_word_twice_in_a_block(name: str) -> None:
+    (file,) = write_program(sessions.continuous(), name, "a")
+    for line in file.text.splitlines():
+        tokens = (re.fullmatch(r"([A-Z]\d?)=.+|([A-FH-Z])-?[\d.]+", t) for t in line.split(";")[0].split())
+        letters = [t[1] or t[2] for t in tokens if t]
+        assert len(letters) == len(set(letters)), line
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")])
+def test_continuous_tour_runs_without_stops(name: str) -> None:
+    program = sessions.continuous()
+    found = read_back(name, write_program(program, name, "a"))
+    rounded = [m.blend_mm > 0.0 for m in program.moves]
+    assert [b is not None for b in found.blends] == rounded
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).blend.kind == "dense"])
+def test_long_legs_stop_where_millimetres_cannot_be_said(name: str) -> None:
+    assert set(read_back(name, write_program(sessions.continuous(), name, "a")).blends) == {None}
+    dense = read_back(name, write_program(sessions.dense(), name, "a")).blends
+    assert dense.count(None) < 10 < len(dense) - 10
+
+
+@pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
+def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
+    program = sessions.dense(6, 9000)
+    files = write_program(program, name, "a_name_that_is_longer_than_a_controller_takes")
+    dialect = load_dialect(name)
+    found = read_back(name, files)
+    assert np.abs(found.joint_path_deg - _planned(program)).max() <= 0.5001 * 10.0**-dialect.decimals
+    if dialect.files.part:
+        assert len(files) > 5
+        assert len({f.name for f in files}) == len(files)
+        assert all(f.text.count("\n") <= dialect.part_lines + 20 for f in files)  # type: ignore[operator]
