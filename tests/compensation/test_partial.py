@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot_reader import load_robot
+from tests.command import edbb
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import TOOL, abc_of, frame_text, kuka_status, pose_text
 from tests.compensation.test_formats import krl, without_head
@@ -274,6 +276,23 @@ def test_a_program_of_another_robot_is_told(kuka, tmp_path):
     far = [f"PTP {{X {x},Y 0,Z 1500,A 0,B 90,C 0,S 2,T 2}}" for x in (1500, 1800, 2000)]
     with pytest.raises(NoSolutionError, match=r"3 of 4 targets are out of reach .* program of another robot"):
         run(tmp_path / "p.src", krl(*NULL, GOOD, *far), kuka)
+
+
+def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
+    text = (data_folder("robots") / "kuka-kr6-r700" / "robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(text.replace("a_mm = 315.0", "a_mm = 315.4") + "[nominal]\na2_mm = 315.0\n")
+    path, out = tmp_path / "p.src", tmp_path / "out.src"
+
+    def compensate(body, *more):
+        path.write_text(krl(*body))
+        out.unlink(missing_ok=True)
+        return edbb("compensate", path, "--model", tmp_path / "robot.toml", "-o", out, *more).returncode, out.exists()
+
+    assert compensate([GOOD]) == (0, True)
+    assert compensate([GOOD, "PTP XELSE"]) == (5, True)
+    assert compensate([GOOD, "PTP XELSE"], "--strict") == (2, False)
+    assert compensate(["PTP XELSE"]) == (2, False)
+    assert compensate([*NULL, "PTP {X 5000,Y 0,Z 0,A 0,B 90,C 0,S 2,T 2}"]) == (3, False)
 
 
 @pytest.mark.parametrize("name", ["kuka-kr6-r700", "abb-irb120"])
