@@ -150,7 +150,8 @@ def _write(
     wrong: list[Note] = []
     while True:
         chosen = [targets[i] for i in rows]
-        new_text = write_values(text, _values(source.robot, chosen, q, q_new))
+        values = _values(source.robot, chosen, q, q_new)
+        new_text = write_values(text, [*values, *_modal_words(targets, rows)])
         printed = source.read(new_text).take_targets()
         if [t.line for t in printed] != [t.line for t in targets]:
             raise NoSolutionError(f"{source.name}: the corrected file does not read as the same targets")
@@ -162,6 +163,13 @@ def _write(
         rows, q, q_new = rows[kept], q[kept], q_new[kept]
         if not kept.size:
             return _Written(text, targets, rows, q_new, q_new, wrong)
+
+
+def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, float]]:
+    """Return the angles that a target which is left takes from the block before: that block's are corrected now."""
+    left = (targets[i] for i in np.setdiff1d(np.arange(len(targets)), rows))
+    both = (pair for t in left if t.q is not None for pair in zip(t.slots, t.q.tolist(), strict=True))
+    return [(slot, angle) for slot, angle in both if slot.start == slot.end]
 
 
 def _finish(

@@ -12,8 +12,8 @@ REASONS = 20  # that are told; the lines are all told
 LENGTH = 160  # characters of a reason
 _SPELLED = str.maketrans({"µ": "u", "°": " deg", "…": "...", "−": "-"})
 _BEHIND = {  # the lines that must stay first
-    "krl": re.compile(r"\s*(&|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
-    "rapid": re.compile(r"\s*(%%%|VERSION:|LANGUAGE:|MODULE\b)", re.IGNORECASE),
+    "krl": re.compile(r"\s*(&|;|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
+    "rapid": re.compile(r"\s*(!|%%%|VERSION:|LANGUAGE:|MODULE\b)", re.IGNORECASE),
     "gcode": re.compile(r"\s*(%|;\$PATH)", re.IGNORECASE),
     "csv": re.compile(r"(?!)"),
     "pdl2": re.compile(r"(?!)"),
@@ -60,7 +60,7 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
     """Return where the head goes, and how many lines stand before it."""
     place = (1, 0) if text.startswith("\ufeff") else (0, 0)
     for line, start, said in Lines.of(text):
-        if not behind.match(said):
+        if not behind.match(said.lstrip("\ufeff")):
             if said.strip():
                 break
             continue

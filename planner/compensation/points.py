@@ -89,8 +89,9 @@ class PointTable:
                 self.reading.leave(line, sentence)
         for poses in self._poses.values():
             for pose in poses:
-                if not pose.line or not (pose.typed or pose.frames):
-                    continue
+                computed = bool(self._why_computed(pose.name))
+                if not pose.line or not (pose.frames or (pose.typed and not computed)):
+                    continue  # of the other half, a frame of its own, or a place where the program keeps something
                 if why := self._why_not(pose, poses):
                     self.reading.leave(pose.line, why)
                 else:

@@ -112,6 +112,20 @@ def test_blocks_that_leave_axes_out_get_them_all(robot, tmp_path):
     assert text.splitlines()[2].endswith(" F20 (A1=3)")
 
 
+def test_a_block_that_is_left_does_not_take_corrected_angles_from_the_one_before(robot, tmp_path):
+    """A6 stands at its limit in the second block: it keeps the angles that it had, those that it left out too."""
+    path = tmp_path / "p.nc"
+    path.write_text("G90\nG93 G1 A1=10 A2=-80 A3=90 A4=5 A5=40 A6=6 F20\nA6=350\nA6=6\nM30\n")
+    narrow = load_robot("kuka-kr6-r700")
+    done = compensate_file(path, narrow, shifted(narrow, 5, -HALF))
+    assert [line for line, _ in done.report.kept] == [3]
+    blocks = [dict(w.split("=") for w in row.split() if "=" in w) for row in done.text.splitlines()]
+    angles = [[float(b[f"A{i}"]) for i in range(1, 7)] for b in blocks if "A6" in b]
+    np.testing.assert_allclose(angles[0], [10, -80, 90, 5, 40, 6.5], atol=1e-5)
+    np.testing.assert_allclose(angles[1], [10, -80, 90, 5, 40, 350], atol=1e-9)
+    np.testing.assert_allclose(angles[2], angles[0], atol=1e-9)
+
+
 REFUSED = {
     "relative.src": (krl("PTP_REL {A1 10}"), 2, "moves relative"),
     "operator.src": (krl("PTP XP1:{X 10,Y 0,Z 0,A 0,B 0,C 0}"), 2, "a position in braces"),

@@ -16,7 +16,24 @@ from planner.programs.languages.statements import PlacedNumber
 from planner.programs.languages.text import Slot
 
 _MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
-_BESIDE = {"G4", "G9", "G53", "G60", "G61", "G61.1", "G64", "G90", "G93", "G94", "G95", "G641", "G642", "G126", "G161"}
+_BESIDE = {
+    "G4",
+    "G9",
+    "G53",
+    "G153",
+    "G60",
+    "G61",
+    "G61.1",
+    "G64",
+    "G90",
+    "G93",
+    "G94",
+    "G95",
+    "G641",
+    "G642",
+    "G126",
+    "G161",
+}
 _CARTESIAN = set("XYZABCUVWIJK")
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _FLOW = re.compile(
