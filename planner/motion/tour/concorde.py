@@ -1,8 +1,9 @@
 """Concorde as a subprocess, where the user has it: TSPLIB file in, tour and certificate out.
 
-Nothing that it says is believed unseen: the program is identified first, it works in a private folder and in a
-process group of its own with a hard time-out (after a crash its signal handler sleeps on), and its tour is accepted
-only if it is a permutation whose recomputed cost is the optimum that it announces.
+Nothing that it says is believed unseen: the program is identified first, it works in a private folder and in a process
+group of its own with a hard time-out, it is stopped at the line by which it says that it crashed (its signal handler
+then sleeps for an hour), and its tour is accepted only if it is a permutation whose recomputed cost is the optimum that
+it announces.
 """
 
 import os
@@ -11,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +23,8 @@ from planner.motion.tour.instance import IntArray, TourInstance
 
 TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s
 _IDENTIFY_S = 10.0
+_CRASHED = b"FATAL ERROR - received signal"
+_POLL_S = 0.02
 _IDENTITY = "maximum chunk size in localcuts"  # in the usage text of the solver and of no other "concorde"
 
 
@@ -74,6 +78,8 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
             raise ConcordeError(f"Concorde did not finish in {TIMEOUT_S:g} s and was stopped") from error
         except OSError as error:
             raise ConcordeError(f"Concorde cannot be run: {error}") from error
+        if _CRASHED.decode() in text:
+            raise ConcordeError("Concorde crashed: it received a signal")
         tour = _read(Path(folder, "out.sol"), len(matrix))
     announced = re.search(r"Optimal Solution:\s*([0-9.eE+]+)", text)
     if tour is None or announced is None:
@@ -121,9 +127,13 @@ def _read(file: Path, size: int) -> list[int] | None:
 
 
 def _run(command: list[str], folder: str, timeout_s: float) -> tuple[int, str]:
-    """Run in ``folder``, stop the whole process group at the end, return exit code and all that was printed."""
+    """Run in ``folder``, stop the whole process group at the end, return exit code and all that was printed.
+
+    Raises:
+        subprocess.TimeoutExpired: it neither ended nor crashed in ``timeout_s``.
+    """
     with (
-        tempfile.TemporaryFile() as printed,
+        open(os.path.join(folder, "printed.txt"), "w+b") as printed,
         subprocess.Popen(
             command,
             cwd=folder,
@@ -134,9 +144,21 @@ def _run(command: list[str], folder: str, timeout_s: float) -> tuple[int, str]:
         ) as process,
     ):
         try:
-            code = process.wait(timeout_s)
+            code = _wait(process, Path(folder, "printed.txt"), timeout_s)
         finally:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
         printed.seek(0)
         return code, printed.read().decode("utf-8", "replace")
+
+
+def _wait(process: "subprocess.Popen[bytes]", printed: Path, timeout_s: float) -> int:
+    """Wait until the process ends, or prints that it crashed; return its exit code, or that of a crash."""
+    until = time.monotonic() + timeout_s
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(_POLL_S)
+        if _CRASHED in printed.read_bytes():
+            return -signal.SIGABRT
+        if time.monotonic() > until:
+            raise subprocess.TimeoutExpired(process.args, timeout_s)

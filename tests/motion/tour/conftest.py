@@ -67,6 +67,7 @@ print("Optimal Solution: %.2f" % length)
 
 BEHAVIOURS = {
     "crash": "sys.exit(139)",
+    "sleeping crash": "print('FATAL ERROR - received signal SIGSEGV (11)', flush=True)\ntime.sleep(3600)",
     "hang": "signal.signal(signal.SIGTERM, lambda *_: time.sleep(3600))\ntime.sleep(3600)",
     "hanging child": "import subprocess\nsubprocess.Popen(['sleep', '3600'])\nsignal.pause()",
     "no solution": "print('Optimal Solution: 1.00')",

@@ -42,6 +42,16 @@ def test_failures_are_reported_and_survived(behaviour, method, install, monkeypa
     assert expected.get(behaviour, "Concorde") in tour.notes[0]
 
 
+def test_a_crash_that_sleeps_on_is_noticed_at_its_line(install):
+    """The time-out of two minutes is left as it is."""
+    install(BEHAVIOURS["sleeping crash"])
+    start = time.monotonic()
+    tour = solve_tour(leg_costs(30, seed=8), start=0, end=0)
+    assert "crashed" in tour.notes[0]
+    assert tour.optimal
+    assert time.monotonic() - start < 60
+
+
 def test_nothing_of_it_stays_behind(install, monkeypatch, tmp_path):
     monkeypatch.setattr(concorde, "TIMEOUT_S", 1.0)
     mark = tmp_path / "child"
