@@ -5,20 +5,31 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
-from planner.common.errors import InputError, NoSolutionError
+from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_overwriting
 
+MOST_PRINTED = 50_000  # signs of a summary
 RESULTS = ("plan.json", "cell.toml", "trajectory.csv", "report.html", "identification.json", "robot.toml")
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
+
+
+class SafeConsole(Console):
+    """A terminal that text of files cannot steer."""
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        """Print, with control signs in texts spelt out."""
+        super().print(*(printable(o, MOST_PRINTED) if isinstance(o, str) else o for o in objects), **how)
+
+
+errors = SafeConsole(stderr=True, soft_wrap=True, highlight=False)
 
 CELL = "a cell file, or robot/cell for a shipped one"
 CellArgument = Annotated[str, typer.Argument(metavar="CELL", help=CELL)]

@@ -1,15 +1,32 @@
 """One root for every error that a person can cause or cure, with the exit code of its class."""
 
+import re
+import unicodedata
 from difflib import get_close_matches
 
 PARTLY_DONE = 5
 """Exit code of a command that has written its result, and has left parts of the input as they were."""
 
 
+MOST_SIGNS, MOST_RUN = 1800, 300  # of a message, and of its text without a space
+_HIDDEN = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}  # signs that steer a terminal, turn the writing round or break lines
+_RUN = re.compile(rf"\S{{{MOST_RUN + 1},}}")
+
+
+def printable(text: str, most: int = MOST_SIGNS) -> str:
+    """Return text of a file as it may go to a terminal: control signs spelt out, long runs cut in their middle."""
+    kept = "".join(c if c in "\n\t" or unicodedata.category(c) not in _HIDDEN else repr(c)[1:-1] for c in text)
+    kept = _RUN.sub(lambda m: f"{m[0][: MOST_RUN // 2]}…{m[0][-MOST_RUN // 3 :]}", kept)
+    return kept if len(kept) <= most else f"{kept[: most - 300]} … {kept[-250:]}"
+
+
 class PlannerError(Exception):
     """Root of all errors raised on purpose; the message is one clear sentence for the person at the cell."""
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(printable(message))
 
 
 class InputError(PlannerError):

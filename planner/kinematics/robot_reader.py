@@ -61,8 +61,8 @@ class JointTable(StrictModel):
     def from_urdf(cls, joint: UrdfJoint) -> "JointTable":
         """Return what a URDF says of a joint; the acceleration and jerk that it leaves unsaid are estimated."""
         lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
-        return cls(
-            sense=joint.sense,  # type: ignore[arg-type]
+        return cls.model_construct(  # limits of a few degrees are right in a file that has radians
+            sense=joint.sense,
             limit_deg=(lower, upper),
             speed_deg_s=speed,
             acceleration_deg_s2=speed / SPEED_TIME,

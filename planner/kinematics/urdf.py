@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import LazyModule
+from planner.common.reading import MOST_TOML, read_bytes
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
@@ -25,6 +26,8 @@ else:
     pin = LazyModule("pinocchio")
 
 TURN = 2 * np.pi
+MOST_TURNS = 100  # of a joint
+MOST_NUMBER = 1e3  # m, rad, or a scale
 
 
 @dataclass(frozen=True)
@@ -60,9 +63,23 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
-        root = ET.parse(path).getroot()
-    except (OSError, ET.ParseError) as err:
+        return _read_chain(path, _parse_xml(path), tip)
+    except _UrdfError as err:
+        raise InputError(f"{path}: {err}") from err
+
+
+class _UrdfError(Exception):
+    """What is wrong with an element."""
+
+
+def _parse_xml(path: Path, parser: ET.XMLParser | None = None) -> ET.Element:
+    try:
+        return ET.fromstring(read_bytes(path, MOST_TOML), parser)
+    except (ET.ParseError, ValueError, LookupError, RecursionError) as err:
         raise InputError(f"{path}: cannot be read as URDF ({err})") from err
+
+
+def _read_chain(path: Path, root: ET.Element, tip: str | None) -> UrdfChain:
     links = {str(e.get("name")): e for e in root.findall("link")}
     by_child = {str(_find_child(j, "child").get("link")): j for j in root.findall("joint")}
     tip = tip or _only_leaf(path, links, by_child)
@@ -73,8 +90,12 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
     joints: list[ET.Element] = []
     link = tip
     while link in by_child:
+        if len(joints) > len(by_child):
+            raise _UrdfError(f"the links above '{tip}' form a ring")
         joints.insert(0, by_child[link])
         link = str(_find_child(joints[0], "parent").get("link"))
+    if link not in links:
+        raise _UrdfError(f"a joint hangs from the link '{link}', which is not there")
     return _assemble(path, links, joints, link, tip)
 
 
@@ -87,7 +108,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
     for joint in joints:
         name, kind = str(joint.get("name")), joint.get("type")
         xyz, rpy = _read_origin(joint)
-        child = links[str(_find_child(joint, "child").get("link"))]
+        child = links[str(_find_child(joint, "child").get("link"))]  # it is, the way up began there
         if kind == "fixed":
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))
@@ -104,8 +125,13 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         carried = np.eye(4)
         limit = joint.find("limit")
         free = kind == "continuous"
-        lower, upper = (-TURN, TURN) if free or limit is None else (float(limit.get(k, 0)) for k in ("lower", "upper"))
-        speed = 0.0 if limit is None else float(limit.get("velocity", 0))
+        lower, upper = (-TURN, TURN) if free or limit is None else (_number(limit, k) for k in ("lower", "upper"))
+        if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
+            raise _UrdfError(
+                f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
+                f"the upper one, and {MOST_TURNS} turns are enough"
+            )
+        speed = 0.0 if limit is None else _number(limit, "velocity", 1e6)
         revolute.append(UrdfJoint(sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
     return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts))
@@ -116,6 +142,8 @@ def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list
 
     A small turn of the origin about the joint's own axis is the error of the joint's zero, and has no name beside it.
     """
+    if not np.linalg.norm(axis) > 1e-9:
+        raise _UrdfError(f"the axis of joint {i} has no length")
     axis = axis / np.linalg.norm(axis)
     k = int(np.argmax(np.abs(axis)))
     rows = frame_with_errors(str(i), xyz, rpy)
@@ -141,16 +169,21 @@ def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
     for k, element in enumerate(link.findall("collision")):
         T = T_link @ _pose_matrix(*_read_origin(element))
         name = f"{link.get('name')}{f'_{k}' if k else ''}"
-        shape = _find_child(element, "geometry")[0]
+        shape = next(iter(_find_child(element, "geometry")), None)
+        if shape is None:
+            raise _UrdfError(f"the collision geometry of link '{link.get('name')}' is empty")
         if shape.tag == "sphere":
-            out.append(Body(name, "sphere", (float(shape.get("radius", 0)),), read_only(T)))
+            out.append(Body(name, "sphere", (_size(shape, "radius"),), read_only(T)))
         elif shape.tag == "box":
-            out.append(Body(name, "box", tuple(_read_numbers(shape, "size", (0, 0, 0))), read_only(T)))
+            x, y, z = _read_numbers(shape, "size", (0, 0, 0))
+            out.append(Body(name, "box", (_positive(shape, x), _positive(shape, y), _positive(shape, z)), read_only(T)))
         elif shape.tag in ("cylinder", "capsule"):  # a capsule holds the cylinder of its radius and length
-            half = T[:3, 2] * float(shape.get("length", 0)) / 2
-            out.append(capsule_between(name, T[:3, 3] - half, T[:3, 3] + half, float(shape.get("radius", 0))))
+            half = T[:3, 2] * _size(shape, "length") / 2
+            out.append(capsule_between(name, T[:3, 3] - half, T[:3, 3] + half, _size(shape, "radius")))
         else:
             x, y, z = _read_numbers(shape, "scale", (1, 1, 1))
+            if not min(abs(x), abs(y), abs(z)) > 0:
+                raise _UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
             out.append(
                 Body(name, "mesh", (), read_only(T), _mesh_path(path, str(shape.get("filename")), name), (x, y, z))
             )
@@ -179,7 +212,10 @@ def _read_mass(link: ET.Element) -> LinkMass | None:
     if inertial is None or inertial.find("mass") is None:
         return None
     xyz, _ = _read_origin(inertial)
-    return LinkMass(float(_find_child(inertial, "mass").get("value", 0)), read_only(xyz))
+    mass = _number(_find_child(inertial, "mass"), "value", 1e6)
+    if mass < 0:
+        raise _UrdfError(f"the mass of link '{link.get('name')}' is {mass:g} kg")
+    return LinkMass(mass, read_only(xyz))
 
 
 def _read_origin(element: ET.Element) -> tuple[Array, Array]:
@@ -195,14 +231,42 @@ def _pose_matrix(xyz: Array, rpy: Array) -> Array:
 
 
 def _read_numbers(element: ET.Element | None, key: str, default: Vector) -> list[float]:
-    text = None if element is None else element.get(key)
-    return list(default) if text is None else [float(v) for v in text.split()]
+    if element is None or (text := element.get(key)) is None:
+        return list(default)
+    found = [_parse_number(element, key, word) for word in text.split()]
+    if len(found) != len(default):
+        raise _UrdfError(f"<{element.tag}>: {key} = '{text}' needs {len(default)} numbers")
+    return found
+
+
+def _number(element: ET.Element, key: str, most: float = MOST_NUMBER) -> float:
+    return _parse_number(element, key, element.get(key, "0"), most)
+
+
+def _parse_number(element: ET.Element, key: str, text: str, most: float = MOST_NUMBER) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not abs(value) <= most:
+        raise _UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}")
+    return value
+
+
+def _size(element: ET.Element, key: str) -> float:
+    return _positive(element, _number(element, key))
+
+
+def _positive(element: ET.Element, value: float) -> float:
+    if value <= 0:
+        raise _UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body")
+    return value
 
 
 def _find_child(element: ET.Element, tag: str) -> ET.Element:
     found = element.find(tag)
     if found is None:
-        raise InputError(f"URDF: <{element.tag} name='{element.get('name')}'> has no <{tag}>")
+        raise _UrdfError(f"<{element.tag} name='{element.get('name')}'> has no <{tag}>")
     return found
 
 
@@ -228,7 +292,7 @@ def write_urdf(
         InputError: as :func:`planner.kinematics.urdf.read_urdf`.
     """
     chain = read_urdf(path, tip)
-    root = ET.parse(path, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))).getroot()
+    root = _parse_xml(path, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
     joints = {str(j.get("name")): j for j in root.findall("joint")}
     changed: set[str] = set()
     start = 0

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
+from planner.common.reading import check_readable
 from planner.common.units import Array, read_only
 from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, spellings, split_key
 from planner.runs.run import IntArray, index_names
@@ -141,12 +142,20 @@ def table_in_si(
     return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
 
 
+MOST_PARQUET, MOST_FIELDS = 500_000_000, 100_000_000  # bytes of a file, and fields in it
+
+
 def _read_parquet(path: Path, n_joints: int) -> RunTable:
+    check_readable(path, MOST_PARQUET)
     try:
-        frame = pl.read_parquet(path)
+        lazy = pl.scan_parquet(path)
+        rows, width = lazy.select(pl.len()).collect().item(), len(lazy.collect_schema())
+        if rows * width > MOST_FIELDS:  # a few bytes can say a thousand million equal rows
+            raise InputError(f"{path}: {rows} rows of {width} columns are more than any run has")
+        frame = lazy.collect()
         meta = pl.read_parquet_metadata(path)
-    except (OSError, pl.exceptions.PolarsError) as err:
-        raise InputError(f"{path}: cannot be read as Parquet ({str(err).splitlines()[0]})") from err
+    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as err:
+        raise InputError(f"{path}: cannot be read as Parquet ({(str(err).splitlines() or ['empty'])[0]})") from err
     columns, warnings = recognise_columns(frame.columns, n_joints, str(path))
     known = list(columns.values())
     source = RowSource(str(path), np.arange(1, frame.height + 1), headers={c.key: c.header for c in known})
@@ -154,6 +163,8 @@ def _read_parquet(path: Path, n_joints: int) -> RunTable:
         wanted = pl.String if c.stem in NAMES else pl.Float64
         if wanted == pl.Float64 and not (frame.schema[c.header].is_numeric() or frame.schema[c.header] == pl.Boolean):
             raise InputError(f"{path}: the column '{c.header}' holds {frame.schema[c.header]}, not numbers")
+        if frame.schema[c.header].is_nested() or frame.schema[c.header] == pl.Binary:
+            raise InputError(f"{path}: the column '{c.header}' holds {frame.schema[c.header]}, not names")
         value = pl.col(c.header)
         if wanted == pl.String and frame.schema[c.header].is_float() and (frame[c.header] % 1.0 == 0.0).all():
             value = value.cast(pl.Int64)  # sockets numbered in floats are still called 1, 2

@@ -138,7 +138,7 @@ def parse_rows(
         )
     except pl.exceptions.NoDataError:
         text = pl.DataFrame(schema={name: pl.String for name in names})
-    except pl.exceptions.ComputeError as err:
+    except (pl.exceptions.ComputeError, pl.exceptions.SchemaError) as err:
         raise _ragged_row_error(source) from err
     if text.height < len(source.lines):  # a quoted field goes on over several lines
         open_quotes = np.cumsum([row.count('"') for row in source.texts]) % 2
