@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, PositiveInt, field_validator
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.schema import StrictModel
+from planner.common.schema import PositiveFloat, StrictModel
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import Vector
 from planner.runs.run import Mounting

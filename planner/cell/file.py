@@ -6,9 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import (
     Field,
-    NonNegativeFloat,
     NonNegativeInt,
-    PositiveFloat,
     PositiveInt,
     SerializerFunctionWrapHandler,
     field_validator,
@@ -19,7 +17,7 @@ from pydantic import (
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import Aim
-from planner.common.schema import OptionalKeys, StrictModel
+from planner.common.schema import Coordinate, NonNegativeFloat, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
 
 
@@ -201,7 +199,7 @@ class MotionFile(OptionalKeys):
 class TwistFile(StrictModel):
     """``[[cable.sums]]``: the absolute twists of these axes, counted from home, together stay within the limit."""
 
-    axes: tuple[PositiveInt, ...]
+    axes: tuple[PositiveInt, ...] = Field(min_length=1)
     limit_deg: PositiveFloat
 
 
@@ -216,7 +214,7 @@ class BaseFile(StrictModel):
     """``[base]``: how the base stands (for gravity) and the floor's height in the base frame."""
 
     rpy_deg: Vector = (0.0, 0.0, 0.0)
-    floor_mm: float | None = 0.0
+    floor_mm: Coordinate | None = 0.0
 
 
 class ControllerFile(StrictModel):
@@ -238,7 +236,7 @@ class PlanSettingsFile(OptionalKeys):
     free: tuple[Literal["fixture", "tool", "zero"], ...] = ("fixture", "tool", "zero")
     beta: Literal["auto", "none"] = "auto"
     poses: PositiveInt | None = None
-    candidates: PositiveInt = 100_000
+    candidates: Annotated[int, Field(gt=0, le=2_000_000)] = 100_000
     grid_step_deg: PositiveFloat | None = None
     index: Literal["O1", "O2", "O3", "O4", "O5"] = "O2"
     refine: bool = True

@@ -5,9 +5,9 @@ import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.reading import MOST_TOML, read_utf8
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 
+MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file says of a cell is more
+Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
+PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
+NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
 KeyPath = tuple[str | int, ...]
 MOST_FAULTS = 3  # faults that one message tells
 TABLE = "table"

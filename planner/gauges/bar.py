@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import NonNegativeFloat, PositiveFloat
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
@@ -15,7 +14,7 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
-from planner.common.schema import StrictModel, validate
+from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.context import Context

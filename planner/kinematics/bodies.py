@@ -9,10 +9,10 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.schema import OptionalKeys
+from planner.common.schema import Coordinate, OptionalKeys
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 
-Vector = tuple[float, float, float]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 SizeMm = Annotated[float, Field(gt=0, le=1e6)]  # a kilometre: nothing in a cell is larger
 Scale = Annotated[float, Field(gt=0, le=1e4)]
 

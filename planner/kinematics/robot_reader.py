@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import StrictModel, read_toml
+from planner.common.schema import Coordinate, PositiveFloat, StrictModel, read_toml
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.calibration_tables import (
@@ -30,20 +30,20 @@ SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a
 class JointTable(StrictModel):
     """One ``[[joints]]`` table, from base to flange."""
 
-    alpha_deg: float | None = None
-    a_mm: float | None = None
-    d_mm: float | None = None
-    theta_deg: float | None = None
-    beta_deg: float | None = None
+    alpha_deg: Coordinate | None = None
+    a_mm: Coordinate | None = None
+    d_mm: Coordinate | None = None
+    theta_deg: Coordinate | None = None
+    beta_deg: Coordinate | None = None
     sense: Literal[1, -1] = 1
-    zero_deg: float = 0.0
-    couple: dict[int, float] = {}
-    limit_deg: tuple[float, float] | None = None  # these four may be left out where nothing is planned
+    zero_deg: Coordinate = 0.0
+    couple: dict[int, Coordinate] = {}
+    limit_deg: tuple[Coordinate, Coordinate] | None = None  # these four may be left out where nothing is planned
     speed_deg_s: PositiveFloat | None = None
     acceleration_deg_s2: PositiveFloat | None = None
-    jerk_deg_s3: PositiveFloat | None = None
+    jerk_deg_s3: Annotated[float, Field(gt=0, le=1e9)] | None = None
     gear_ratio: PositiveFloat | None = None
-    mass_kg: Annotated[float, Field(ge=0)] | None = None
+    mass_kg: Annotated[float, Field(ge=0, le=1e5)] | None = None
     com_mm: Vector | None = None
 
     @field_validator("limit_deg")

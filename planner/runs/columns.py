@@ -23,6 +23,12 @@ PLAIN: Mapping[str, Mapping[str, float]] = {
 }
 OF_JOINTS: Mapping[str, Mapping[str, float]] = {"q": ANGLE, "cmd": ANGLE, "torque": {"Nm": 1.0}, "direction": NO_UNIT}
 NAMES = frozenset({"fixture", "ball", "point"})  # columns that hold names, not numbers
+PLAUSIBLE = {  # lowest and highest of any cell, in SI: beyond it a unit or a column is wrong
+    "t": (-1e12, 1e12), "length": (0.0, 1e3), **dict.fromkeys(("x", "y", "z"), (-1e3, 1e3)),
+    **dict.fromkeys(("dx", "dy", "dz"), (-1.0, 1.0)), **dict.fromkeys(("q", "cmd"), (-1e4, 1e4)),
+    "temperature": (-100.0, 500.0), "force": (-1e6, 1e6), "payload": (0.0, 1e5), "torque": (-1e6, 1e6),
+    "pose": (-1.0, 1e7), "session": (-1e7, 1e7),
+}  # fmt: skip
 WHOLE = frozenset({"session", "pose", "sync", "direction"})  # columns of whole numbers
 _NUMBERED = re.compile(r"(?P<stem>q|cmd|torque|direction)(?P<joint>[1-9]\d*)")
 

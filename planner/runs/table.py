@@ -13,9 +13,19 @@ from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
 from planner.common.reading import check_readable
 from planner.common.units import Array, read_only
-from planner.runs.columns import NAMES, WHOLE, RunColumn, recognise_columns, spellings, split_key
+from planner.runs.columns import NAMES, PLAUSIBLE, WHOLE, RunColumn, recognise_columns, spellings, split_key
 from planner.runs.run import IntArray, index_names
-from planner.runs.text import NOTES, RowSource, check_finite, check_whole, notes_in, parse_rows, read_lines, split_head
+from planner.runs.text import (
+    NOTES,
+    RowSource,
+    check_finite,
+    check_range,
+    check_whole,
+    notes_in,
+    parse_rows,
+    read_lines,
+    split_head,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -136,6 +146,7 @@ def table_in_si(
         (pl.col(c.header) if c.factor == 1.0 else pl.col(c.header) * c.factor).alias(c.key) for c in columns
     )
     check_finite(si, source, MAY_BE_BLANK)
+    check_range(si, source, {c.key: PLAUSIBLE[c.stem] for c in columns if c.stem in PLAUSIBLE})
     for c in columns:
         if c.stem in WHOLE:
             check_whole(si[c.key], source, ALLOWED.get(c.stem, ()))

@@ -197,6 +197,19 @@ def check_finite(frame: pl.DataFrame, source: RowSource, may_be_blank: frozenset
             raise source.error(row, name, f"{found}{short}")
 
 
+def check_range(frame: pl.DataFrame, source: RowSource, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Check that the numbers of columns lie within what any cell can have, in SI units.
+
+    Raises:
+        InputError: with file, line and column of the first one that does not.
+    """
+    for name, (low, high) in ranges.items():
+        values = frame[name]
+        row = first_row(values.is_between(low, high).not_().fill_null(False)) if values.dtype.is_numeric() else None
+        if row is not None:
+            raise source.error(row, name, f"{values[row]:g} (in SI units) lies outside of {low:g} to {high:g}")
+
+
 def check_whole(values: pl.Series, source: RowSource, allowed: Sequence[int] = ()) -> None:
     """Check that a column holds whole numbers (of ``allowed``, where given), or blanks.
 

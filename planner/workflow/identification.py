@@ -234,9 +234,27 @@ def _split_by_plan(run: Run, path: Path, plan: PlanDocument, robot: str) -> tupl
     if len(strange):
         raise InputError(f"{run.name}: pose {strange[0]} is not in {path} (there: 0 … {max(plan.ids())})")
     _check_places(run, path, plan)
+    if not run.continuous:
+        _check_angles(run, path, plan)
     if not aside.any() or aside.all():
         return run, None
     return run.take(~aside), replace(run.take(aside), name=f"{run.name}, validation poses")
+
+
+FAR = np.deg2rad(10.0)  # from its planned pose no sample stands that was measured there
+
+
+def _check_angles(run: Run, path: Path, plan: PlanDocument) -> None:
+    """Refuse a run whose samples stand elsewhere than the plan has their poses."""
+    assert run.samples.pose is not None
+    planned = {p.id: np.deg2rad(p.q_deg) for p in plan.poses}
+    for k, (pose, q) in enumerate(zip(run.samples.pose.tolist(), run.samples.q, strict=True)):
+        if pose in planned and len(planned[pose]) == len(q) and (off := np.abs(q - planned[pose])).max() > FAR:
+            axis = int(off.argmax())
+            raise InputError(
+                f"{run.where(k)}: pose {pose} was measured with axis {axis + 1} {np.rad2deg(off[axis]):.1f} deg off, "
+                f"by {path}: are the poses numbered right, and is the plan the one that was driven?"
+            )
 
 
 def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:

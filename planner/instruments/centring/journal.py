@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError
 
 from planner.common.errors import InputError
 from planner.common.files import write_text
@@ -33,7 +33,7 @@ class JournalRow(BaseModel):
     """One centred pose, in the units of a run; the offset is the point's from the ball's centre in the plate's axes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    pose: int
+    pose: NonNegativeInt
     ball: str
     session: int
     t_s: float
@@ -143,9 +143,27 @@ def _resume_journal(output: Path, path: Path, way: PlannedPath) -> Journal:
         raise InputError(
             f"{path}: belongs to plan {head.plan_id}, but this is plan {way.plan_id}; give another file with -o"
         )
+    _check_rows(path, rows, way)
     journal = Journal(output, head, rows)
     if torn:
         write_text(path, b"".join(line + b"\n" for line in whole).decode(), own=True)
     if rows:
         journal.write()
     return journal
+
+
+def _check_rows(path: Path, rows: list[JournalRow], way: PlannedPath) -> None:
+    """Refuse rows that no session of this plan can have written.
+
+    Raises:
+        InputError: naming the line.
+    """
+    balls, seen, joints = {v.id: v.ball for v in way.visits}, set[int](), way.q.shape[1]
+    for line, row in enumerate(rows, start=2):
+        if {len(row.q_deg), len(row.cmd_deg)} != {joints}:
+            raise InputError(f"{path}, line {line}: {joints} joint angles are needed, read and commanded")
+        if balls.get(row.pose) != row.ball:
+            raise InputError(f"{path}, line {line}: pose {row.pose} on ball {row.ball} is none of the plan's")
+        if row.pose in seen:
+            raise InputError(f"{path}, line {line}: pose {row.pose} is measured twice")
+        seen.add(row.pose)

@@ -219,9 +219,12 @@ class KukaLink:
     def _number(self, name: str) -> float:
         text = self._proxy.read(name)
         try:
-            return float(text)
-        except ValueError as err:
-            raise LinkError(f"the controller gives '{name}' as {text!r}, which is no number") from err
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise LinkError(f"the controller gives '{name}' as {text!r}, which is no number")
+        return value
 
 
 _END_STATES = {

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator
+from pydantic import AfterValidator, Field, PositiveInt, field_validator
 
 from planner.cell.file import ArtifactFile, ControllerFile, GaugeFile
 from planner.common.errors import InputError
-from planner.common.schema import PartialModel, StrictModel, read_toml
+from planner.common.schema import NonNegativeFloat, PartialModel, PositiveFloat, StrictModel, read_toml
 from planner.common.units import Array
 from planner.kinematics.bodies import Vector
 
@@ -68,8 +68,10 @@ class MoveSettings(StrictModel):
 
     tolerance_um: PositiveFloat = 3.0
     first_step_mm: PositiveFloat = 0.5  # shows whether every indicator follows before anything larger is moved
-    step_mm: PositiveFloat = 2.0
-    travel_mm: PositiveFloat = 7.5  # from the planned pose: beyond 7.04 mm no place touches all three 11.5 mm tips
+    step_mm: Annotated[float, Field(gt=0, le=5)] = 2.0  # the robot's program takes no longer one
+    travel_mm: Annotated[float, Field(gt=0, le=15)] = (
+        7.5  # from the planned pose: beyond 7.04 mm not all three tips touch
+    )
     most_moves: PositiveInt = 60
     judge_mm: PositiveFloat = 0.15  # an indicator is judged by how it followed once it should have moved this far
 
