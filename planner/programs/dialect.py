@@ -104,6 +104,7 @@ class SpeedStyle(StrictModel):
     decimals: int = Field(ge=0, le=4)
     overrides: tuple[int, ...] = (100,)
     approach: str = ""
+    note: str = ""
 
 
 class DwellStyle(StrictModel):

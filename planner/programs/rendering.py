@@ -18,6 +18,7 @@ from planner.programs.steps import ProgramStep, lower_program
 NUMBERS = ("tool", "base", "load")
 
 
+MANY_BLOCKS = 500  # without a stop, beyond which the time of the shortest is said
 START_NOTE = (
     "to start at pose N: {how}, N from 1 to {last} as counted in this program; the way from the mount pose to it is "
     "planned, what comes before is left out; what was measured is kept, and the bar's zero is set anew"
@@ -56,6 +57,8 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.sync.note if program.sync_output is not None else "",
         dialect.wait_note if program.gauge_input is not None else "",
         dialect.select.note,
+        dialect.speed.note,
+        _cycle_note(program),
         dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
     ]
     if dialect.resume is not None and program.entries:
@@ -67,6 +70,17 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
     told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
     return tuple(n.replace("{map}", place) for n in told)
+
+
+def _cycle_note(program: Program) -> str:
+    """Say how quickly blocks follow one another, where there are many."""
+    quick = [m.duration_s for m in program.moves if m.blend_mm > 0.0]
+    if len(quick) < MANY_BLOCKS:
+        return ""
+    return (
+        f"{len(quick)} blocks without a stop, the shortest takes {1e3 * min(quick):.0f} ms: what the controller needs "
+        "to prepare a block must be less, or it brakes"
+    )
 
 
 def _needs_selection_by_hand(program: Program, dialect: Dialect, name: str) -> bool:

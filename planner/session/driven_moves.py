@@ -17,6 +17,8 @@ from planner.session.course import TimedPath, is_continuous, leg_speed
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
+SHORTEST = 0.02  # [s] between a step and a waypoint: a controller prepares no shorter ones in time
+SAME = 5e-3  # [s] between waypoints that are written as one
 EASY = 1.1  # times the shortest time, on ways that are driven once
 STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
 
@@ -131,7 +133,7 @@ def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> tuple[list[J
 
 
 def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
-    """Times at which the path is written: never more than the steps above apart, and at every waypoint."""
+    """Times at which the path is written: at every waypoint, and between them in steps that a controller prepares."""
     fine = np.unique(np.concatenate([trajectory.sample_times(0.02), trajectory.waypoint_time]))
     motion = trajectory.at(fine)
     x = cell.map_position(motion.q)
@@ -140,8 +142,11 @@ def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
     covered = np.concatenate([[0.0], np.cumsum(np.maximum(travel, turn))])
     count = int(np.ceil(covered[-1]))
     even = np.interp(np.arange(count + 1) * covered[-1] / max(count, 1), covered, fine)
-    times = np.unique(np.concatenate([even, trajectory.waypoint_time]))
-    return np.asarray(times[np.concatenate([[True], np.diff(times) > 5e-3])])
+    points = np.unique(trajectory.waypoint_time)
+    points = points[np.concatenate([[True], np.diff(points) > SAME])]
+    after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
+    gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
+    return np.unique(np.concatenate([even[gap >= SHORTEST], points]))
 
 
 def degrees(q: Array) -> tuple[float, ...]:
