@@ -104,7 +104,7 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         if not likely:
             break
         context.say(f"trying {likely[0].effect.name}")
-        after = add_series(context, state, test, likely[0]) if changes else None
+        after = add_series(context, state, test, likely[0]) if likely[0].effect.has(Role.CHANGE) else None
         after = after or best_step(context, state, test, likely[: MOST_TRIES + len(changes)])
         if after is None:
             break

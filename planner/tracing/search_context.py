@@ -9,7 +9,7 @@ from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest
-from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, wald_log_p
+from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 
 RETRY_RATIO = 1.3  # times more of the residual than when it was refused: an effect is tried again
@@ -90,7 +90,8 @@ class SearchContext:
     def prune(self, state: SearchState) -> SearchState:
         """Take out effects that the later ones made needless, the faintest first."""
         while len(state.effects) > 1:
-            chances = [wald_log_p(state, f, self.tried) for f in state.effects]
+            factors = variance_inflations(state, state.effects)
+            chances = [wald_log_p(state, f, self.tried, x) for f, x in zip(state.effects, factors, strict=True)]
             faint = max(range(len(chances)), key=chances.__getitem__)
             if chances[faint] < LOG_SIGNIFICANCE:
                 break

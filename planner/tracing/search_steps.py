@@ -51,7 +51,7 @@ def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best
 
     Only steps that are significant beside each other stay.
     """
-    series = step_series(test, context.things)
+    series = [s for s in step_series(test, context.things) if _series_name(s) not in context.barred]
     if not series or series_merit(test, series[0]) <= series_merit(test, [best]):
         return None
     context.say(f"trying {series[0][0].effect.name}, {len(series[0])} times")
@@ -60,11 +60,19 @@ def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best
         effects = (*effects, FittedEffect(number_repeat(step.effect, effects)))
     trial = context.try_refit(state, effects)
     if trial is None:
+        context.barred.add(_series_name(series[0]))
         return None
     kept = context.prune(trial)
     fall, error = held_out_gain(state, kept, context.bench)
     fits = fall > max(error, LEAST_GAIN) and context.evidence_fall(state, kept) > 0
-    return kept if fits and len(kept.names - state.names) > 1 else None
+    if fits and len(kept.names - state.names) > 1:
+        return kept
+    context.barred.add(_series_name(series[0]))
+    return None
+
+
+def _series_name(series: tuple[EffectScore, ...]) -> str:
+    return f"{series[0].effect.name}, several times"
 
 
 def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWAP_EVIDENCE) -> SearchState | None:

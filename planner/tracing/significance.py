@@ -1,5 +1,6 @@
 """Whether an effect that was added to the model is significant, with correlated noise accounted for."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ from planner.common.units import Array
 from planner.effects.effect import Role
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
+from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction, held_out_improvement
 from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
@@ -41,14 +43,24 @@ def variance_inflation(state: SearchState, found: FittedEffect) -> float:
     With correlations ρ of the residual and γ of the effect's own column at a lag of l samples it is 1 + 2 Σ ρ(l) γ(l)
     (Bartlett 1935); an effect that comes and goes at random from sample to sample does not mind.
     """
-    residual, column = _residual_and_column(state, found)
-    noise, shape = autocorrelation_function(residual), autocorrelation_function(column)
-    faint = np.flatnonzero(noise < 2 / np.sqrt(residual.size))
+    return variance_inflations(state, [found])[0]
+
+
+def variance_inflations(state: SearchState, effects: Sequence[FittedEffect]) -> list[float]:
+    """Return the factor of each of some effects, see :func:`variance_inflation`."""
+    piece = state.fit.problem.piece(slice(None), state.fit.errors)
+    noise = autocorrelation_function(piece.residual)
+    return [_inflation(state, noise, piece.residual.size, _own_column(state, f, piece)) for f in effects]
+
+
+def _inflation(state: SearchState, noise: Array, readings: int, column: Array) -> float:
+    shape = autocorrelation_function(column)
+    faint = np.flatnonzero(noise < 2 / np.sqrt(readings))
     last = int(faint[0]) if len(faint) else len(noise)
     measured = 1 + 2 * float((noise[1:last] * shape[1:last]).sum())
     # a fit takes slow noise out of a short run's residual: its neighbours then tell how long the rest would last
-    spare = 1 - min(0.5, state.fit.effective / residual.size)
-    next_one = min(0.98, max(0.0, float(noise[1]) + 1 / np.sqrt(residual.size)) / spare)
+    spare = 1 - min(0.5, state.fit.effective / readings)
+    next_one = min(0.98, max(0.0, float(noise[1]) + 1 / np.sqrt(readings)) / spare)
     fading = next_one ** np.arange(len(shape))
     return max(1.0, measured, 1 + 2 * float((fading[1:] * shape[1:]).sum()))
 
@@ -62,17 +74,16 @@ def autocorrelation_function(x: Array) -> Array:
     return np.asarray(rho / max(rho[0], 1e-300))
 
 
-def _residual_and_column(state: SearchState, found: FittedEffect) -> tuple[Array, Array]:
-    """Whitened residual of the fit, and what the effect adds to the readings that the other parameters cannot."""
-    problem, errors = state.fit.problem, state.fit.errors
-    piece = problem.piece(slice(None), errors)
+def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> Array:
+    """What the effect adds to the whitened readings (n, r) that the other parameters cannot."""
+    errors, R = state.fit.errors / state.fit.problem.prior, state.fit.solution.factor
     own = state.positions(found)
     rest = [j for j, p in enumerate(state.fit.model.parameters) if j not in own and p.group != LINK_MASSES]
-    column = piece.rows[:, :, own] @ (errors[own] / problem.prior[own])
-    others = piece.rows[:, :, rest].reshape(-1, len(rest))
-    gram = others.T @ others + np.eye(len(rest))
-    shared = others @ np.linalg.solve(gram, others.T @ column.reshape(-1))
-    return piece.residual, column - shared.reshape(column.shape)
+    part = np.zeros(len(errors))
+    part[own] = errors[own]
+    # the information RᵀR holds the products of all columns with each other, the prior's among them
+    part[rest] = -np.linalg.solve(R[:, rest].T @ R[:, rest], R[:, rest].T @ (R[:, own] @ errors[own]))
+    return np.asarray(np.tensordot(part, piece.columns[:-1], axes=1).T)
 
 
 def rejection_reason(before: SearchState, after: SearchState, bench: FitContext, tried: int) -> str | None:
