@@ -14,6 +14,8 @@ from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import Array
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
+from planner.effects.excitation import Excitation
+from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
 from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import belongs_to_gauge, is_static
@@ -25,6 +27,9 @@ RIPPLES, SLOWEST, QUICKEST = 24, 8.0, 170.0  # frequencies of a gear's ripple in
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
 NAMED_ONLY = ("reduction ratio", "coupling", "payload mass")
+OF_SHAPE = ("gauge nonlinearity", "gauge cubic nonlinearity", "gauge sag")  # the gauge of any shape stands for them
+GAUGE_SCALE = "gauge scale"
+USUAL_SCALE = 1e-5  # one sigma: a run says nothing of it, for all lengths of the arm grow and shrink with the gauge
 OF_GEARS = ("encoder once a turn", "encoder twice a turn", "gear ripple")  # the harmonics and the band stand for them
 AT_EACH_JOINT = ("joint compliance", "backlash by load", "compliance under drive torque", "payload compliance")
 POOLED = {
@@ -39,10 +44,18 @@ POOLED = {
 
 @dataclass(frozen=True)
 class EffectFamily:
-    """Parameters that share a factor on their prior sizes."""
+    """Parameters that share a factor on their prior sizes.
+
+    Attributes:
+        name, parameters: of the family.
+        of_robot: whether they are the robot's; families of the robot tell of each other what arm it is.
+        known: whether the prior sizes stand as they are.
+    """
 
     name: str
     parameters: tuple[Parameter, ...]
+    of_robot: bool
+    known: bool = False
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
@@ -57,13 +70,20 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     """Return the families of the background that the samples can tell of."""
     out: dict[str, list[Parameter]] = {}
     for effect in catalogue(setup, samples):
-        if effect.kind not in (*NAMED_ONLY, *OF_GEARS) and not effect.has(Role.UNTRACED):
+        if effect.kind not in (*NAMED_ONLY, *OF_GEARS, *OF_SHAPE) and not effect.has(Role.UNTRACED):
             label = effect.family if effect.kind in AT_EACH_JOINT else POOLED.get(effect.kind, effect.kind)
             out.setdefault(label, []).extend(_band(effect))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
+    out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
     return tuple(
-        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters)) for name, parameters in out.items()
+        EffectFamily(
+            name,
+            tuple(replace(p, group=BACKGROUND) for p in parameters),
+            all(acts_on_robot(p, setup) for p in parameters),
+            known=name == GAUGE_SCALE,
+        )
+        for name, parameters in out.items()
     )
 
 
@@ -71,7 +91,8 @@ def _band(effect: Effect) -> Iterator[Parameter]:
     """Yield the effect's parameters at some values of its inner number, together as large as at one of them."""
     grid = [v for v in effect.grid if v is not None]
     if not grid:
-        yield from effect.make()
+        scale = effect.kind == GAUGE_SCALE
+        yield from (replace(p, prior=USUAL_SCALE) if scale else p for p in effect.make())
         return
     few = grid[:: -(-len(grid) // BAND)]
     for value in few:

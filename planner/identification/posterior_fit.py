@@ -15,7 +15,7 @@ from planner.common.units import Array
 from planner.effects.parameters import Parameter
 from planner.identification.least_squares import Fit, fit
 from planner.identification.noise import RATIO, Noise
-from planner.identification.posterior_background import EffectFamily
+from planner.identification.posterior_background import GAUGE_SCALE, OF_SHAPE, EffectFamily
 from planner.identification.posterior_evidence import MOST_STEPS, RandomEffects
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
@@ -26,9 +26,11 @@ FEW_STEPS = 15  # that tell what the rest is worth without one finding
 ROUNDS = 3  # of linearising and learning
 SETTLED = 0.05  # change of all logarithms that ends the rounds
 CENTRE, WIDTH, SHARED = -1.0, 1.0, 2.0  # of the logarithm of a background factor: mean, one sigma, that of all alike
+FREE_WIDTH = 1.5  # the same of gauge, time and temperature, each for itself
 OWN_WIDTH = 1.0  # the same of geometry and of findings, about 0
 NOISE_WIDTH = 0.7  # of the logarithm of the noise
 FINDING_EVIDENCE = 12.0  # fall of the deviance that a finding must bring: it is one of some hundred that were tried
+SHAPED = tuple(f"{kind}, gauge" for kind in (*OF_SHAPE, GAUGE_SCALE))  # a wrong exponent of them moves all lengths
 UNKNOWN = 1.0  # [m, rad] prior size that stands for none at all
 
 
@@ -72,7 +74,7 @@ def fit_posterior(
     """
     most = LEARNING_READINGS // whole.width
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
-    best = _learn(before, before.model, few, whole, background)
+    best = _learn(before, _without(before.model, *SHAPED), few, whole, background)
     while True:
         groups = {p.group for p in best.own.parameters} - {p.group for p in whole.parameters}
         fewer = [
@@ -94,8 +96,8 @@ def fit_posterior(
     return PosteriorFit(fit(final, start=best.errors, settle=False), sizes, best.deviance)
 
 
-def _without(model: Model, group: str) -> Model:
-    return model.subset([k for k, p in enumerate(model.parameters) if p.group != group])
+def _without(model: Model, *groups: str) -> Model:
+    return model.subset([k for k, p in enumerate(model.parameters) if p.group not in groups])
 
 
 @dataclass(frozen=True)
@@ -137,8 +139,8 @@ def _learn(
 class _Families:
     """The model of everything, and which parameters share a size.
 
-    ``family`` (P,) int is −1 for what places the gauge; ``centre`` and ``spread`` are mean and covariance of the
-    logarithms of the factors, (f,) and (f, f).
+    ``family`` (P,) int is −1 where the size is known, as of what places the gauge; ``centre`` (f,) and ``spread``
+    (f, f) are mean and covariance of the logarithms of the factors.
     """
 
     model: Model
@@ -156,15 +158,17 @@ class _Families:
         for family in background:
             for p in family.parameters:
                 if p.name not in parameters:
-                    parameters[p.name], rest[p.name] = p, f"{family.name} (background)"
+                    parameters[p.name], rest[p.name] = p, "" if family.known else _background_name(family)
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
-        few = len({v for v in label.values() if v})
         number = {name: k for k, name in enumerate(names)} | {"": -1}
-        alike = (np.arange(len(names)) >= few).astype(float)
-        spread = np.diag(np.where(alike > 0, WIDTH, OWN_WIDTH) ** 2) + SHARED**2 * np.outer(alike, alike)
+        of_robot = {_background_name(f): f.of_robot for f in background}
+        behind = np.array([name in of_robot for name in names], dtype=float)
+        alike = np.array([of_robot.get(name, False) for name in names], dtype=float)
+        own_width = np.where(behind > alike, FREE_WIDTH, np.where(behind > 0, WIDTH, OWN_WIDTH))
+        spread = np.diag(own_width**2) + SHARED**2 * np.outer(alike, alike)
         finite = [p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN) for p in parameters.values()]
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
-        return cls(replace(whole, parameters=tuple(finite)), names, family_of, CENTRE * alike, spread)
+        return cls(replace(whole, parameters=tuple(finite)), names, family_of, CENTRE * behind, spread)
 
     def logs_of(self, near: _Learnt) -> Array:
         """Return logarithms to start from: those of families that another model has too."""
@@ -172,6 +176,10 @@ class _Families:
         count = len(near.logs) - len(near.families.names)
         own = [float(there.get(n, c)) for n, c in zip(self.names, self.centre, strict=True)]
         return np.append(own, near.logs[-count:])
+
+
+def _background_name(family: EffectFamily) -> str:
+    return f"{family.name} (background)"
 
 
 def _own_family(p: Parameter) -> str:

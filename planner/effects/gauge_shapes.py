@@ -1,0 +1,88 @@
+"""Errors of a gauge of any smooth shape: powers of a bar's length and direction, or of the way from a tracker.
+
+They have no name and are never sought; beside them an error that nobody wrote down does not go into the arm's lengths.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.effects.basis import BasisFunction
+from planner.effects.context import Context
+from planner.effects.excitation import Excitation
+from planner.effects.parameters import Parameter, ParameterMove
+
+BAR_DEGREE, RAY_DEGREE = 3, 3
+USUAL_BAR, USUAL_RAY = 2e-5, 1e-5  # [m], one sigma of all powers together
+
+
+@dataclass(frozen=True)
+class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
+    """φ = ((L − about)/span)^length · (eₓ^x e_y^y e_z^z − mean), of the length L and the bar's direction e in the base.
+
+    With the mean over the run nothing of it is a scale, which no run tells from the arm's lengths.
+    """
+
+    about: float
+    span: float
+    mean: float
+    length: int
+    x: int
+    y: int
+    z: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        e = c.bar.direction
+        scaled = (c.length - self.about) / self.span
+        turned = e[:, 0] ** self.x * e[:, 1] ** self.y * e[:, 2] ** self.z
+        return np.asarray(scaled**self.length * (turned - self.mean))
+
+
+@dataclass(frozen=True)
+class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, gauge=True):
+    """φ = rₓ^x r_y^y r_z^z of the way r [m] from gauge to point in the base frame."""
+
+    x: int
+    y: int
+    z: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        r = c.ray
+        return np.asarray(r[:, 0] ** self.x * r[:, 1] ** self.y * r[:, 2] ** self.z)
+
+
+def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
+    """Yield smooth errors of the gauge's reading of a length or a position."""
+    if run.setup.gauge.width == 1:
+        yield from _bar_shapes(run)
+    else:
+        yield from _ray_shapes(run)
+
+
+def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
+    length, e = run.context.length, run.context.bar.direction
+    about, span = round(float(length.mean()), 3), max(round(float(length.std()), 3), 1e-3)
+    # e is a unit vector: higher powers of its last component say nothing more
+    powers = [p for p in product(range(BAR_DEGREE + 1), repeat=4) if 0 < sum(p) <= BAR_DEGREE and p[3] < 2]
+    for p in powers:
+        if p[0] == sum(p) and p[0] != 2:
+            continue  # the scale itself, and its like
+        mean = float((e ** np.array(p[1:])).prod(axis=1).mean()) if sum(p[1:]) else 0.0
+        move = ParameterMove("reading", 0, BarShape(about, span, round(mean, 6), *p))
+        name = f"gauge_shape_{''.join(map(str, p))}"
+        yield Parameter(name, "m", USUAL_BAR / np.sqrt(len(powers)), "smooth error of the gauge", (move,))
+
+
+def _ray_shapes(run: Excitation) -> Iterator[Parameter]:
+    reach = max(float(np.linalg.norm(run.context.ray, axis=1).max()), 1e-3)
+    powers = [p for p in product(range(RAY_DEGREE + 1), repeat=3) if 1 < sum(p) <= RAY_DEGREE]
+    for axis, p in product(range(3), powers):
+        size = USUAL_RAY / np.sqrt(len(powers)) / reach ** sum(p)
+        name = f"gauge_shape_{'xyz'[axis]}_{''.join(map(str, p))}"
+        move = ParameterMove("reading", axis, RayShape(*p))
+        yield Parameter(name, "1", float(size), "smooth error of the gauge", (move,))
