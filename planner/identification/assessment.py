@@ -7,6 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
 from planner.common.determinism import even_positions
+from planner.common.errors import NoSolutionError
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
@@ -16,6 +17,7 @@ from planner.identification.calibration import Calibration, ResidualDiagnosis, T
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
+    workspace_error,
     workspace_warning,
 )
 from planner.identification.cross_validation import Split, finer_split, number_poses, predict_held_out
@@ -23,6 +25,7 @@ from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit
 from planner.identification.release import describe_release, release_robot
+from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.stages import FitContext, FittedStage
 from planner.identification.validation import new_frames
@@ -38,6 +41,10 @@ from planner.model.identification_document import (
 )
 from planner.runs.run import Run
 
+NO_POSTERIOR = (
+    "the fit of all effects together did not come to rest: the calibrated robot is that of the last stage, and its "
+    "error over the workspace is that of its covariance, which sees no misfit"
+)
 LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
 TRACEABLE_READINGS = 20  # readings beyond the parameters, below which nothing is traced
 LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
@@ -144,6 +151,21 @@ def _other_point(run: Run, cell: Cell) -> list[str]:
 CONDITION_SAMPLES = 8_000  # samples of a long run that the condition number is of
 
 
+def _release(
+    stages: Sequence[FittedStage],
+    free: FittedParameters,
+    context: FitContext,
+    cell: Cell,
+    time: float,
+    geometry_alone: bool,
+) -> ReleasedRobot | None:
+    """Return the robot to be released, ``None`` where the posterior does not come to rest."""
+    try:
+        return release_robot(stages, free.whole, context, cell, time, geometry_alone)
+    except (NoSolutionError, np.linalg.LinAlgError):
+        return None
+
+
 def assess_fit(
     stages: list[FittedStage],
     free: FittedParameters,
@@ -159,8 +181,8 @@ def assess_fit(
     found, last = stages[-1].fit, stages[-1].stage
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + consider_covariance(found, free.held)
-    released = release_robot(stages, free.whole, context, cell, time, geometry_alone)
-    expected = released.anywhere
+    released = _release(stages, free, context, cell, time, geometry_alone)
+    expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
     return Calibration(
@@ -179,14 +201,15 @@ def assess_fit(
         unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
-        release=describe_release(released, stages),
+        release=None if released is None else describe_release(released, stages),
         condition_number=_condition(found),
         correlation_time=time,
-        frames=gauge_frames(released.fit),
+        frames=gauge_frames(found if released is None else released.fit),
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
+            *([NO_POSTERIOR] if released is None else []),
             *workspace_warning(expected, last.held_out, found.model.width),
         ),
         run=run,
