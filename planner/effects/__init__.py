@@ -8,6 +8,7 @@ __all__ = [
     "effect",
     "excitation",
     "gauge_errors",
+    "gauge_shapes",
     "gears",
     "geometry",
     "nonparametric",
