@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
-from scipy.optimize import minimize
 
 from planner.common.units import Array
 
@@ -124,6 +123,8 @@ class RandomEffects:
 
     def learn(self, start: Array | None = None, steps: int = MOST_STEPS) -> "LearntSizes":
         """Find the factors at which evidence times prior is largest, from ``start`` (f + c,), in ``steps`` at most."""
+        from scipy.optimize import minimize
+
         first = self.centre if start is None else start
         bounds = [LOGS] * self.families + [NOISE_LOGS] * (len(first) - self.families)
         options = {"maxiter": steps, "ftol": FLAT}
