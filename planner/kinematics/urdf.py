@@ -94,8 +94,9 @@ def _read_chain(path: Path, root: ET.Element, tip: str | None) -> UrdfChain:
             raise _UrdfError(f"the links above '{tip}' form a ring")
         joints.insert(0, by_child[link])
         link = str(_find_child(joints[0], "parent").get("link"))
-    if link not in links:
-        raise _UrdfError(f"a joint hangs from the link '{link}', which is not there")
+    chain = [link, *(str(_find_child(joint, "child").get("link")) for joint in joints)]
+    if gone := [name for name in chain if name not in links]:
+        raise _UrdfError(f"a joint names the link '{gone[0]}', which is not there")
     return _assemble(path, links, joints, link, tip)
 
 
@@ -108,7 +109,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
     for joint in joints:
         name, kind = str(joint.get("name")), joint.get("type")
         xyz, rpy = _read_origin(joint)
-        child = links[str(_find_child(joint, "child").get("link"))]  # it is, the way up began there
+        child = links[str(_find_child(joint, "child").get("link"))]
         if kind == "fixed":
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-import tests.program.sessions as sessions
+import tests.programs.sessions as sessions
 from planner.cell.reading import load_cell
 from planner.compensation.compensated_file import compensate_file
 from planner.design.discrimination.findings import read_identification
@@ -29,9 +29,9 @@ from planner.runs.loader import load_run
 from planner.runs.traces import import_run
 from planner.session.document import read_plan, read_waypoints
 from planner.simulation.truth import read_truth
-from tests.centring.world import plan as ball_plan
-from tests.collision.test_meshes import stl
 from tests.compensation.robots import BentRobot, bent
+from tests.instruments.centring.world import plan as ball_plan
+from tests.motion.collision.test_meshes import stl
 
 ROBOT = "kuka-kr6-r700"
 URDF = """<robot name="r">{links}{joints}</robot>"""
