@@ -1,16 +1,18 @@
 """The cell in SI units, checked and read-only: robot, tool, gauge, fixtures, balls, and how it is driven."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from planner.cell.circles import Circle
-from planner.cell.file import CellFile
+from planner.cell.file import CellFile, ControllerFile
 from planner.cell.gauge import Gauge
 from planner.common.choices import Aim
+from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
@@ -156,19 +158,6 @@ class BaseMounting:
 
 
 @dataclass(frozen=True)
-class ControllerSettings:
-    """What programs select and signal; see the cell file."""
-
-    tool: int | None
-    base: int | None
-    load: int | None
-    sync_output: int | None
-    gauge_input: int | None
-    log_axes: bool
-    dialects: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class PlanSettings:
     """What the plan frees and how much it tries."""
 
@@ -182,6 +171,13 @@ class PlanSettings:
     validate: int
     effects: tuple[str, ...] = ()
     aim: Aim = "index"
+
+
+class NamedPlace(Protocol):
+    """What a file says of a place of the gauge: its names, the point's empty where the tool has but one."""
+
+    fixture: str
+    point: str
 
 
 @dataclass(frozen=True)
@@ -202,7 +198,7 @@ class Cell:
     motion: MotionSettings
     cable: Cable
     base: BaseMounting
-    controller: ControllerSettings
+    controller: ControllerFile
     plan: PlanSettings
     file: CellFile
     path: Path
@@ -274,9 +270,18 @@ class Cell:
         point = points[mounting.point].name if len(points) > 1 else ""
         return self.fixtures[mounting.fixture].name, point
 
-    def find_mounting(self, names: tuple[str, str]) -> Mounting | None:
-        """Return the mounting of a fixture and tool point with these names, ``None`` if there is none."""
-        return next((m for m in self.mountings if self.names_of(m) == names), None)
+    def mountings_of(self, records: Sequence[NamedPlace], plan: Path) -> list[Mounting]:
+        """Return how the gauge is held in drives or poses of the plan at ``plan``.
+
+        Raises:
+            InputError: at a fixture or tool point that the cell does not have.
+        """
+        there = {self.names_of(m): m for m in self.mountings}
+        for r in records:
+            if (r.fixture, r.point) not in there:
+                where = f"'{r.fixture}'" + (f", tool point '{r.point}'" if r.point else "")
+                raise InputError(f"{plan}: measures at fixture {where}, which {self.path} does not have")
+        return [there[r.fixture, r.point] for r in records]
 
     def place_name(self, mounting: Mounting) -> str:
         """Return what a person calls that place of the gauge: the fixture, and the tool point where there are more."""

@@ -272,11 +272,13 @@ class CellFile(OptionalKeys):
     @model_validator(mode="before")
     @classmethod
     def _many_to_validate(cls, data: object) -> object:
-        """A tracker validates with 500 poses where nothing else is asked for (TriCal paper, section 6)."""
-        if isinstance(data, dict) and isinstance(gauge := data.get("gauge"), dict) and gauge.get("kind") == "tracker":
-            plan = data.get("plan", {})
-            return data | {"plan": {"validate": 500} | plan} if isinstance(plan, dict) else data
-        return data
+        """Let the gauge say how many poses validate where nothing else is asked for."""
+        if not isinstance(data, dict) or not isinstance(gauge := data.get("gauge"), dict):
+            return data
+        kind, plan = gauge_kinds().get(str(gauge.get("kind"))), data.get("plan", {})
+        if kind is None or kind.validates_unasked is None or not isinstance(plan, dict):
+            return data
+        return data | {"plan": {"validate": kind.validates_unasked} | plan}
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":

@@ -6,7 +6,7 @@ never its kind. Each kind is one file in ``planner.gauges`` and is registered by
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
@@ -48,6 +48,16 @@ class GaugeBody:
     carrier: BodyCarrier
     ball: int = -1
     tip: bool = False
+
+
+class RecordedPose(Protocol):
+    """What a plan's file says of a pose."""
+
+    q_deg: tuple[float, ...]
+    length_mm: float | None
+    fixture: str
+    point: str
+    ball: str | None
 
 
 class PlannedVisit(Protocol):
@@ -140,6 +150,11 @@ class Gauge(ABC):
     needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
     travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
+    bare: ClassVar[str] = ""  # said of that way in a program
+    removal: ClassVar[str] = ""  # what a person does after the last pose
+    validates_unasked: ClassVar[int | None] = (
+        None  # poses that validate where no number is given, in place of the usual
+    )
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
@@ -181,13 +196,13 @@ class Gauge(ABC):
         return {} if own is None else dict(validate(file.gauge.own, own, f"{path}: [gauge]"))
 
     @classmethod
-    @abstractmethod
     def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple["Fixture", ...]:
-        """Return the places at which it stands, for planning.
+        """Return the places at which it stands, for planning; an ideal gauge stands nowhere.
 
         Raises:
             InputError: a section is missing, or one is there that this gauge has no use for.
         """
+        return ()
 
     @property
     def planned_range(self) -> tuple[float, float]:
@@ -263,9 +278,48 @@ class Gauge(ABC):
         """Time that one reading takes beyond the dwell [s]."""
         return 0.0
 
-    def preparation(self, cell: "Cell") -> tuple[str, str]:
+    @property
+    def indicators(self) -> "IndicatorHead":
+        """The head of indicators, where only that will do.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self.head is None:
+            raise InputError(f"a gauge '{self.kind}' has no head of indicators, which this needs")
+        return self.head
+
+    def mastered_reading(self, cell: "Cell") -> float | None:
+        """Return what indicators show at the master ball [m]; ``None`` where nothing is mastered."""
+        return None
+
+    def preparation(self, cell: "Cell", mounting: Mounting) -> tuple[str, str]:
         """Return what is explained to a person before the first pose, and what the person does then."""
         return "", "set the gauge to zero"
+
+    def session_names(self, cell: "Cell", mounting: Mounting) -> tuple[str, str]:
+        """Return what a session calls the pose where it starts and what it measures from there."""
+        return "where the session starts", "measuring"
+
+    def ball_to_centre(self, cell: "Cell", q: Array) -> int | None:
+        """Return which ball is centred at q (N,) [rad]; ``None`` where no ball is."""
+        return None
+
+    def tool_speed(self, cell: "Cell") -> float:
+        """Return the limit of the tool point's speed while it is attached or read [m/s]."""
+        return cell.motion.tool_speed if cell.motion.measure == "continuous" else np.inf
+
+    def leg_speeds(self, cell: "Cell", visit: np.ndarray) -> float | Array:
+        """Return the same on the legs of a path with visits (m,), one for all or (m − 1,) [m/s]."""
+        return self.tool_speed(cell)
+
+    def plan_errors(self, cell: "Cell", poses: Sequence[RecordedPose], plan: Path) -> Array:
+        """Return by how much each pose misses what the plan at ``plan`` says of it, (n,) [mm]."""
+        return np.zeros(len(poses))
+
+    def plan_error_text(self, pose: int, error: float) -> str:
+        """Say such an error [mm] of the pose with that id."""
+        return f"pose {pose} is {error:.3f} mm off its ball"
 
     def describe(self, cell: "Cell") -> str:
         """Say what stands where, for the heading of a report."""

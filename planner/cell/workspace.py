@@ -1,17 +1,18 @@
 """How far inside the gauge's workspace a state lies: limits, bar length, ball-joint cones and cable, in one table.
 
-Each column is a margin that is positive inside, with a bound on how fast it can change along a motion; the
-candidates' filters, the support-pose planner and the continuous check of the path all use this one table.
+Each column is a margin that is positive inside; the candidates' filters, the support-pose planner and the continuous
+check of the path all use this one table.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Protocol
 
 import numpy as np
 
 from planner.cell.cell import Cell, Fixture
-from planner.cell.gauge import FilterStage, PointTravel
+from planner.cell.gauge import FilterStage
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Transform
@@ -19,7 +20,22 @@ from planner.runs.run import FIRST_MOUNTING, Mounting
 
 STAGES: tuple[FilterStage, ...] = ("joint_limits", "workspace", "cones", "cable")
 SAFETY_MARGIN = 2e-3  # [m or rad] that a measuring pose keeps from every limit, so that a path can reach it
-SIDE = np.array([1.0, 0.0, 0.0])
+
+
+class ToolPose(Protocol):
+    """Where the tool is at n states: MAP x (n, 3) [m], axis of its ball joint (n, 3), turn about the bar (n,) [rad]."""
+
+    @property
+    def x(self) -> Array:
+        """The measurement application point."""
+
+    @property
+    def axis(self) -> Array:
+        """The axis of its ball joint."""
+
+    @property
+    def spin(self) -> Array:
+        """The turn of the tool about the bar from its zero."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +65,12 @@ class Workspace:
         spin = [] if self.cell.cable.tool_about_bar is None else [("cable", "twist of the tool about the bar")]
         return (*limits, *self.cell.gauge.margin_columns, *sums, *spin)
 
-    def margins(self, q: Array) -> Array:
-        """Margins at controller angles q (n, N) [rad], (n, columns) [rad or m]; negative outside."""
-        return np.column_stack([self.stage(stage, q) for stage in STAGES])
+    def margins(self, q: Array, pose: ToolPose | None = None) -> Array:
+        """Margins at controller angles q (n, N) [rad], (n, columns) [rad or m]; negative outside.
+
+        ``pose``: where the tool is there, if that is known already.
+        """
+        return np.column_stack([self.stage(stage, q, pose) for stage in STAGES])
 
     def inside(self, q: Array, margin: float) -> np.ndarray:
         """Tell which controller angles (n, N) [rad] keep every margin above ``margin`` [m or rad], (n,) bool."""
@@ -62,19 +81,21 @@ class Workspace:
         out[left] = True
         return out
 
-    def stage(self, stage: FilterStage, q: Array) -> Array:
+    def stage(self, stage: FilterStage, q: Array, pose: ToolPose | None = None) -> Array:
         """Margins of one stage, (n, its columns) [rad or m]: filters run one after the other pay only for their own."""
         cell, robot, empty = self.cell, self.cell.robot, np.empty((len(q), 0))
         if stage == "joint_limits":
             return np.asarray(np.minimum(q - robot.q_lower, robot.q_upper - q))
         if stage == "cable":
             sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
-            spun = self.bar and cell.cable.tool_about_bar is not None
-            spin = [cell.cable.tool_about_bar - np.abs(self.spin(q))] if spun else []
-            return np.column_stack([empty, *sums, *spin])
+            limit, turned = cell.cable.tool_about_bar, []
+            if self.bar and limit is not None:
+                turned = [limit - np.abs(self.spin(q) if pose is None else pose.spin)]
+            return np.column_stack([empty, *sums, *turned])
         if not self.bar:
             return empty
-        return cell.gauge.margins(stage, self.fixture, cell.map_position(q), cell.map_axis(q))
+        x, axis = (cell.map_position(q), cell.map_axis(q)) if pose is None else (pose.x, pose.axis)
+        return cell.gauge.margins(stage, self.fixture, x, axis)
 
     def spin(self, q: Array) -> Array:
         """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at the mount pose (at home while there is none).
@@ -84,29 +105,6 @@ class Workspace:
         """
         return wrap_angle(self._raw_spin(q) - self._zero_spin)
 
-    def rates(self, dq: Array) -> Array:
-        """Largest change of each margin while q moves by ``dq`` (m, N) [rad] on a straight leg, (m, columns)."""
-        cell, step = self.cell, np.abs(dq)
-        sums = [step[:, axes].sum(axis=1) for axes, _ in cell.cable.sums]
-        if not self.bar:
-            return np.column_stack([step, *sums])
-        theta = np.abs(dq @ cell.robot.sense_matrix.T)
-        move, turn = theta @ self.map_reach, theta.sum(axis=1)
-        with np.errstate(divide="ignore"):
-            swing = move / cell.gauge.length_min
-        own = cell.gauge.margin_changes(PointTravel(move, move, swing, turn))
-        spin = []
-        if cell.cable.tool_about_bar is not None:
-            # parallel transport about an axis tilted by up to c turns at tan(c/2) times the rate of the tilt
-            at_fixture, at_map = np.tan(cell.gauge.cone_fixture / 2), np.tan(cell.gauge.cone_map / 2)
-            spin = [turn + swing * at_fixture + (swing + turn) * at_map]
-        return np.column_stack([step, *own, *sums, *spin])
-
-    @cached_property
-    def map_reach(self) -> Array:
-        """Largest distance of the MAP from each joint's axis over all states, (N,) [m]."""
-        return axis_reach(self.cell.chain.transforms, self.cell.robot.n_joints)
-
     @cached_property
     def _zero_spin(self) -> float:
         mount = self.cell.mount(self.mounting)
@@ -115,13 +113,23 @@ class Workspace:
     def _raw_spin(self, q: Array) -> Array:
         fixture = self.fixture
         chain, theta = self.cell.chain, self.cell.robot.theta(q)
-        d = bar_state(self.cell.map_position(q), fixture.p_BX).direction
-        axis = self.cell.map_axis(q)
-        mark_F = _perpendicular(self.cell.tool.axis_F[None])[0]
-        at_fixture = parallel_transport(_perpendicular(fixture.axis_B[None]), fixture.axis_B[None], d)
-        at_map = parallel_transport(chain.carry(theta, mark_F, point=False), axis, -d)
-        sine = np.einsum("ni,ni->n", np.cross(at_fixture, at_map), d)
-        return np.asarray(np.arctan2(sine, np.einsum("ni,ni->n", at_fixture, at_map)))
+        direction = bar_state(self.cell.map_position(q), fixture.p_BX).direction
+        mark = chain.carry(theta, perpendicular(self.cell.tool.axis_F), point=False)
+        return bar_twist(fixture.axis_B, direction, self.cell.map_axis(q), mark)
+
+
+def bar_twist(fixed_B: Array, direction: Array, axis: Array, mark: Array) -> Array:
+    """Angle about the bar between a line carried from the fixture's axis and one from the tool's, (n,) [rad].
+
+    Args:
+        fixed_B: axis of the fixture's ball joint (3,).
+        direction: of the bar from fixture to MAP, (n, 3).
+        axis: of the MAP's ball joint, (n, 3); mark (n, 3): a unit vector across it that the tool carries.
+    """
+    at_fixture = parallel_transport(perpendicular(fixed_B)[None], fixed_B[None], direction)
+    at_map = parallel_transport(mark, axis, -direction)
+    sine = np.einsum("ni,ni->n", np.cross(at_fixture, at_map), direction)
+    return np.asarray(np.arctan2(sine, np.einsum("ni,ni->n", at_fixture, at_map)))
 
 
 def wrap_angle(angle: Array) -> Array:
@@ -166,8 +174,7 @@ def _axis_reach(transforms: tuple[Transform, ...], n_joints: int, tail: float) -
     return read_only(out)
 
 
-def _perpendicular(axis: Array) -> Array:
-    """A unit vector across each of the unit vectors (n, 3)."""
-    helper = np.where(np.abs(axis @ SIDE)[:, None] < 0.9, SIDE[None], [[0.0, 1.0, 0.0]])
-    out = np.cross(axis, helper)
-    return np.asarray(out / np.linalg.norm(out, axis=1)[:, None])
+def perpendicular(axis: Array) -> Array:
+    """Return a unit vector across the unit vector ``axis`` (3,)."""
+    out = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    return np.asarray(out / np.linalg.norm(out))

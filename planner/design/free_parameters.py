@@ -78,13 +78,13 @@ def preference_order(model: Model) -> list[int]:
     user can set the zeros in the controller.
     """
     order = range(len(model.parameters))
-    from_urdf = model.setup.robot.convention == "urdf"
-    if not model.setup.gauge.frees_base and not from_urdf:
+    from_urdf, framed = model.setup.robot.convention == "urdf", model.setup.gauge.frees_base
+    if not framed and not from_urdf:
         return list(order)
     kinds = [p.group for p in model.parameters]
     last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]
     rows = [k for k in order if kinds[k] == "geometry" and k not in last]
-    if model.setup.gauge.frees_base:
+    if framed:
         rows.reverse()
     if from_urdf:
         rows.sort(key=lambda k: (not model.names[k].startswith("theta"), model.parameters[k].unit != "m"))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from planner.gauges.placement.sockets import place_sockets
 from planner.gauges.run_places import flange_poses, index_in_cell, points_of
 from planner.kinematics.bodies import Body, capsule_between
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, Run, Samples
 
 INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
 NEWTON_STEPS = 8
@@ -36,19 +37,43 @@ class BallGauge(FrameGauge):
         """Return the artifact."""
         return file.artifact
 
+    @classmethod
+    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
+        """Return where the artifact stands."""
+        if file.artifact is None:
+            raise InputError(
+                f"{path}: the section [artifact] with position_mm is missing: where the balls' frame stands in the "
+                "base's"
+            )
+        return file.artifact
+
     @property
     def reading_seconds(self) -> float:
         """Time of one centring [s]."""
         return 0.0 if self.head is None else self.head.seconds
 
-    def preparation(self, cell: Cell) -> tuple[str, str]:
+    def mastered_reading(self, cell: Cell) -> float | None:
+        """Half of what the master ball's diameter is larger than a ball's."""
+        return None if self.head is None or not cell.balls else self.head.master / 2 - cell.balls[0].radius
+
+    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """The indicators are mastered on the master ball."""
-        assert self.head is not None
-        shown = float(to_mm(self.head.master / 2 - cell.balls[0].radius))
+        master, shown = float(to_mm(self.indicators.master)), float(to_mm(self.mastered_reading(cell) or 0.0))
         return (
-            f"master the indicators: lay the {float(to_mm(self.head.master)):g} mm ball into its socket",
+            f"master the indicators: lay the {master:g} mm ball into its socket",
             f"set all three indicators to {shown:.3f} mm, then take the ball out",
         )
+
+    def ball_to_centre(self, cell: Cell, q: Array) -> int | None:
+        """Return the ball that the measured point is nearest to."""
+        if self.head is None:
+            return None
+        return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
+
+    def leg_speeds(self, cell: Cell, visit: np.ndarray) -> float | Array:
+        """The last way to a ball, and the first away from it, are driven slowly: the indicators touch there."""
+        at_ball = visit >= 0
+        return np.where(at_ball[:-1] | at_ball[1:], cell.motion.tool_speed, np.inf)
 
     def describe(self, cell: Cell) -> str:
         """Name the balls."""
@@ -114,9 +139,9 @@ class BallGauge(FrameGauge):
 
     def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
         """Return the indicators at the master ball, before and after."""
-        if self.head is None:
+        wanted = self.mastered_reading(cell)
+        if wanted is None:
             return NO_REFERENCE_READINGS
-        wanted = self.head.master / 2 - cell.balls[0].radius
         masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
         return ReferenceReadings(masters=masters)
 
@@ -145,9 +170,8 @@ class BallGauge(FrameGauge):
 
         The round end of the capsule stands out of the flat disk by as much as its rim is cut off.
         """
-        assert self.head is not None
-        radius, touch = self.head.tip / 2, min(b.radius for b in cell.balls)
-        for k, axis in enumerate(self.head.axes_F):
+        radius, touch = self.indicators.tip / 2, min(b.radius for b in cell.balls)
+        for k, axis in enumerate(self.indicators.axes_F):
             a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, SHAFT_LENGTH))
             yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
 

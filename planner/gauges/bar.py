@@ -1,6 +1,6 @@
 """Double ball bars: a bar between a fixed ball and the tool reads the distance of both balls, free or under load."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
-from planner.cell.gauge import GaugeBody, PlannedVisit
+from planner.cell.gauge import GaugeBody, PlannedVisit, RecordedPose
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
@@ -30,7 +30,7 @@ from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, Run, Samples
 
 PRIOR_ZERO = 1.0 * MM
 LARGEST_MARGIN = 0.25  # of the range: what is left of a short one must hold a plan
@@ -78,6 +78,8 @@ class LengthGauge(LineGauge):
     reads_moving: ClassVar[bool] = True
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "bar (mm)")
     travel_name: ClassVar[str] = "way without the bar"
+    bare: ClassVar[str] = ", without the bar"
+    removal: ClassVar[str] = "take the bar off"
 
     @classmethod
     def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -145,6 +147,31 @@ class LengthGauge(LineGauge):
         several = len(cell.tool.points) > 1
         points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if several else ""
         return f"bar {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
+
+    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+        """The bar is attached."""
+        fixture, point = cell.names_of(mounting)
+        tool = f"tool point {point}" if point else "tool"
+        return "", f"attach the bar (fixture {fixture} to {tool}), set its zero"
+
+    def session_names(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+        """Name the fixture, and the tool point where there are more."""
+        place = f"fixture {cell.place_name(mounting)}"
+        return f"the mount pose of {place}", f"measuring on {place}"
+
+    def tool_speed(self, cell: Cell) -> float:
+        """The bar limits it, moving or at rest at the poses."""
+        return cell.motion.tool_speed
+
+    def plan_errors(self, cell: Cell, poses: Sequence[RecordedPose], plan: Path) -> Array:
+        """Bar length by the cell less that of the plan, one a pose [mm]."""
+        held = cell.mountings_of(poses, plan)
+        length = [float(cell.bar_length(np.deg2rad([p.q_deg]), m)[0]) for p, m in zip(poses, held, strict=True)]
+        return np.asarray(np.array(length) * 1e3 - [p.length_mm or 0.0 for p in poses])
+
+    def plan_error_text(self, pose: int, error: float) -> str:
+        """Say how much longer the bar would be."""
+        return f"the bar at pose {pose} would be {error:+.3f} mm longer than planned"
 
     def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
         """Return fixture and length."""

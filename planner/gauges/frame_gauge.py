@@ -1,6 +1,7 @@
 """What gauges with a frame of their own share: they read positions in it, and it has to be found."""
 
-from collections.abc import Iterator
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -9,7 +10,7 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge import PlannedVisit
+from planner.cell.gauge import Gauge, PlannedVisit, RecordedPose
 from planner.cell.gauge_registry import attached_kinds
 from planner.cell.places import placed_frame, read_joint_angles
 from planner.cell.setup import MeasurementSetup, Targets
@@ -30,49 +31,13 @@ from planner.runs.run import Readings, Run, Samples
 
 
 @dataclass(frozen=True)
-class FrameGauge(LineGauge):
-    """Reads the position of the tool point in a frame of its own."""
+class PositionGauge(Gauge):
+    """Reads the position of the tool point in a frame."""
 
     width: ClassVar[int] = 3
     columns: ClassVar[str] = "x_mm, y_mm, z_mm"
     plural: ClassVar[str] = "positions"
     frees_base: ClassVar[bool] = True
-    pose_columns: ClassVar[tuple[str, str]] = ("ball", "first contact (mm)")
-
-    @classmethod
-    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
-        """Return the section of the cell file that says where it stands.
-
-        Raises:
-            InputError: it is missing, or what it needs beside it.
-        """
-        raise NotImplementedError
-
-    @classmethod
-    def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
-        """Return the one unnamed place at which it stands."""
-        bars = ", ".join(attached_kinds())
-        if file.tool is not None and file.tool.points:
-            raise InputError(f"{path}: [[tool.points]] are for a bar ({bars})")
-        if file.fixtures:
-            raise InputError(f"{path}: [[fixtures]] are for a bar ({bars}); a {file.gauge.kind} has none")
-        given = file.gauge.mount_deg
-        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
-        placed = cls.placed_section(path, file)
-        R, p = placed_frame(placed)
-        turn = float(from_deg(placed.prior_deg))
-        return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, (mount,), R, turn),)
-
-    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
-        """Return the ball and how far off centre it is met."""
-        met = "" if visit.contact is None else f"{float(to_mm(visit.contact)):.2f}"
-        return cell.balls[visit.ball].name if visit.ball >= 0 else "", met
-
-    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
-        """Return the ball and how far off centre it is met."""
-        if visit.ball < 0:
-            return {}
-        return {"ball": cell.balls[visit.ball].name, "first_contact_mm": (visit.contact or 0.0) * 1e3}
 
     def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Position read less the tool point, (n, 3) [m]."""
@@ -131,7 +96,7 @@ class FrameGauge(LineGauge):
 
 
 @dataclass(frozen=True)
-class ToolPosition(FrameGauge):
+class ToolPosition(PositionGauge):
     """The tool point itself, as if it were seen without a gauge: for the errors that a robot has where it works."""
 
     kind: ClassVar[str] = "tool-position"
@@ -140,6 +105,57 @@ class ToolPosition(FrameGauge):
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Return the setup as it is: the base's frame is the gauge's."""
         return setup
+
+
+@dataclass(frozen=True)
+class FrameGauge(PositionGauge, LineGauge):
+    """Stands in one place of the cell and reads positions in a frame of its own, along lines from there."""
+
+    pose_columns: ClassVar[tuple[str, str]] = ("ball", "first contact (mm)")
+
+    @classmethod
+    @abstractmethod
+    def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
+        """Return the section of the cell file that says where it stands.
+
+        Raises:
+            InputError: it is missing, or what it needs beside it.
+        """
+
+    @classmethod
+    def read_places(cls, path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
+        """Return the one unnamed place at which it stands."""
+        bars = ", ".join(attached_kinds())
+        if file.tool is not None and file.tool.points:
+            raise InputError(f"{path}: [[tool.points]] are for a bar ({bars})")
+        if file.fixtures:
+            raise InputError(f"{path}: [[fixtures]] are for a bar ({bars}); a {file.gauge.kind} has none")
+        given = file.gauge.mount_deg
+        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
+        placed = cls.placed_section(path, file)
+        R, p = placed_frame(placed)
+        turn = float(from_deg(placed.prior_deg))
+        return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, (mount,), R, turn),)
+
+    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+        """Return the ball and how far off centre it is met."""
+        met = "" if visit.contact is None else f"{float(to_mm(visit.contact)):.2f}"
+        return cell.balls[visit.ball].name if visit.ball >= 0 else "", met
+
+    def plan_errors(self, cell: Cell, poses: Sequence[RecordedPose], plan: Path) -> Array:
+        """Distance of the tool point from the ball that is centred there, one a pose [mm]; nothing is off elsewhere."""
+        names = [b.name for b in cell.balls]
+        x = cell.map_position(np.deg2rad([p.q_deg for p in poses]))
+        ball = [names.index(p.ball) if p.ball in names else -1 for p in poses]
+        return np.array(
+            [0.0 if k < 0 else float(np.linalg.norm(x[i] - cell.p_BS[k])) * 1e3 for i, k in enumerate(ball)]
+        )
+
+    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
+        """Return the ball and how far off centre it is met."""
+        if visit.ball < 0:
+            return {}
+        return {"ball": cell.balls[visit.ball].name, "first_contact_mm": (visit.contact or 0.0) * 1e3}
 
 
 def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:

@@ -24,7 +24,7 @@ from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.runs.reference_readings import ReferenceReadings
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, Run, Samples
 
 NESTS = 3  # that a frame takes
 
@@ -42,6 +42,7 @@ class Tracker(FrameGauge):
 
     kind: ClassVar[str] = "tracker"
     calibrates_unasked: ClassVar[bool] = False
+    validates_unasked: ClassVar[int | None] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0
 
     @classmethod
@@ -63,7 +64,7 @@ class Tracker(FrameGauge):
             )
         return file.tracker
 
-    def preparation(self, cell: Cell) -> tuple[str, str]:
+    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """The tracker has to see the reflector."""
         return "", "put the reflector into its nest and let the tracker find it"
 

@@ -32,16 +32,12 @@ class TriCalHead(BallGauge):
     @classmethod
     def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
         """Return where the artifact stands, once artifact, balls and head are checked."""
+        placed = super().placed_section(path, file)
         _check_trical(path, file)
-        assert file.artifact is not None
-        return file.artifact
+        return placed
 
 
 def _check_trical(path: Path, file: CellFile) -> None:
-    if file.artifact is None:
-        raise InputError(
-            f"{path}: the section [artifact] with position_mm is missing: where the balls' frame stands in the base's"
-        )
     if not file.balls:
         raise InputError(f"{path}: a head of indicators needs at least one [[balls]] table")
     if file.gauge.head is None:

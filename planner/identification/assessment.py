@@ -107,7 +107,7 @@ def approach_warnings(traced: TracingResult) -> list[str]:
 def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
     """Return warnings about the run, the cell and the fit."""
     out, setup = [], found.model.setup
-    if cell.file.controller.accuracy_model == "on":
+    if cell.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
     out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
     if len(found.outliers):

@@ -11,15 +11,6 @@ from planner.motion.path.verdict import Verdict
 from planner.session.course import is_continuous
 from planner.session.plan_types import Plan
 
-FILTERS = (
-    "sampled",
-    "within joint limits",
-    "bar length in range",
-    "within both cones",
-    "within cable budget",
-    "collision-free",
-)
-
 
 def count_text(n: float) -> str:
     """Write a whole number with its thousands apart."""

@@ -27,7 +27,7 @@ from planner.report.chart import (
     list_panel,
     share_panel,
 )
-from planner.report.formatting import FILTERS, count_text, digits, duration_text
+from planner.report.formatting import count_text, digits, duration_text
 from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
 from planner.session.plan_types import Drive, Plan
 
@@ -89,9 +89,10 @@ def funnel_chart(plan: Plan) -> Chart:
     texts = [count_text(counts[0])]
     texts += [f"{count_text(v)}   {digits(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
-    names = FILTERS if plan.cell.gauge.is_attached else plan.pool.funnel.names
     span = (1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2))
-    panel = list_panel("", "states that are left (logarithmic scale)", names, [bars], log_x=True, x_range=span)
+    panel = list_panel(
+        "", "states that are left (logarithmic scale)", plan.pool.funnel.titles, [bars], log_x=True, x_range=span
+    )
     caption = (
         f"{count_text(len(plan.pool))} candidates are kept of the states that pass every filter; "
         "the percentage is the part of the row above that passes."
@@ -162,8 +163,7 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
 
 def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:
     """How far off centre the uncalibrated robot meets each ball, at most; only a head of indicators has that."""
-    head = cell.gauge.head
-    if head is None:
+    if all(v.contact is None for v in drive.visits):
         return None
     series = []
     for k, ball in enumerate(cell.balls):
@@ -171,7 +171,7 @@ def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:
         id_, off = np.array([float(v.id) for v, _ in met]), np.array([mm for _, mm in met])
         hover = tuple(f"pose {v.id}, {v.role}: {mm:.2f} mm" for v, mm in met)
         series.append(Series(f"ball {ball.name}", id_, off, JOINTS[k % len(JOINTS)], "points", hover=hover))
-    usable = float(to_mm(head.usable))
+    usable = float(to_mm(cell.gauge.indicators.usable))
     limit = (ReferenceLine(usable, f"indicators make contact within {usable:g} mm"),)
     labels = ("", "pose", "first contact off centre (mm)")
     caption = "95 % of robots as uncertain as this one meet the ball nearer to the centre than the point shows."

@@ -98,13 +98,14 @@ def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
 def _speed_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What tool and gauge do at most while the gauge is attached, against their limits: (what, value)."""
     used, gauge = drive.limits, cell.gauge
-    if not gauge.is_attached:
+    if not np.isfinite(gauge.rate):
         return ()
-    rows = [("tool speed at most", used.tool_speed * cell.motion.tool_speed, cell.motion.tool_speed, "mm/s")]
-    if np.isfinite(gauge.rate):
-        rows.append(("rate of the gauge at most", used.reading_rate * gauge.rate, gauge.rate, "mm/s"))
-        most = used.reading_acceleration * gauge.acceleration
-        rows.append(("acceleration of the gauge at most", most, gauge.acceleration, "mm/s²"))
+    most, limit = used.reading_acceleration * gauge.acceleration, cell.motion.tool_speed
+    rows = (
+        ("tool speed at most", used.tool_speed * limit, limit, "mm/s"),
+        ("rate of the gauge at most", used.reading_rate * gauge.rate, gauge.rate, "mm/s"),
+        ("acceleration of the gauge at most", most, gauge.acceleration, "mm/s²"),
+    )
     return tuple((what, f"{to_mm(value):.1f} of {to_mm(limit):g} {unit}") for what, value, limit, unit in rows)
 
 

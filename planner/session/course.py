@@ -95,10 +95,7 @@ class Course:
         cls, cell: Cell, mounting: Mounting, travel: TimedPath, measuring: TimedPath, shortcuts: tuple[int, ...]
     ) -> "Course":
         """Return the course through the poses at one mounting."""
-        start, heading = "where the session starts", "measuring"
-        if cell.gauge.is_attached:
-            place = f"fixture {cell.place_name(mounting)}"
-            start, heading = f"the mount pose of {place}", f"measuring on {place}"
+        start, heading = cell.gauge.session_names(cell, mounting)
         return cls(mounting, start, travel, (Pass(measuring, heading),), True, shortcuts)
 
     @property
@@ -131,14 +128,13 @@ def axis_limits(cell: Cell, bar: bool) -> Limits:
 
 def tool_speed(cell: Cell, bar: bool) -> float:
     """Limit of the tool point's speed [m/s] while a gauge is attached or read while moving, else none."""
-    limited = bar and (is_continuous(cell) or cell.gauge.is_attached)
-    return cell.motion.tool_speed if limited else np.inf
+    return cell.gauge.tool_speed(cell) if bar else np.inf
 
 
 def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits | None:
     """Limits of the gauge's own rate and acceleration while it is attached, else none."""
     gauge = cell.gauge
-    if not (bar and gauge.is_attached and np.isfinite(gauge.rate)):
+    if not (bar and np.isfinite(gauge.rate)):
         return None
     p_BX = cell.fixtures[mounting.fixture].p_BX
     return ReadingLimits(
@@ -147,17 +143,6 @@ def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits |
         lambda q: bar_state(cell.map_position(q), p_BX).length,
         lambda q: bar_state(cell.map_position(q), p_BX).direction,
     )
-
-
-def leg_speed(cell: Cell, visit: np.ndarray, bar: bool) -> float | Array:
-    """Limit of the tool point's speed on the legs of a path with visits (m,), one for all or (m − 1,) [m/s].
-
-    The last way to a ball, and the first away from it, are driven at the measuring speed: the indicators touch there.
-    """
-    if not bar or cell.gauge.head is None:
-        return tool_speed(cell, bar)
-    at_ball = visit >= 0
-    return np.where(at_ball[:-1] | at_ball[1:], cell.motion.tool_speed, np.inf)
 
 
 def is_continuous(cell: Cell) -> bool:
@@ -202,7 +187,7 @@ def time_path(cell: Cell, path: Waypoints, mounting: Mounting, bar: bool, dwell:
         tool_position=cell.map_position,
         tool_jacobian=cell.map_jacobian,
         limits=axis_limits(cell, bar),
-        tool_speed=leg_speed(cell, path.visit, bar),
+        tool_speed=cell.gauge.leg_speeds(cell, path.visit) if bar else np.inf,
         dwell=0.0 if dwell is None else dwell,
         reading=reading_limits(cell, mounting, bar),
     )

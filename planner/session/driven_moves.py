@@ -12,7 +12,7 @@ from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath, is_continuous, leg_speed
+from planner.session.course import TimedPath, is_continuous
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
@@ -60,7 +60,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
 
 def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> list[JointMove]:
     """Return joint moves through points q (m, N) [rad], exact stops, within all limits if the joints move evenly."""
-    limit = np.broadcast_to(leg_speed(cell, visit, bar=True), (len(q) - 1,))
+    limit = np.broadcast_to(cell.gauge.leg_speeds(cell, visit), (len(q) - 1,))
     run = _leg_travel(cell, q, mounting, LEG_SAMPLES, LEG_MARGIN)
     quickest = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
     seconds = np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest / cell.motion.travel) * EASY + 1e-3
@@ -95,7 +95,7 @@ def _leg_travel(cell: Cell, q: Array, mounting: Mounting | None, samples: int, m
     J = cell.map_jacobian(states).reshape(len(leg), samples, 3, -1)
     velocity = np.einsum("lsij,lj->lsi", J, leg)
     point = np.linalg.norm(velocity, axis=2).max(axis=1) * margin
-    if mounting is None or not cell.gauge.is_attached:
+    if mounting is None or not np.isfinite(cell.gauge.rate):
         return LegTravel(point, np.zeros(len(leg)))
     along = bar_state(cell.map_position(states), cell.fixtures[mounting.fixture].p_BX).direction.reshape(velocity.shape)
     return LegTravel(point, np.abs(np.einsum("lsi,lsi->ls", velocity, along)).max(axis=1) * margin)

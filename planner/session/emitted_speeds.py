@@ -35,7 +35,7 @@ def check_emitted_speeds(
         seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
         limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
         _refuse(rows, travel, seconds, limit, "the tool")
-        if mounting is not None and cell.gauge.is_attached:
+        if mounting is not None and np.isfinite(cell.gauge.rate):
             _refuse(rows, change, seconds, np.full(len(rows), cell.gauge.rate), "the gauge")
 
 

@@ -7,9 +7,10 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.motion.collision.surroundings import check_surroundings
-from planner.programs.instructions import Centre, Instruction, JointMove, Pause
+from planner.programs.instructions import Centre, Instruction, JointMove
 from planner.programs.program_files import write_program
-from planner.session.neutral_program import build_program
+from planner.runs.run import FIRST_MOUNTING
+from planner.session.neutral_program import build_program, preparation
 
 NO_PLAN = "0" * 12
 
@@ -24,10 +25,9 @@ def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
     _check_home(cell)
     home = JointMove(tuple(float(v) for v in np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
     body: list[Instruction] = [home]
-    if cell.gauge.head is not None:
+    if cell.gauge.ball_to_centre(cell, cell.home) is not None:
         body.append(Centre(1, 1))
-    if not cell.gauge.is_attached:
-        body += [Pause(cell.gauge.preparation(cell)[1])]
+    body += preparation(cell, FIRST_MOUNTING)
     for name in dialects:
         try:
             write_program(build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)

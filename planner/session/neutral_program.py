@@ -96,7 +96,7 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
 def _course_instructions(cell: Cell, one: Course, dense: bool, first: int) -> list[Instruction]:
     """The session of one mounting, from home and back home; ``first`` is the number of its first start."""
     cell = cell.at(one.mounting)
-    bare = ", without the bar" if cell.gauge.is_attached else ""
+    bare, removal = cell.gauge.bare, cell.gauge.removal
     travel = joint_moves(cell, one.travel, None)
     there: list[Instruction] = [
         Section(f"to {one.start}{bare}"),
@@ -104,7 +104,7 @@ def _course_instructions(cell: Cell, one: Course, dense: bool, first: int) -> li
         *preparation(cell, one.mounting),
         WaitInput("gauge ready"),
     ]
-    after = [Pause("take the bar off")] if cell.gauge.is_attached else []
+    after = [Pause(removal)] if removal else []
     back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
     dense = dense and not rests_at_poses(cell)
     last = StretchBegin(first + _count_starts(one) - 1)
@@ -146,12 +146,8 @@ def _shift_mark(item: Instruction, shift: int) -> Instruction:
 
 def preparation(cell: Cell, mounting: Mounting) -> list[Instruction]:
     """Return what a person does with the gauge before the first pose is measured."""
-    if not cell.gauge.is_attached:
-        said, asked = cell.gauge.preparation(cell)
-        return [*([Comment(said)] if said else []), Pause(asked)]
-    fixture, point = cell.names_of(mounting)
-    tool = f"tool point {point}" if point else "tool"
-    return [Pause(f"attach the bar (fixture {fixture} to {tool}), set its zero")]
+    said, asked = cell.gauge.preparation(cell, mounting)
+    return [*([Comment(said)] if said else []), Pause(asked)]
 
 
 def moves_back(there: list[JointMove], q: Array) -> list[JointMove]:
@@ -184,17 +180,12 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, dense: bool)
         out.append((begins.get(k, -1), move))
         if move.pose is None:
             continue
-        mark = _mark(cell, move.pose)
-        if cell.gauge.head is not None:
-            mark = [Centre(nearest_ball(cell, np.deg2rad(move.q_deg)) + 1, move.pose), *mark]
+        mark, ball = _mark(cell, move.pose), cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
+        if ball is not None:
+            mark = [Centre(ball + 1, move.pose), *mark]
         mark = [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
         out += [(-1, item) for item in mark]
     return out
-
-
-def nearest_ball(cell: Cell, q: np.ndarray) -> int:
-    """Return which ball the measured point is nearest to at q (N,) [rad], counted from 0."""
-    return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
 
 
 def _mark(cell: Cell, pose: int) -> list[Instruction]:

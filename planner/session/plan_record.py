@@ -138,7 +138,7 @@ def _tour_record(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, object]:
 def _largest_speeds(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, float]:
     """What tool and gauge do at most while the gauge is attached, as sampled along the trajectory."""
     gauge = cell.gauge
-    if not (gauge.is_attached and np.isfinite(gauge.rate)):
+    if not np.isfinite(gauge.rate):
         return {}
     return {
         "tool_speed_mm_s": max(d.limits.tool_speed for d in drives) * cell.motion.tool_speed * 1e3,

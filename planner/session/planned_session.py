@@ -9,10 +9,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
 from planner.common.errors import InputError
-from planner.common.units import Array
-from planner.runs.run import Mounting
 from planner.session.course import Course, Waypoints, time_course
-from planner.session.document import DriveRecord, PlanDocument, PoseRecord, WaypointRecord, read_plan, read_waypoints
+from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan
 from planner.session.trust import check_trust, doubts
@@ -63,7 +61,7 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
             _joint_path(path, cell, d.waypoints),
             _check_shortcuts(path, d),
         )
-        for mounting, d in zip(mountings_of(path, document.drives, cell), document.drives, strict=True)
+        for mounting, d in zip(cell.mountings_of(document.drives, path), document.drives, strict=True)
     )
     if check:
         _check_courses(path, beside, cell, document, courses)
@@ -102,22 +100,6 @@ def _joint_path(path: Path, cell: Cell, points: tuple[WaypointRecord, ...]) -> W
     return read_waypoints(points)
 
 
-def mountings_of(path: Path, records: Sequence[DriveRecord | PoseRecord], cell: Cell) -> list[Mounting]:
-    """Return how the gauge is held in drives or poses of the plan at ``path``.
-
-    Raises:
-        InputError: at a fixture or tool point that the cell does not have.
-    """
-    out = []
-    for record in records:
-        mounting = cell.find_mounting((record.fixture, record.point))
-        if mounting is None:
-            where = f"'{record.fixture}'" + (f", tool point '{record.point}'" if record.point else "")
-            raise InputError(f"{path}: measures at fixture {where}, which {cell.path} does not have")
-        out.append(mounting)
-    return out
-
-
 def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> None:
     """Hold robot and fixtures of the plan at ``path`` against the cell, before anything is made of both."""
     if plan.robot != cell.robot.name:
@@ -140,35 +122,14 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
     start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
     if start > ANGLE_DEG:
         raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
-    off = _length_errors(path, cell, plan) if cell.gauge.is_attached else _centring_errors(cell, plan)
+    off = cell.gauge.plan_errors(cell, plan.poses, path)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > LENGTH_MM:
-        pose = plan.poses[worst].id
-        how = f"the bar at pose {pose} would be {off[worst]:+.3f} mm longer than planned"
-        raise _mismatch(
-            path, beside, how if cell.gauge.is_attached else f"pose {pose} is {off[worst]:.3f} mm off its ball"
-        )
+        raise _mismatch(path, beside, cell.gauge.plan_error_text(plan.poses[worst].id, float(off[worst])))
     seconds = sum(c.trajectory.duration_s for c in courses)
     if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
         planned = plan.trajectory.duration_s
         raise _mismatch(path, beside, f"measuring would take {seconds:.2f} s, planned are {planned:.2f} s")
-
-
-def _length_errors(path: Path, cell: Cell, plan: PlanDocument) -> Array:
-    """Bar length by the cell less that of the plan, one a pose [mm]."""
-    q = np.deg2rad([p.q_deg for p in plan.poses])
-    held = mountings_of(path, plan.poses, cell)
-    length = np.array([cell.bar_length(q[k : k + 1], m)[0] for k, m in enumerate(held)])
-    return np.asarray(length * 1e3 - [p.length_mm or 0.0 for p in plan.poses])
-
-
-def _centring_errors(cell: Cell, plan: PlanDocument) -> Array:
-    """Distance of the tool point from the ball that is centred there, one a pose [mm]; nothing is off elsewhere."""
-    names = [b.name for b in cell.balls]
-    x = cell.map_position(np.deg2rad([p.q_deg for p in plan.poses]))
-    ball = [names.index(p.ball) if p.ball in names else -1 for p in plan.poses]
-    off = [0.0 if k < 0 else float(np.linalg.norm(x[i] - cell.p_BS[k])) * 1e3 for i, k in enumerate(ball)]
-    return np.array(off)
 
 
 def _mismatch(path: Path, beside: Path, because: str) -> InputError:

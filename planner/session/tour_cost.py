@@ -59,7 +59,7 @@ def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limi
     q = start + share * (end - start)
     x = cell.at(mounting).map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
     out = np.linalg.norm(np.diff(x, axis=0), axis=2) / limit
-    if cell.gauge.is_attached:
+    if np.isfinite(cell.gauge.rate):
         length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
         out = np.maximum(out, np.abs(np.diff(length, axis=0)) / cell.gauge.rate)
     return np.asarray(out.T)

@@ -102,7 +102,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     separate = ball_motions(constraints, path, stops)
     measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.mounting), separate)
     travelling = release_way(place.travelling, travel)
-    if not cell.gauge.is_attached:  # the ways to the balls are in it since it was first judged
+    if not constraints.bar:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
     shortcuts = prove_shortcuts(constraints, points.q, points.visit)
     course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path, shortcuts)
@@ -133,7 +133,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
         NoSolutionError: no tour joins the nodes.
     """
     cost = tour_costs(place.cell, place.mounting, nodes)
-    proof = 0 if len(nodes) > MANY and not place.cell.gauge.is_attached else None
+    proof = 0 if len(nodes) > MANY and not place.measuring.bar else None
     forbidden: dict[tuple[int, int], str] = {}
     for _ in range(TRIES):
         tour = solve_tour(cost, start=0, end=0, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
@@ -185,9 +185,9 @@ def _number_visits(
     cell, at = place.cell, np.flatnonzero(path.node >= 0)
     nodes, approach = path.node[at].tolist(), motion_signs(path.q)[at]
     own = np.vstack([place.mount, *[s.q for s in stops]])
-    q = own[nodes] if cell.gauge.is_attached else path.q[at]
+    q = own[nodes] if place.measuring.bar else path.q[at]
     length = cell.bar_length(q, place.mounting)
-    contact = FirstContact(cell).at(q) if cell.gauge.head else np.zeros(len(at))
+    contact = FirstContact(cell).at(q) if any(s.ball >= 0 for s in stops) else np.zeros(len(at))
     first: dict[int, int] = {}
     visits = []
     for k, node in enumerate(nodes):

@@ -102,7 +102,7 @@ def check_accuracy(
         if plan is not None and known is not None:
             check_run_of_plan(run, plan, known, where.robot.name)
     with stages.stage("judging"):
-        if where.gauge.kind == "tracker":
+        if run.readings.position is not None:
             check_unit(run, where)
             part, others = (run, None) if known is None else _split_by_role(run, known)
             return AccuracyCheck(where, validate_robot(where, part, said, model, others), stages)

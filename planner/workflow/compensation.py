@@ -117,12 +117,12 @@ def _check_controller(reference: str, robot: str) -> bool:
     cell = load_cell(reference, planning=False)
     if cell.robot.name != robot:
         raise InputError(f"{cell.path}: has the robot '{cell.robot.name}', but the model is of '{robot}'")
-    if cell.file.controller.accuracy_model == "on":
+    if cell.controller.accuracy_model == "on":
         raise InputError(
             f"{cell.path}: controller.accuracy_model = 'on': the controller already corrects the robot, and "
             "compensation would do it twice; switch it off, measure again with it off, and compensate then"
         )
-    return "accuracy_model" in cell.file.controller.model_fields_set
+    return "accuracy_model" in cell.controller.model_fields_set
 
 
 def _frame(option: str, text: str | None) -> Array | None:

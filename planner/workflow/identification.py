@@ -213,7 +213,7 @@ def identify_runs(
 
 def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
     """Return the run, warned where the indicators did not show at the master ball what they should."""
-    if cell.gauge.head is None:
+    if cell.gauge.mastered_reading(cell) is None:
         return run
     if isinstance(source, Run):
         readings = [source.beside] if isinstance(source, SimulatedRun) else []

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
-from planner.common.errors import InputError, NoSolutionError
+from planner.common.errors import NoSolutionError
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, retract_tool, solve_point_ik
@@ -33,12 +33,11 @@ class FirstContact:
         robot = [k for k, p in enumerate(model.parameters) if p.group != "gauge"]
         self._robot = model.subset(robot)
         self._rest = model.subset([k for k in range(len(model.parameters)) if k not in robot])
-        head = cell.gauge.head
-        if head is None:
-            raise InputError(f"{cell.path}: only a head of indicators has a first contact")
         rng = np.random.default_rng(0)
         states = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (STATES, cell.robot.n_joints))
-        self._scale = (head.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()) ** 2
+        self._scale = (
+            cell.gauge.indicators.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()
+        ) ** 2
 
     def at(self, q: Array) -> Array:
         """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
@@ -60,11 +59,10 @@ def length_quantile(covariance: Array) -> Array:
 
 def first_contact_advice(cell: Cell, found: Array) -> str:
     """Say what would help where the first contact lies beyond what the head can take, everywhere."""
-    head = cell.gauge.head
-    assert head is not None
+    usable = float(to_mm(cell.gauge.indicators.usable))
     return (
         f"the uncalibrated robot would meet it {float(to_mm(found.min())):.1f} mm or more off centre at every pose "
-        f"(95 %), and the indicators make contact within {float(to_mm(head.usable)):g} mm: place the artifact better "
+        f"(95 %), and the indicators make contact within {usable:g} mm: place the artifact better "
         "(artifact.prior_mm, prior_deg), or calibrate roughly first (gauge.head.uncalibrated_mm)"
     )
 
@@ -101,6 +99,7 @@ class BallFunnel(Funnel):
         "approached freely",
         "with first contact within reach of the indicators",
     )
+    titles: ClassVar[tuple[str, ...]] = names
 
     def __add__(self, other: Funnel) -> "BallFunnel":
         """Add two funnels filter by filter."""
@@ -174,8 +173,7 @@ class _BallFilter:
         back, free = self._approach(q)
         q, back = q[free], back[free]
         self.met = self.contact.at(q) if len(q) else self.met
-        assert self.cell.gauge.head is not None
-        near = self.met < self.cell.gauge.head.usable if len(q) else np.zeros(0, dtype=bool)
+        near = self.met < self.cell.gauge.indicators.usable if len(q) else np.zeros(0, dtype=bool)
         counts = (len(sample), int(within.sum()), int(on.sum()), int(on.sum()), int(cable.sum()), len(free), len(q))
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
 
@@ -184,8 +182,7 @@ class _BallFilter:
         if not len(q):
             return q, np.zeros(0, dtype=bool)
         cell = self.cell
-        assert cell.gauge.head is not None
-        back, off = retract_tool(cell.chain, cell.robot, q, cell.gauge.head.approach * cell.tool.axis_F)
+        back, off = retract_tool(cell.chain, cell.robot, q, cell.gauge.indicators.approach * cell.tool.axis_F)
         ok = (off < 10 * POINT_TOLERANCE) & (self.workspace.margins(back) > SAFETY_MARGIN).all(axis=1)
         ok[ok] = ~self.away.collides(back[ok], cell.motion.clearance + SAFETY_MARGIN)
         for share in ON_THE_WAY:

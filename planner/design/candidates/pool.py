@@ -44,6 +44,15 @@ class Funnel:
         "collision-free",
     )
 
+    titles: ClassVar[tuple[str, ...]] = (
+        "sampled",
+        "within joint limits",
+        "bar length in range",
+        "within both cones",
+        "within cable budget",
+        "collision-free",
+    )  # of a chart
+
     def __add__(self, other: "Funnel") -> "Funnel":
         """Add two funnels filter by filter."""
         return Funnel(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
@@ -65,6 +74,7 @@ class BeamFunnel(Funnel):
         "within the cable",
         "collision-free and in sight",
     )
+    titles: ClassVar[tuple[str, ...]] = names
 
 
 @dataclass(frozen=True)

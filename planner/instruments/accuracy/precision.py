@@ -49,9 +49,9 @@ class Mastering:
 
 def check_mastering(cell: Cell, said: ReferenceReadings) -> Mastering | None:
     """Judge the checks that a run's file has above its columns; ``None`` where it has none."""
-    if not said.masters or cell.gauge.head is None:
+    wanted = cell.gauge.mastered_reading(cell)
+    if not said.masters or wanted is None:
         return None
-    wanted = cell.gauge.head.master / 2 - cell.balls[0].radius
     off = np.array(said.masters) - wanted
     return Mastering(wanted, read_only(off), read_only(off[-1] - off[0]))
 

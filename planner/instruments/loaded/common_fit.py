@@ -23,7 +23,6 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.document import read_plan
 from planner.session.plan_types import Plan
-from planner.session.planned_session import mountings_of
 
 FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
@@ -73,7 +72,7 @@ class UnloadedPoses:
         if not poses:
             raise InputError(f"{plan}: has no poses to calibrate by; a plan of a bar without load is needed here")
         cell = load_cell(str(plan.parent / "cell.toml"))
-        held = zip(poses, mountings_of(plan, poses, cell), strict=True)
+        held = zip(poses, cell.mountings_of(poses, plan), strict=True)
         return cls(cell, Samples.concatenate([Samples.at(from_deg([p.q_deg]), m) for p, m in held]))
 
 

@@ -30,16 +30,8 @@ class WorkspaceBounds:
         return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.kinematics.map_reach)
 
     def margins(self, q: Array, pose: ToolState) -> Array:
-        """Return the margins at q (n, N) [rad], (n, columns) [rad or m], as ``Workspace.margins`` does."""
-        cell, gauge = self.workspace.cell, self.workspace.cell.gauge
-        limits = np.minimum(q - cell.robot.q_lower, cell.robot.q_upper - q)
-        sums = [limit - np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1) for axes, limit in cell.cable.sums]
-        if not self.workspace.bar:
-            return np.column_stack([limits, *sums])
-        own = [gauge.margins(stage, self.workspace.fixture, pose.x, pose.axis) for stage in dict(gauge.margin_columns)]
-        limit = cell.cable.tool_about_bar
-        spin = [] if limit is None else [limit - np.abs(pose.spin)]
-        return np.column_stack([limits, *own, *sums, *spin])
+        """Return the margins at q (n, N) [rad], (n, columns) [rad or m]."""
+        return self.workspace.margins(q, pose)
 
     def changes(self, spokes: Array, far: Travel) -> Array:
         """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import PointTravel
-from planner.cell.workspace import axis_reach, parallel_transport, wrap_angle
+from planner.cell.workspace import axis_reach, bar_twist, perpendicular, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Chain
@@ -56,8 +56,8 @@ class ToolKinematics:
         W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
         bar = bar_state(motion.x.T, self._fixture.p_BX)
         axis = np.einsum("ijn,j->ni", motion.R, self.cell.tool.axis_F)
-        mark = np.einsum("ijn,j->ni", motion.R, _across(self.cell.tool.axis_F))
-        spin = wrap_angle(self._twist(bar.direction, axis, mark) - self._zero)
+        mark = np.einsum("ijn,j->ni", motion.R, perpendicular(self.cell.tool.axis_F))
+        spin = wrap_angle(bar_twist(self._fixture.axis_B, bar.direction, axis, mark) - self._zero)
         return ToolState(motion.x.T, J, W, bar.length, bar.direction, axis, spin)
 
     @cached_property
@@ -76,23 +76,8 @@ class ToolKinematics:
         q = (self.cell.home if mount is None else mount)[None]
         motion = self._chain.forward(self.cell.robot.theta(q))
         direction = bar_state(motion.x.T, self._fixture.p_BX).direction
-        axis, mark = (motion.R[:, :, 0] @ v for v in (self.cell.tool.axis_F, _across(self.cell.tool.axis_F)))
-        return float(self._twist(direction, axis[None], mark[None])[0])
-
-    def _twist(self, direction: Array, axis: Array, mark: Array) -> Array:
-        """Angle about the bar between a line carried from the fixture's axis and one from the tool's, (n,) [rad]."""
-        fixed = self._fixture.axis_B
-        at_fixture = parallel_transport(_across(fixed)[None], fixed[None], direction)
-        at_map = parallel_transport(mark, axis, -direction)
-        sine = np.einsum("ni,ni->n", np.cross(at_fixture, at_map), direction)
-        return np.asarray(np.arctan2(sine, np.einsum("ni,ni->n", at_fixture, at_map)))
-
-
-def _across(axis: Array) -> Array:
-    """Return a unit vector across the unit vector ``axis`` (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    out = np.cross(axis, helper)
-    return np.asarray(out / np.linalg.norm(out))
+        axis, mark = (motion.R[:, :, 0] @ v for v in (self.cell.tool.axis_F, perpendicular(self.cell.tool.axis_F)))
+        return float(bar_twist(self._fixture.axis_B, direction, axis[None], mark[None])[0])
 
 
 FAR = np.inf
