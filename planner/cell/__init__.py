@@ -1,3 +1,14 @@
 """Robot, tool, fixtures, gauge and surroundings, read from one TOML file, and the measurement set-up made of them."""
 
-__all__ = ["cell", "circles", "file", "gauge", "gauge_registry", "places", "reading", "setup", "workspace"]
+__all__ = [
+    "cell",
+    "circles",
+    "file",
+    "gauge",
+    "gauge_registry",
+    "gauge_types",
+    "places",
+    "reading",
+    "setup",
+    "workspace",
+]

@@ -9,16 +9,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge_types import FilterStage, GaugeBody, JointSamples, PlannedVisit, PointTravel, RecordedPose
 from planner.common.errors import InputError
 from planner.common.schema import validate
 from planner.common.units import MM, UM, Array, from_deg
-from planner.kinematics.bodies import Body
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
@@ -27,87 +27,6 @@ from planner.runs.run import Mounting, Readings, Run, Samples
 if TYPE_CHECKING:
     from planner.cell.cell import Cell, Fixture, IndicatorHead
     from planner.cell.setup import MeasurementSetup, Targets
-
-FilterStage = str
-BodyCarrier = Literal["world", "flange", "housing", "rod"]
-
-
-@dataclass(frozen=True)
-class GaugeBody:
-    """One body that a gauge brings into the cell.
-
-    Attributes:
-        body: the shape, in the frame of its carrier.
-        carrier: the base frame, the flange, or a line between place and tool point: ``housing`` begins at the place,
-            ``rod`` at the tool point, both with z from the place to the tool point; they are there only while it reads.
-        ball: which ball of an artifact it is, or −1.
-        tip: whether it may touch the ball that is measured.
-    """
-
-    body: Body
-    carrier: BodyCarrier
-    ball: int = -1
-    tip: bool = False
-
-
-class RecordedPose(Protocol):
-    """What a plan's file says of a pose."""
-
-    q_deg: tuple[float, ...]
-    length_mm: float | None
-    fixture: str
-    point: str
-    ball: str | None
-
-
-class PlannedVisit(Protocol):
-    """What a gauge needs to know of a planned pose to describe it."""
-
-    @property
-    def length(self) -> float:
-        """Nominal distance from the place to the tool point [m]."""
-
-    @property
-    def mounting(self) -> Mounting:
-        """At which of the cell's fixtures, and which of the tool's points."""
-
-    @property
-    def ball(self) -> int:
-        """Which ball is centred there, or −1."""
-
-    @property
-    def contact(self) -> float | None:
-        """Distance from a ball's centre at which the uncalibrated robot meets it [m]."""
-
-
-@dataclass(frozen=True)
-class JointSamples:
-    """States at which a gauge may be able to read.
-
-    Attributes:
-        q: controller angles, (n, N) [rad].
-        stands_for: how many uniform joint samples, tested one by one, would have given as many.
-    """
-
-    q: Array
-    stands_for: int
-
-
-@dataclass(frozen=True)
-class PointTravel:
-    """Bounds on how far a neighbourhood of joint states moves the measured point, one entry a neighbourhood.
-
-    Attributes:
-        move: path length of the point [m].
-        stretch: change of its distance from the place [m].
-        swing: path length of the direction from the place to it [rad].
-        turn: of the tool [rad].
-    """
-
-    move: Array
-    stretch: Array
-    swing: Array
-    turn: Array
 
 
 @dataclass(frozen=True)

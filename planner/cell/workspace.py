@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.cell.cell import Cell, Fixture
-from planner.cell.gauge import FilterStage
+from planner.cell.gauge_types import FilterStage
 from planner.common.units import Array, read_only
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Transform

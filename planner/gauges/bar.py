@@ -9,8 +9,8 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
-from planner.cell.gauge import GaugeBody, PlannedVisit, RecordedPose
 from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError

@@ -10,8 +10,9 @@ import numpy as np
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge import Gauge, PlannedVisit, RecordedPose
+from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import attached_kinds
+from planner.cell.gauge_types import PlannedVisit, RecordedPose
 from planner.cell.places import placed_frame, read_joint_angles
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell, Fixture
-from planner.cell.gauge import FilterStage, Gauge, JointSamples, PointTravel
+from planner.cell.gauge import Gauge
+from planner.cell.gauge_types import FilterStage, JointSamples, PointTravel
 from planner.common.units import Array
 from planner.gauges.shell import sample_shell, sobol_sequence
 from planner.kinematics.bar_geometry import bar_state, tilt_angle

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.gauge import JointSamples
+from planner.cell.gauge_types import JointSamples
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.runs.run import Mounting

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge import Gauge, GaugeBody
+from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge_types import GaugeBody
 from planner.cell.places import nests_frame
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach

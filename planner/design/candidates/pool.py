@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.gauge import JointSamples
+from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array

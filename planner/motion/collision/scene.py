@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.gauge import GaugeBody
+from planner.cell.gauge_types import GaugeBody
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
 from planner.motion.collision.pieces import SceneBody, body_reach

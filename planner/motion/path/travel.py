@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.cell import Cell, Fixture
-from planner.cell.gauge import PointTravel
+from planner.cell.gauge_types import PointTravel
 from planner.cell.workspace import axis_reach, bar_twist, perpendicular, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
