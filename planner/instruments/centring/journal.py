@@ -3,6 +3,7 @@
 import json
 import os
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +48,12 @@ class JournalRow(BaseModel):
 
 @dataclass
 class Journal:
-    """The rows so far; ``output`` is the run, its journal stands beside it."""
+    """The rows so far; ``output`` is the run, its journal stands beside it; ``remarks`` a person's above the run."""
 
     output: Path
     head: JournalHead
     rows: list[JournalRow]
+    remarks: str = ""
 
     @property
     def path(self) -> Path:
@@ -87,7 +89,7 @@ class Journal:
 
     def write(self) -> None:
         """Write the run as it is now, whole."""
-        write_text(self.output, run_text(run_of(self.head, self.rows, self.output.stem)))
+        write_text(self.output, self.remarks + run_text(run_of(self.head, self.rows, self.output.stem)))
 
 
 def open_journal(output: Path, way: PlannedPath, now_s: float) -> Journal:
@@ -144,12 +146,25 @@ def _resume_journal(output: Path, path: Path, way: PlannedPath) -> Journal:
             f"{path}: belongs to plan {head.plan_id}, but this is plan {way.plan_id}; give another file with -o"
         )
     _check_rows(path, rows, way)
-    journal = Journal(output, head, rows)
+    journal = Journal(output, head, rows, _remarks(output))
     if torn:
         write_text(path, b"".join(line + b"\n" for line in whole).decode(), own=True)
     if rows:
         journal.write()
     return journal
+
+
+OWN_NOTES = ("measure", "clocks", "plan_id", "robot")  # that a run is written with anyway
+
+
+def _remarks(output: Path) -> str:
+    """Return the comments that a person has put above the run, such as what the indicators showed on the master."""
+    if not output.is_file():
+        return ""
+    lines = output.read_text(encoding="utf-8", errors="replace").splitlines()
+    own = tuple(f"# {key}:" for key in OWN_NOTES)
+    head = takewhile(lambda line: line.startswith("#"), lines)
+    return "".join(f"{line}\n" for line in head if not line.startswith(own))
 
 
 def _check_rows(path: Path, rows: list[JournalRow], way: PlannedPath) -> None:

@@ -49,6 +49,17 @@ def test_it_goes_on_where_it_stopped(cell):
     assert load_run(made.output, 6).warnings == ()
 
 
+def test_what_a_person_noted_above_the_run_stays(cell):
+    made = interrupted(cell)
+    made.output.write_text("# master_mm: 0.012 0.003 -0.004\n" + made.output.read_text())
+    made.revive()
+    made.said = []
+    made.run()
+    text = made.output.read_text()
+    assert text.startswith("# master_mm: 0.012 0.003 -0.004\n# measure: static\n")
+    assert text.count("master_mm") == text.count("# plan_id") == 1
+
+
 def test_a_ball_that_is_measured_is_not_touched_again(cell):
     made = interrupted(cell)
     home = made.content["poses"][0]["q_deg"]
