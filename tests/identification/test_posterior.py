@@ -7,19 +7,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-import tests.generator.catalogue as catalogue
-import tests.generator.runs as runs
+import tests.simulation.generator.catalogue as catalogue
+import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs
-from tests.generator.benches import BENCHES
-from tests.generator.course import course
-from tests.generator.kinds import Effect
-from tests.generator.scene import total
-from tests.generator.truth import Noise, Truth, draw_errors
 from tests.identification.worlds import arm_of
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.course import course
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.scene import total
+from tests.simulation.generator.truth import Noise, Truth, draw_errors
 from tests.test_tool_error import aligned
 
 NAME = "kuka-kr6-r700"
