@@ -146,21 +146,25 @@ def _value(text: str) -> float:
     return float(text)
 
 
+_WORDS = ("$OV_PRO", "$APO.CPTP")  # variables that say how a move is driven
+
+
 class KrlExecution(Execution):
     """The system variables that a PTP move takes its speed and its rounding from."""
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
-        self.values = {"$OV_PRO": 100.0, "$APO.CPTP": 0.0, "VEL_PTP": 100.0}
+        self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0}  # and $OV_PRO where the program sets it
 
     def forget(self, stopped: bool) -> None:
-        """Forget speed and rounding, and at a stop the override."""
-        self.values |= {"$APO.CPTP": math.nan, "VEL_PTP": math.nan} | ({"$OV_PRO": math.nan} if stopped else {})
+        """Forget speed and rounding, and at a stop the override of a program that sets one."""
+        lost = ["$APO.CPTP", "VEL_PTP", *(["$OV_PRO"] if stopped and "$OV_PRO" in self.values else [])]
+        self.values |= dict.fromkeys(lost, math.nan)
 
     @property
     def overall_speed(self) -> float:
         """Return the override."""
-        return self.values["$OV_PRO"]
+        return self.values.get("$OV_PRO", 100.0)
 
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
         """Yield the statements of all files."""
@@ -175,13 +179,13 @@ class KrlExecution(Execution):
         centring = self.dialect.reading.centre
         match statement:
             case KrlMove():
-                speed = self.values["VEL_PTP"] * self.values["$OV_PRO"] / 100.0
+                speed = self.values["VEL_PTP"] * self.overall_speed / 100.0
                 blended = statement.rest.upper() == "C_PTP"
                 self.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
             case Bas(what="VEL_PTP", value=value):
                 self.values["VEL_PTP"] = st.parse_fixed(value, statement.text)
-            case st.Assignment(name=name, part=part, value=value) if f"{name}.{part}".rstrip(".") in self.values:
-                self.values[f"{name}.{part}".rstrip(".")] = _percentage(value, statement.text)
+            case st.Assignment(name=name, part=part, value=value) if (key := f"{name}.{part}".rstrip(".")) in _WORDS:
+                self.values[key] = _percentage(value, statement.text)
             case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
                 self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
             case _:

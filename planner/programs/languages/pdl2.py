@@ -103,16 +103,16 @@ class Pdl2Execution(Execution):
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
-        self.arm_percent = 100.0
+        self.arm_percent: float | None = None  # where the program sets none, the operator has
 
     def forget(self, stopped: bool) -> None:
-        """Forget the override at a stop."""
-        self.arm_percent = math.nan if stopped else self.arm_percent
+        """Forget the override at a stop, where the program sets one."""
+        self.arm_percent = math.nan if stopped and self.arm_percent is not None else self.arm_percent
 
     @property
     def overall_speed(self) -> float:
         """Return the arm's override."""
-        return self.arm_percent
+        return 100.0 if self.arm_percent is None else self.arm_percent
 
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
         """Yield the statements of the one file."""
@@ -145,5 +145,5 @@ class Pdl2Execution(Execution):
         if (move.word == "MOVE") != (fly is None) or speed is None:
             raise InputError(f"'{move.text}': MOVEFLY and $FLY_PER belong together, and every move has its speed")
         angles = [st.parse_fixed(number.text, move.text) for number in move.numbers]
-        self.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.arm_percent / 100.0)
+        self.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.overall_speed / 100.0)
         self.syncs += said.count("CONDITION[")
