@@ -129,7 +129,7 @@ def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
         return []
     return [
         f"held-out samples are like those measured; over the whole workspace the tool is known to {known / MM:.3f} mm "
-        "(rms) by the covariance of the fit: measure more poses all over it, with a bar those of edbb plan --aim "
+        "(rms) by the posterior: measure more poses all over it, with a bar those of edbb plan --aim "
         "tracing or about a further fixture"
     ]
 

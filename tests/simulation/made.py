@@ -63,10 +63,14 @@ def waypoints(cell, q, ids):
     return {"travel": travel, "waypoints": [*way[:3], support, *way[3:]]}
 
 
-def wide_plan(folder, robot="kuka-kr6-r700", calibrate=60, validate=8, repeat=4, changes=()):
-    """A plan over poses that the bar reaches, enough of them to identify the robot."""
+def wide_plan(folder, robot="kuka-kr6-r700", calibrate=60, validate=8, repeat=4, changes=(), mixed=False):
+    """A plan over poses that the bar reaches, enough of them to identify the robot.
+
+    They come in rows of one posture turned about axis 1; ``mixed`` shuffles them: those kept out are of all kinds.
+    """
     cell = cell_in(folder, robot, 1, changes)
     q = np.rad2deg(draw_candidates(cell, calibrate + validate + 1).q[: calibrate + validate + 1])
+    q = np.random.default_rng(0).permutation(q) if mixed else q
     roles = ["mount", *["calibrate"] * calibrate, *["validate"] * validate, *["repeat"] * repeat, "mount"]
     return plan_folder(folder, robot, angles=np.vstack([q, q[1 : repeat + 1], q[:1]]), roles=roles, changes=changes)
 

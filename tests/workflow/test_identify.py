@@ -48,7 +48,7 @@ def edbb(*words):
 def made(tmp_path_factory):
     """A folder with a plan, its simulated run and what was identified from it."""
     folder = tmp_path_factory.mktemp("made")
-    plan = wide_plan(folder)
+    plan = wide_plan(folder, mixed=True)
     code, _, told = edbb("simulate", plan, "-o", folder / "run.csv", "--truth", truth_file(folder, TRUTH))
     assert code == 0, told
     code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
