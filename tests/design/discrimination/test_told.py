@@ -12,6 +12,7 @@ from planner.design.discrimination.power import SURE, Discrimination, PairPower
 from planner.design.observability.information import INDEX_RULES
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
+from planner.effects.steps import SLIP, STEP
 from planner.session.notes import MUCH, discrimination_notes
 from tests.command import edbb
 from tests.design.discrimination.test_refusals import LAG, file
@@ -79,7 +80,7 @@ def test_the_command_ends_with_two_before_it_plans(tmp_path):
 
 def test_every_kind_that_an_identification_can_name_is_known():
     rng = np.random.default_rng(4)
-    found = {GEAR_CURVE, NONPARAMETRIC}
+    found = {GEAR_CURVE, NONPARAMETRIC, STEP, SLIP}
     for kind in rigs.KINDS:
         setup = rigs.setup(NJ, kind, rng)
         robot = replace(setup.robot, gear_ratio=(101.0,) * 6)

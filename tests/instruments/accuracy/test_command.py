@@ -30,7 +30,7 @@ def test_before_and_after_with_files(folder):
     code, out, told = edbb(*words(folder, "--model", folder / "cal" / "robot.toml", "-o", folder / "acc"))
     assert (code, out) == (0, "")
     assert {p.name for p in (folder / "acc").iterdir()} == {
-        "accuracy.json", "accuracy.png", "errors.csv", "report.html"
+        "accuracy.json", "accuracy.png", "errors.csv", "manifest.json", "report.html"
     }  # fmt: skip
     content = json.loads((folder / "acc" / "accuracy.json").read_text())
     assert content["schema"] == "edbb-accuracy/1"
@@ -99,7 +99,12 @@ def test_precision_and_mastering(folder):
     assert content["published"]["max_um"] == 2
     assert content["mastering"]["off_um"] == [[0, pytest.approx(1), 0], [0, pytest.approx(2), 0]]
     assert content["mastering"]["good"]
-    assert {p.name for p in (folder / "p").iterdir()} == {"accuracy.json", "accuracy.png", "report.html"}
+    assert {p.name for p in (folder / "p").iterdir()} == {
+        "accuracy.json",
+        "accuracy.png",
+        "manifest.json",
+        "report.html",
+    }
     assert not told
     _, _, told = edbb("accuracy", run, "--cell", f"{NAME}/trical", "--plan", plan)
     assert "24 centrings of 8 poses" in told

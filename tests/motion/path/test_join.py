@@ -121,14 +121,14 @@ def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list
 
 def test_leg_through_the_fixture_stand_goes_round_it() -> None:
     cell, world = cell_and_world()
-    free, q = Constraints(cell, bar=False, scene=world.scene), valid_poses(900)
-    proof = free.prove(q[:450], q[450:])
-    names = [free.failure(proof, k) or "" for k in range(450)]
+    free, q, n = Constraints(cell, bar=False, scene=world.scene), valid_poses(3600), 1800
+    proof = free.prove(q[:n], q[n:])
+    names = [free.failure(proof, k) or "" for k in range(n)]
     through = [k for k, name in enumerate(names) if "fixture stand" in name][:4]
     assert len(through) == 4
-    nodes = np.concatenate([q[[k, 450 + k]] for k in through])
+    nodes = np.concatenate([q[[k, n + k]] for k in through])
     found = connect_poses(
-        free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(450 + k for k in through)], axis=0)
+        free, nodes, [*range(8)], seed=2, pool=np.delete(q, [*through, *(n + k for k in through)], axis=0)
     )
     assert isinstance(found, ProvenPath)
     assert found.clear

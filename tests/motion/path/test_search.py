@@ -192,7 +192,7 @@ def test_what_rrt_connect_finds_for_the_robot_is_proven() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)
     q = valid_poses(500)
-    ways = [rrt_connect(constraints, q[k], q[k + 1], q.min(axis=0), q.max(axis=0), 60, 2) for k in range(0, 16, 2)]
+    ways = [rrt_connect(constraints, q[k], q[k + 1], q.min(axis=0), q.max(axis=0), 60, 2) for k in range(0, 60, 2)]
     found = [w for w in ways if w is not None]
     assert found
     for way in found:
