@@ -8,12 +8,13 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.common.result_folder import MANIFEST
 from planner.studies.cell_study import NAMES, StudyResult, study
 from tests.studies.conftest import small_study
 
 
 def test_every_file_is_there_and_nothing_else(done):
-    assert sorted(p.name for p in done[0].iterdir()) == sorted(NAMES)
+    assert sorted(p.name for p in done[0].iterdir()) == sorted((*NAMES, MANIFEST))
 
 
 @pytest.mark.long
