@@ -48,7 +48,11 @@ def test_refinement_moves_the_poses_of_every_place_and_betters_the_index(session
 
 def test_the_program_says_where_the_bar_goes_next(session):
     folder, _ = session
-    text = (folder / "KUKA_KR6_R700_EDBB.src").read_text()
+    main = (folder / "KUKA_KR6_R700_EDBB.src").read_text()
+    parts = sorted(folder.glob("KUKA_KR6_R700_EDBB_*.src"))
+    called = [main.index(f"{p.stem} ( )") for p in parts]
+    assert called == sorted(called)
+    text = main + "".join(p.read_text() for p in parts)  # a long program is cut, and calls its parts in turn
     assert [text.index(f"fixture {f} to tool point {p}") for p in ("1", "low") for f in "AB"] == sorted(
         text.index(f"fixture {f} to tool point {p}") for f in "AB" for p in ("1", "low")
     )
