@@ -14,6 +14,7 @@ from planner.motion.collision.scene import FLOOR, build_scene
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
 LARGEST = 3.0  # times the robot's reach: no body that it carries is larger
+TURNS_UPRIGHT = 1  # the frames of the base and of this link stand at one height, whatever home is
 
 
 def check_surroundings(cell: Cell) -> None:
@@ -84,17 +85,24 @@ def _unit_hint(body: Body) -> str:
 
 
 def _check_floor(cell: Cell) -> None:
-    """Refuse a floor that stands above a joint of the arm at home, as gravity goes."""
+    """Refuse a floor that stands above the base, as gravity goes, and a home that reaches below the floor."""
     up = float(cell.base.R_WB[2, 2])
     if cell.base.floor is None or abs(up) < 0.5:
         return
     heights = _joint_heights(cell) * np.sign(up)
     lowest = int(np.argmin(heights))
-    if heights[lowest] < np.sign(up) * cell.base.floor:
+    if heights[lowest] >= np.sign(up) * cell.base.floor:
+        return
+    floor, height = to_mm(cell.base.floor), to_mm(np.sign(up) * heights[lowest])
+    if lowest > TURNS_UPRIGHT:
         raise InputError(
-            f"{cell.path}: the {FLOOR} (base.floor_mm = {to_mm(cell.base.floor):g}) stands above link {lowest}, whose "
-            f"frame at home is at {to_mm(np.sign(up) * heights[lowest]):.1f} mm"
+            f"{cell.path}: home_deg cannot be the start pose: the frame of link {lowest} is at {height:.1f} mm there, "
+            f"beyond the {FLOOR} (base.floor_mm = {floor:g})"
         )
+    raise InputError(
+        f"{cell.path}: the {FLOOR} (base.floor_mm = {floor:g}) stands above link {lowest}, whose "
+        f"frame at home is at {height:.1f} mm"
+    )
 
 
 def _joint_heights(cell: Cell) -> Array:
