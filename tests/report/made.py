@@ -15,11 +15,11 @@ from planner.design.selection.index_search import exchange_poses
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
 from planner.motion.timing.trajectory import check_limits
-from planner.motion.tour.instance import slowest_axis_cost
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import Waypoints, axis_limits, time_course
 from planner.session.plan_types import Drive, Plan, Visit, motion_signs
+from planner.session.tour_cost import tour_costs
 
 PLAN_ID = "0123456789ab"
 FIXTURE = "A</script>"  # a name that would end a script, were it not escaped
@@ -63,7 +63,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
 
 def made_drive(cell: Cell, mounting: Mounting, nodes: np.ndarray, poses: int) -> Drive:
     """Drive the nodes, the mount pose first, straight in the order of the tour; the last node comes twice."""
-    tour = solve_tour(slowest_axis_cost(nodes, cell.robot.speed), start=0, end=0)
+    tour = solve_tour(tour_costs(cell, mounting, nodes), start=0, end=0)
     order = np.array([*tour.order, tour.order[1], 0])
     q = nodes[order]
     length = bar_state(cell.map_position(q), cell.fixtures[mounting.fixture].p_BX).length
