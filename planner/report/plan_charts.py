@@ -117,12 +117,12 @@ def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
     axes: dict[str, Any] = {"x_range": (0.0, float(both.unsorted_t[-1])), "y_range": _angle_span(both.unsorted_q)}
     panels = []
     for name, t, q in (
-        ("In the order of selection", both.unsorted_t, both.unsorted_q),
-        ("In the order of the tour", both.sorted_t, both.sorted_q),
+        ("Unsorted", both.unsorted_t, both.unsorted_q),
+        ("Sorted", both.sorted_t, both.sorted_q),
     ):
         labels = (f"{name}: {duration_text(float(t[-1]))}", "time by the cost of the legs (s)", "joint angle (deg)")
         panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
-    caption = f"The same poses on the same scale. A leg lasts as long as its slowest limit: {both.cost_name}."
+    caption = f"The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest limit: {both.cost_name}."
     return Chart(f"tour{suffix}", "The tour, before and after sorting", caption, tuple(panels))
 
 
