@@ -122,7 +122,10 @@ def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
     ):
         labels = (f"{name}: {duration_text(float(t[-1]))}", "time by the cost of the legs (s)", "joint angle (deg)")
         panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
-    caption = f"The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest limit: {both.cost_name}."
+    caption = (
+        "The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest "
+        f"limit: {both.cost_name}."
+    )
     return Chart(f"tour{suffix}", "The tour, before and after sorting", caption, tuple(panels))
 
 
