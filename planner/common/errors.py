@@ -8,7 +8,7 @@ PARTLY_DONE = 5
 """Exit code of a command that has written its result, and has left parts of the input as they were."""
 
 
-MOST_SIGNS, MOST_RUN = 4000, 300  # of a message, and of its text without a space
+MOST_SIGNS, MOST_RUN = 2500, 300  # of a message, and of its text without a space
 _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}  # signs that steer a terminal, turn the writing round or break lines
 _RUN = re.compile(rf"\S{{{MOST_RUN + 1},}}")
 

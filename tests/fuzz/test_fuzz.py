@@ -14,7 +14,7 @@ from tests.fuzz.spoiling import spoiled
 
 LONGEST_S, MOST_BYTES = 10.0, 2 * 1024**3
 QUICK, LONG = 32, 340  # cases for each way in: about 500 and more than 5 000
-MOST_MESSAGE = 2000
+MOST_MESSAGE = 2700
 
 
 @pytest.fixture(autouse=True)
