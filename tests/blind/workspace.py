@@ -6,19 +6,16 @@ aligns its work pieces.
 """
 
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import tests.simulation.generator.runs as runs
-from planner.cell.reading import load_cell
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
-from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
-from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
+from tests.blind.trial import identified
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.catalogue import KINDS, motions
@@ -92,17 +89,11 @@ def try_task(task: Task) -> Outcome:
         geometry.update(zip(stage.fit.model.names, stage.fit.errors, strict=True))
         return trace(stage, context, say)
 
+    _, found, seconds = identified(made, tracer)
+    if not geometry:  # too few readings to trace
+        geometry.update(zip(found.fit.model.names, found.fit.errors, strict=True))
     with tempfile.TemporaryDirectory() as folder:
-        files = made.write(Path(folder))
-        cell = load_cell(str(files[1]), planning=False)
-        run = load_runs([files[0]], cell.robot.n_joints)
-        start = time.process_time()
-        found = identify(run, cell, tracer=tracer)
-        seconds = time.process_time() - start
-        if not geometry:  # too few readings to trace
-            geometry.update(zip(found.fit.model.names, found.fit.errors, strict=True))
-        released = released_tool(found, bench, Path(folder), q)
-    off = distance(released, true)
+        off = distance(released_tool(found, bench, Path(folder), q), true)
     return Outcome(
         task,
         distance(arm_tool(arm, bench, {}, q), true).mean(),
@@ -139,10 +130,9 @@ def true_tool(arm: Arm, bench, truth, q: np.ndarray) -> np.ndarray:
 
 def released_tool(found, bench, folder: Path, q: np.ndarray) -> np.ndarray:
     """Return the tool of the robot file that is written, (n, 3) [m], with the tool point that was fitted."""
-    (folder / "out").mkdir()
     for name, text in calibrated_files(found):
-        (folder / "out" / name).write_text(text)
-    p, R = CalibratedRobot(load_robot(folder / "out" / "robot.toml")).flange(q)
+        (folder / name).write_text(text)
+    p, R = CalibratedRobot(load_robot(folder / "robot.toml")).flange(q)
     fitted = dict(zip(found.released.fit.model.names, found.released.fit.errors, strict=True))
     return p + R @ (bench.tool + [fitted.get(f"map_{x}", 0.0) for x in "xyz"])
 
