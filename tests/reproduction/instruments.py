@@ -101,13 +101,14 @@ def bar_run(plan, aim, more=(), seed=0):
 
 
 def identified(measured, traced):
-    """The calibration from an instrument's files."""
+    """The calibration from an instrument's files: all that is traced, or least squares of what the cell declares."""
     with tempfile.TemporaryDirectory() as folder:
         run, cell = Path(folder) / "run.csv", Path(folder) / "cell.toml"
         run.write_text(measured.run_csv)
         cell.write_text(measured.cell_toml)
         loaded = load_cell(str(cell), planning=False)
-        return identify(load_runs([run], loaded.robot.n_joints), loaded, tracer=trace if traced else None)
+        found = identify(load_runs([run], loaded.robot.n_joints), loaded, tracer=trace if traced else None)
+    return found if traced else found.model_copy(update={"released": None})  # effects that it lacks stay out
 
 
 def _measured(name, run_csv, plan, poses, map_mm):
