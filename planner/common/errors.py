@@ -17,7 +17,19 @@ def printable(text: str, most: int = MOST_SIGNS) -> str:
     """Return text of a file as it may go to a terminal: control signs spelt out, long runs cut in their middle."""
     kept = "".join(c if c in "\n\t" or unicodedata.category(c) not in _HIDDEN else repr(c)[1:-1] for c in text)
     kept = _RUN.sub(lambda m: f"{m[0][: MOST_RUN // 2]}…{m[0][-MOST_RUN // 3 :]}", kept)
-    return kept if len(kept) <= most else f"{kept[: most - 300]} … {kept[-250:]}"
+    return kept if len(kept) <= most else _fewer_lines(kept.split("\n"), most)
+
+
+def _fewer_lines(lines: list[str], most: int) -> str:
+    """Cut long lines in their middle, then leave out whole lines before the last, and say how many."""
+    part = most // (2 if len(lines) > 1 else 1) - 20
+    lines = [line if len(line) <= part else f"{line[: part - 260]} … {line[-250:]}" for line in lines]
+    shown, size = 0, len(lines[-1]) + 40
+    while shown < len(lines) - 1 and size + len(lines[shown]) + 1 <= most:
+        size += len(lines[shown]) + 1
+        shown += 1
+    out = len(lines) - 1 - shown
+    return "\n".join([*lines[:shown], *([f"… {out} lines left out …"] if out else []), lines[-1]])
 
 
 class PlannerError(Exception):

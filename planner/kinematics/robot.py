@@ -93,7 +93,8 @@ class Robot:
         masses: of links 1 … N, ``None`` where unknown.
         bodies: (link, shape) pairs; link 0 is the base.
         gear_ratio: per joint, ``None`` where unknown.
-        never_meet: pairs of links that the maker's own strokes keep apart, so that they are not checked.
+        never_meet: pairs of links next but one that the maker's own strokes keep apart, so that they are not checked.
+        never_meet_reason: what keeps them apart, for the user.
         sources: topic → where the numbers come from.
         path: the file it was read from.
         tip: last link, where the chain comes from a URDF.
@@ -120,6 +121,7 @@ class Robot:
     bodies: tuple[tuple[int, Body], ...]
     gear_ratio: tuple[float | None, ...]
     never_meet: frozenset[tuple[int, int]]
+    never_meet_reason: str
     sources: tuple[tuple[str, str], ...]
     path: Path
     tip: str | None = None

@@ -24,6 +24,7 @@ from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.urdf import UrdfChain, UrdfJoint, read_urdf
 
 FEWEST_JOINTS = 5
+NEXT_BUT_ONE = 2  # links apart
 SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
 
 
@@ -114,12 +115,21 @@ class RobotDescription(StrictModel):
     joints: tuple[JointTable, ...] = ()
     bodies: tuple[LinkBodyFile, ...] = ()
     never_meet: tuple[tuple[int, int], ...] = ()
+    never_meet_reason: str = ""
     effects: tuple[RobotEffectTable, ...] = ()
     loads: LoadsTable | None = None
     nominal: dict[str, float] = {}
 
     @model_validator(mode="after")
     def _complete(self) -> "RobotDescription":
+        apart = [pair for pair in self.never_meet if abs(pair[0] - pair[1]) != NEXT_BUT_ONE]
+        if apart:
+            raise ValueError(
+                f"never_meet = {[list(p) for p in apart]}: only links next but one may be left out (neighbours always "
+                "are); others that touch are a collision"
+            )
+        if self.never_meet and not self.never_meet_reason.strip():
+            raise ValueError("never_meet needs never_meet_reason: what keeps those links apart")
         if self.convention == "urdf":
             if self.urdf is None:
                 raise ValueError('convention "urdf" needs urdf = "file.urdf"')
@@ -257,6 +267,7 @@ def _build_robot(
         bodies=shapes,
         gear_ratio=tuple(j.gear_ratio for j in joints),
         never_meet=frozenset((min(p), max(p)) for p in file.never_meet),
+        never_meet_reason=file.never_meet_reason,
         sources=tuple(sorted(sources.items())),
         path=path,
         tip=None if urdf is None else urdf.tip,

@@ -1,10 +1,12 @@
 """What is wrong in a file is told in the words of the person who wrote it, never in a library's."""
 
+import unicodedata
+
 import pytest
 from pydantic import Field
 
 from planner.cell.file import CellFile
-from planner.common.errors import InputError
+from planner.common.errors import MOST_SIGNS, InputError, printable
 from planner.common.schema import StrictModel, validate
 from planner.runs.column_map import ColumnMap
 
@@ -121,3 +123,22 @@ def test_in_json_an_object_is_an_object():
 
 def test_what_is_right_is_read():
     assert validate({"parts": [{"rivals": ["a"]}]}, Small, "c.toml").parts[0].rivals == ("a",)
+
+
+def test_a_long_message_loses_whole_lines_and_says_how_many():
+    lines = [f"a.src:{k}: " + "word " * 40 for k in range(30)]
+    said = printable("\n".join([*lines, "add --strict"])).split("\n")
+    assert sum(map(len, said)) <= MOST_SIGNS
+    assert said[-1] == "add --strict"
+    shown = len(said) - 2
+    assert said[:shown] == lines[:shown]
+    assert said[-2] == f"… {30 - shown} lines left out …"
+    assert shown > 8
+    assert len(printable("x y " * 5000)) <= MOST_SIGNS
+
+
+@pytest.mark.parametrize("text", ["\x1b[2Jcleared", "\u202ereversed", "a" * 100_000, "\x07\x9b31m", "x\ry"])
+def test_no_message_steers_the_terminal_or_echoes_a_long_run(text):
+    said = str(InputError(f"file.toml: found '{text}'"))
+    assert len(said) <= 400
+    assert not [c for c in said if unicodedata.category(c) in ("Cc", "Cf")]

@@ -17,7 +17,7 @@ from planner.motion.collision.pieces import SceneBody, coal_shape, fcl_shape
 from planner.motion.collision.scene import Scene, build_scene
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
-OVERLAP_SAMPLES = 256  # states that decide which pairs of links always overlap
+OVERLAP_SAMPLES = 256  # states that decide which pairs always overlap
 BATCH = 20_000
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
 SLACK = 1e-5  # [m] that fcl's collision test is given
@@ -46,9 +46,8 @@ class CollisionWorld:
 
     @classmethod
     def from_cell(cls, cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> "CollisionWorld":
-        """Build the world without the pairs that :meth:`always_touching` names."""
-        world = cls(build_scene(cell, mounting))
-        return cls(world.scene.without(world.always_touching()))
+        """Build the world of a cell with one fixture."""
+        return cls(build_scene(cell, mounting))
 
     def without_bar(self) -> "CollisionWorld":
         """Return the world of the robot that travels without the bar."""
@@ -98,16 +97,14 @@ class CollisionWorld:
     def _pool(self) -> pin.GeometryPool:
         return pin.GeometryPool(self.model, self._geometry, available_threads())
 
-    def always_touching(self) -> set[int]:
-        """Positions of pairs that are closer than the clearance at every one of a set of random states, by design.
-
-        Only bodies of links next but one to each other, and those of link 1 and the floor, may be so: what else always
-        touches is a collision.
-        """
+    def always_touching(self) -> list[int]:
+        """Positions of pairs that are closer than the clearance at home and at every one of a set of random states."""
         robot, rng = self.cell.robot, np.random.default_rng(0)
         q = np.vstack([self.cell.home, rng.uniform(robot.q_lower, robot.q_upper, (OVERLAP_SAMPLES, robot.n_joints))])
-        touching = (self.distances(q) < self.cell.motion.clearance).all(axis=0)
-        return {int(k) for k in np.flatnonzero(touching) if self.scene.touches_by_design(int(k))}
+        left = np.ones((1, len(self.scene.pairs)), dtype=bool)
+        for row in q:
+            left &= self.distances(row[None], left) < self.cell.motion.clearance
+        return [int(k) for k in np.flatnonzero(left)]
 
 
 def _build_pin_models(scene: Scene) -> tuple[pin.Model, pin.GeometryModel]:

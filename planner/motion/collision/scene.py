@@ -13,7 +13,6 @@ from planner.runs.run import FIRST_MOUNTING, Mounting
 
 FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]
 FLOOR = "floor"
-NEXT_BUT_ONE = 2  # between links whose bodies may always touch
 
 
 @dataclass(frozen=True)
@@ -45,14 +44,6 @@ class Scene:
     def without(self, excluded: set[int]) -> "Scene":
         """Return the scene without the pairs at the positions ``excluded``."""
         return replace(self, pairs=tuple(p for k, p in enumerate(self.pairs) if k not in excluded))
-
-    def touches_by_design(self, k: int) -> bool:
-        """Tell whether pair ``k`` may always touch: links next but one to each other, or link 1 and the floor."""
-        a, b = (self.pieces[i] for i in self.pairs[k])
-        if a.carrier == b.carrier == "link":
-            return abs(a.link - b.link) <= NEXT_BUT_ONE
-        world, link = (a, b) if a.carrier == "world" else (b, a)
-        return world.body.name == FLOOR and link.carrier == "link" and link.link == 1
 
     def pair_name(self, k: int) -> str:
         """Return the two bodies of pair ``k`` as a person calls them."""

@@ -1,5 +1,7 @@
 """Whether the surroundings of a cell can be meant as they are written: sizes, units, reach, the floor."""
 
+from itertools import pairwise
+
 import coal
 import numpy as np
 
@@ -8,11 +10,13 @@ from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
+from planner.kinematics.robot_reader import NEXT_BUT_ONE
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.pieces import SceneBody, coal_shape, mesh_vertices
 from planner.motion.collision.scene import FLOOR, build_scene
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
+SHOWN_PAIRS = 12  # of those that always touch
 LARGEST = 3.0  # times the robot's reach: no body that it carries is larger
 TURNS_UPRIGHT = 1  # the frames of the base and of this link stand at one height, whatever home is
 
@@ -31,15 +35,41 @@ def check_surroundings(cell: Cell) -> None:
         for body in cell.obstacles:
             _check_reached(cell, body, reach)
     _check_floor(cell)
+    _check_apart(cell)
 
 
 def left_out_pairs(cell: Cell) -> tuple[str, ...]:
-    """Say which pairs of bodies are not checked because they always touch by design."""
-    found = dict[str, None]()
-    for m in cell.mountings:
-        world = CollisionWorld(build_scene(cell, m))
-        found |= {world.scene.pair_name(pair): None for pair in sorted(world.always_touching())}
-    return (f"pairs that always touch by their shapes are not checked: {'; '.join(found)}",) if found else ()
+    """Say which links of the robot are not checked against each other: neighbours, and those that its file names."""
+    robot = cell.robot
+    links = sorted({link for link, _ in robot.bodies})
+    if not links:
+        return ()
+    neighbours = [f"{a} and {b}" for a, b in pairwise(links) if b - a == 1]
+    named = [f"{a} and {b} ({robot.never_meet_reason})" for a, b in sorted(robot.never_meet)]
+    said = "; ".join(filter(None, (", ".join(neighbours), *named)))
+    return (f"bodies of these links are not checked against each other: {said}",) if said else ()
+
+
+def _check_apart(cell: Cell) -> None:
+    """Refuse bodies that touch wherever the robot stands: everything would collide, and nothing may be left out."""
+    world = CollisionWorld(build_scene(cell)).without_bar()
+    found = world.always_touching()
+    if not found:
+        return
+    pieces = [tuple(world.scene.pieces[i] for i in world.scene.pairs[k]) for k in found]
+    own = [sorted((a.link, b.link)) for a, b in pieces if a.of_robot and b.of_robot and abs(a.link - b.link) == NEXT_BUT_ONE]
+    hint = "mend their shapes or places"
+    if own:
+        listed = [list(pair) for pair in sorted({tuple(pair) for pair in own})]
+        hint += (
+            f", or, where only crude shapes touch, name the links in robot.toml (which can name a URDF): "
+            f"never_meet = {listed} and never_meet_reason"
+        )
+    names = "; ".join(world.scene.pair_name(k) for k in found[:SHOWN_PAIRS])
+    raise InputError(
+        f"{cell.path}: these bodies come closer than motion.clearance_mm = {to_mm(cell.motion.clearance):g} wherever "
+        f"the robot stands: {names}; {hint}"
+    )
 
 
 def _reach(cell: Cell, fixture: int, piece: SceneBody) -> float:

@@ -1,13 +1,15 @@
 """Surroundings that cannot be meant are refused before anything is planned, and nothing that collides is left out."""
 
 import re
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError
-from planner.motion.collision.engines import CollisionWorld
+from planner.kinematics.robot_reader import load_robot
+from planner.motion.collision.scene import build_scene
 from planner.motion.collision.surroundings import check_surroundings, left_out_pairs
 from planner.motion.path.constraints import Constraints
 from planner.session.first_checks import check_cell
@@ -67,16 +69,53 @@ def test_a_floor_above_the_arm_is_refused(tmp_path):
         check_surroundings(_cell(tmp_path, "[base]\nfloor_mm = 3000\n"))
 
 
-def test_only_links_next_but_one_and_the_floor_are_left_out():
-    for name in shipped_cells():
-        cell = load_cell(name)
-        world = CollisionWorld.from_cell(cell)
-        pairs = {tuple(sorted((world.scene.pieces[a].link, world.scene.pieces[b].link))) for a, b in world.scene.pairs}
-        n = cell.robot.n_joints
-        if cell.robot.bodies:
-            assert {(0, n)} <= pairs | {(0, n)}
-        check_cell(cell, cell.controller.dialects)
-    assert left_out_pairs(load_cell("ur10/edbb"))[0].endswith("link1_2 and floor")
+@pytest.mark.parametrize("name", shipped_cells())
+def test_nothing_but_neighbours_and_what_the_robot_names_is_left_out(name):
+    cell = load_cell(name)
+    check_cell(cell, cell.controller.dialects)
+    scene = build_scene(cell)
+    checked = {frozenset(pair) for pair in scene.pairs}
+    for a, b in combinations(range(len(scene.pieces)), 2):
+        one, other = scene.pieces[a], scene.pieces[b]
+        if one.of_robot and other.of_robot and {a, b} not in checked:
+            links = sorted((one.link, other.link))
+            assert links[1] - links[0] <= 1 or tuple(links) in cell.robot.never_meet, scene.pieces
+        elif "world" in (one.carrier, other.carrier) and one.carrier != other.carrier and not one.of_bar:
+            assert {a, b} in checked or 0 in (one.link + other.link,)
+    told = " ".join(left_out_pairs(cell))
+    assert all(f"{a} and {b}" in told for a, b in cell.robot.never_meet)
+    assert (cell.robot.never_meet_reason in told) and ("0 and 1" in told or not cell.robot.bodies)
+
+
+BAD_SHAPES = {
+    "next but one": ("link = 3", "link = 5", r"never_meet = \[\[3, 5\]\]"),
+    "farther": ("link = 2", "link = 5", r"mend their shapes"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_SHAPES)
+def test_links_that_always_touch_are_an_error_that_names_them(tmp_path, case):
+    first, second, said = BAD_SHAPES[case]
+    made = "".join(
+        f"\n[[bodies]]\n{link}\nkind = 'sphere'\nat_mm = [0, 0, 0]\nradius_mm = {radius}\n"
+        for link, radius in ((first, 2000), (second, 2000))
+    )
+    robot = load_cell(NJ).robot.path.read_text()
+    (tmp_path / "robot.toml").write_text(re.sub(r"(?s)\n\[\[bodies\]\].*?(?=\n\[\[(?!bodies)|\Z)", "\n", robot) + made)
+    text = re.sub(r"(?m)^floor_mm.*$", "", load_cell(NJ).path.read_text())
+    text = re.sub(r'(?m)^robot = .*$', 'robot = "robot.toml"', text)
+    (tmp_path / "cell.toml").write_text(text)
+    with pytest.raises(InputError, match=rf"wherever the robot stands: link.* and link.*{said}"):
+        check_surroundings(load_cell(str(tmp_path / "cell.toml")))
+
+
+@pytest.mark.parametrize(("pair", "said"), [([1, 5], "next but one"), ([4, 6], "never_meet_reason")])
+def test_a_robot_says_why_links_are_left_out_and_leaves_out_no_others(tmp_path, pair, said):
+    robot = load_cell(NJ).robot.path.read_text()
+    robot = re.sub(r"never_meet = .*", f"never_meet = {pair}".replace("[", "[[").replace("]", "]]"), robot)
+    (tmp_path / "robot.toml").write_text(re.sub(r"never_meet_reason = .*", "", robot))
+    with pytest.raises(InputError, match=said):
+        load_robot(tmp_path / "robot.toml")
 
 
 def test_keys_of_the_controller_are_told_before_planning(tmp_path):
