@@ -57,7 +57,11 @@ def _check_apart(cell: Cell) -> None:
     if not found:
         return
     pieces = [tuple(world.scene.pieces[i] for i in world.scene.pairs[k]) for k in found]
-    own = [sorted((a.link, b.link)) for a, b in pieces if a.of_robot and b.of_robot and abs(a.link - b.link) == NEXT_BUT_ONE]
+    own = [
+        sorted((a.link, b.link))
+        for a, b in pieces
+        if a.of_robot and b.of_robot and abs(a.link - b.link) == NEXT_BUT_ONE
+    ]
     hint = "mend their shapes or places"
     if own:
         listed = [list(pair) for pair in sorted({tuple(pair) for pair in own})]

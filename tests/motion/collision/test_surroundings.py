@@ -103,7 +103,7 @@ def test_links_that_always_touch_are_an_error_that_names_them(tmp_path, case):
     robot = load_cell(NJ).robot.path.read_text()
     (tmp_path / "robot.toml").write_text(re.sub(r"(?s)\n\[\[bodies\]\].*?(?=\n\[\[(?!bodies)|\Z)", "\n", robot) + made)
     text = re.sub(r"(?m)^floor_mm.*$", "", load_cell(NJ).path.read_text())
-    text = re.sub(r'(?m)^robot = .*$', 'robot = "robot.toml"', text)
+    text = re.sub(r"(?m)^robot = .*$", 'robot = "robot.toml"', text)
     (tmp_path / "cell.toml").write_text(text)
     with pytest.raises(InputError, match=rf"wherever the robot stands: link.* and link.*{said}"):
         check_surroundings(load_cell(str(tmp_path / "cell.toml")))
