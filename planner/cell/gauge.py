@@ -18,6 +18,7 @@ from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_types import FilterStage, GaugeBody, JointSamples, PlannedVisit, PointTravel, RecordedPose
 from planner.common.errors import InputError
 from planner.common.schema import validate
+from planner.common.sequences import sobol_points
 from planner.common.units import MM, UM, Array, from_deg
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
@@ -332,11 +333,9 @@ class Gauge(ABC):
 
     def joint_sampler(self, cell: "Cell", mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Return what draws joint states, as many as it is told; successive draws fill the gaps of those before."""
-        from scipy.stats import qmc  # costs most of a second, and few commands need it
-
         lower, upper = cell.sampling_range
-        sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng(seed))
-        return lambda count: JointSamples(lower + sequence.random(count) * (upper - lower), count)
+        draw = sobol_points(len(lower), seed)
+        return lambda count: JointSamples(lower + draw(count) * (upper - lower), count)
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:

@@ -11,5 +11,6 @@ __all__ = [
     "result",
     "result_folder",
     "schema",
+    "sequences",
     "units",
 ]

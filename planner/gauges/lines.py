@@ -9,7 +9,7 @@ from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_types import FilterStage, JointSamples, PointTravel
 from planner.common.units import Array
-from planner.gauges.shell import sample_shell, sobol_sequence
+from planner.gauges.shell import sample_shell, shell_points
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
 from planner.runs.run import Mounting
 
@@ -20,8 +20,8 @@ class LineGauge(Gauge):
 
     def joint_sampler(self, cell: Cell, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Draw states whose first joint brings the tool point into the shell."""
-        sequence = sobol_sequence(cell, seed)
-        return lambda count: sample_shell(cell, mounting, sequence.random(count))
+        draw = shell_points(cell, seed)
+        return lambda count: sample_shell(cell, mounting, draw(count))
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:

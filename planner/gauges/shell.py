@@ -5,34 +5,29 @@ the parts of the first axis that lie in the shell are arcs in closed form. Laid 
 are one line on which equidistant points are as dense as uniform joint samples that were tested one by one.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.common.errors import InputError
+from planner.common.sequences import sobol_points
 from planner.common.units import Array
 from planner.runs.run import Mounting
-
-if TYPE_CHECKING:
-    from scipy.stats import qmc
-
 
 PER_ARC = 4.0  # mean number of points on an arc that is not empty
 
 
-def sobol_sequence(cell: Cell, seed: int) -> "qmc.Sobol":
-    """Return the low-discrepancy sequence over all joints but the first, which the arcs choose.
+def shell_points(cell: Cell, seed: int) -> Callable[[int], Array]:
+    """Return what draws low-discrepancy points over all joints but the first, which the arcs choose.
 
     Raises:
         InputError: another joint's axis is coupled to the first one's, so that its circle is none.
     """
     if np.any(cell.robot.sense_matrix[1:, 0]):
         raise InputError(f"{cell.robot.path}: a joint is coupled to joint 1; candidates need joint 1 to turn alone")
-    from scipy.stats import qmc  # costs most of a second, and few commands need it
-
-    return qmc.Sobol(cell.robot.n_joints - 1, scramble=True, rng=np.random.default_rng(seed))
+    return sobol_points(cell.robot.n_joints - 1, seed)
 
 
 def sample_shell(cell: Cell, mounting: Mounting, points: Array) -> JointSamples:

@@ -25,7 +25,7 @@ from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import Samples
 from planner.session.approaches import TourStop
 from planner.session.course import is_continuous
-from planner.session.mount import drop_unreachable, with_mounts
+from planner.session.mount import drop_unreachable, join_to_mounts, move_mounts, with_mounts
 from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
@@ -56,10 +56,17 @@ class BarPoses(PoseSession):
         if self.poses is not None:
             check_pose_number(self.cell, self.poses, seed)
         with stages.stage("candidates") as progress:
-            self.cell = with_mounts(self.cell, seed)
+            given, self.cell = self.cell, with_mounts(self.cell, seed)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
         with stages.stage("roadmap"):
-            self.pool, notes, self.near = drop_unreachable(self.cell, pool, self.index, self.poses, seed)
+            joined = join_to_mounts(self.cell, pool, seed)
+            moved = move_mounts(self.cell, given, pool, joined, seed)
+            if moved is not self.cell:
+                other = draw_candidates(moved, moved.plan.candidates, seed)
+                there = join_to_mounts(moved, other, seed)
+                if there.sum() > joined.sum():
+                    self.cell, pool, joined = moved, other, there
+            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, self.index, self.poses, seed)
             self.notes += notes
 
     def select(self, stages: Stages) -> Selection:

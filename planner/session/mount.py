@@ -22,6 +22,8 @@ CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves
 TRIED = 2000  # poses among which a mount pose is looked for
 ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
 DRAWN = 200_000  # states among which a pose for mastering is looked for
+FEW_JOINED = 0.2  # share of the candidates joined to a mount pose, below which another is tried
+NONE = np.arange(0)
 UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
 
 
@@ -56,30 +58,53 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     return cell
 
 
+def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed: int) -> Cell:
+    """Return the cell with other mount poses, in the largest part of the candidates, where nearly none are joined.
+
+    The cable's twist is counted from the mount pose, so which candidates there are, and their parts, depend on it.
+
+    Args:
+        cell: with mount poses; those of ``given`` stay.
+        given: the cell as the user wrote it.
+        pool: candidates.
+        joined: which of them a path joins to their mount pose, (n,) bool.
+        seed: of the roadmap.
+    """
+    for m in cell.mountings:
+        mine = np.flatnonzero(pool.samples.at_mounting(m))
+        if given.mount(m) is None and len(mine) and joined[mine].mean() < FEW_JOINED:
+            part = connected_parts(Constraints(cell, m), pool.q[mine], seed)
+            cell = cell.with_mount(m, round_angles(_quickest_roomy(cell.at(m), pool.q[mine[part == 0]])))
+    return cell
+
+
 def drop_unreachable(
-    cell: Cell, pool: PoseSet, index: str, poses: int | None, seed: int
+    cell: Cell, pool: PoseSet, joined: np.ndarray, index: str, poses: int | None, seed: int
 ) -> tuple[PoseSet, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
     The certificate bounds the index over them, roughly: later bounds begin there.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
-    by their neighbours in a roadmap; those whose price in the bound singles them out are in it themselves.
+    by their neighbours in a roadmap (``joined``, of :func:`join_to_mounts`); those whose price in the bound singles
+    them out are in it themselves.
     """
-    kept = _joined_to_mount(cell, pool, np.arange(0), seed)
-    likely = pool.take(kept)
+    likely = pool.take(joined)
     _, _, rows = identify_candidates(cell, likely)
     n = min(poses or POSES, len(rows))
     rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
     order, _ = price_core(rows, rough, n)
-    kept = _joined_to_mount(cell, likely, np.sort(order[:CERTAIN]), seed)
+    kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
     lost = len(pool) - int(kept.sum())
     note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
     return likely.take(kept), (note,) if lost else (), rough.among(kept)
 
 
-def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) -> np.ndarray:
-    """Tell which candidates lie in their mount pose's part; those in ``certain`` by roadmap edges of their own."""
+def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE) -> np.ndarray:
+    """Tell which candidates lie in their mount pose's part, (n,) bool.
+
+    The roadmap has those in ``certain`` (positions in the pool) as nodes, and a sample of the others.
+    """
     kept = np.zeros(len(pool), dtype=bool)
     for m in cell.mountings:
         held = pool.samples.at_mounting(m)
@@ -93,12 +118,15 @@ def _joined_to_mount(cell: Cell, pool: PoseSet, certain: np.ndarray, seed: int) 
 
 
 def _find_mount(cell: Cell, mounting: Mounting, seed: int) -> Array:
-    """Of the poses in the largest part of the shell with the most room to every limit, the quickest to reach."""
+    """Return a pose in the largest part of the shell."""
     one = replace(cell.unwound.only(mounting), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, TRIED, seed).q
-    q = q[connected_parts(Constraints(one), q, seed) == 0]
-    workspace = Workspace(one)
-    margins = workspace.margins(q)
+    return _quickest_roomy(one, q[connected_parts(Constraints(one), q, seed) == 0])
+
+
+def _quickest_roomy(cell: Cell, q: Array) -> Array:
+    """Of the poses q (n, N) [rad] with the most room to every limit, the quickest to reach from home."""
+    margins = Workspace(cell).margins(q)
     room = (margins / np.median(margins, axis=0)).min(axis=1)
     roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY * len(q)))]]
     seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)

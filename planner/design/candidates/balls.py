@@ -9,6 +9,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import NoSolutionError
+from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, retract_tool, solve_point_ik
@@ -141,14 +142,12 @@ class _BallFilter:
     def draw(self, count: int, seed: int) -> tuple[Array, Array, BallFunnel]:
         """Draw until there are ``count``: poses at the ball, their approach poses (n, N) [rad], and what was left."""
         lower, upper = self.cell.sampling_range
-        from scipy.stats import qmc  # costs most of a second
-
-        sequence = qmc.Sobol(len(lower), scramble=True, rng=np.random.default_rng([seed, self.ball]))
+        points = sobol_points(len(lower), [seed, self.ball])
         found: list[tuple[Array, Array]] = []
         funnel = BallFunnel()
         first = int(np.clip(1 << (EACH * count - 1).bit_length(), *DRAWS[:2]))
         for k in range(ROUNDS):
-            q = lower + sequence.random(min(first << k, DRAWS[2])) * (upper - lower)
+            q = lower + points(min(first << k, DRAWS[2])) * (upper - lower)
             passed, back, counted = self._filter(q)
             found.append((passed, back))
             funnel += counted

@@ -6,8 +6,9 @@ from scipy import stats
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.sequences import sobol_points
 from planner.design.candidates.pool import draw_candidates
-from planner.gauges.shell import sample_shell, sobol_sequence
+from planner.gauges.shell import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
 
@@ -48,7 +49,7 @@ def test_every_candidate_passes_every_filter(name):
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
-    sample = sample_shell(cell, FIRST_MOUNTING, sobol_sequence(cell, 3).random(1 << 15))
+    sample = sample_shell(cell, FIRST_MOUNTING, shell_points(cell, 3)(1 << 15))
     lower, upper = cell.sampling_range
     blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
     length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)
@@ -111,3 +112,10 @@ def test_an_empty_pool_says_which_filter_and_what_would_help(tmp_path, monkeypat
     with pytest.raises(NoSolutionError) as err:
         draw_candidates(cell, 100)
     assert all(w in str(err.value) for w in words), str(err.value)
+
+
+def test_successive_draws_are_one_sobol_sequence_and_no_warning_is_given(recwarn):
+    draw = sobol_points(3, 7)
+    drawn = np.vstack([draw(count) for count in (1, 40, 23)])
+    assert np.array_equal(drawn, stats.qmc.Sobol(3, scramble=True, rng=np.random.default_rng(7)).random(64))
+    assert not recwarn.list
