@@ -131,6 +131,23 @@ class Chain:
         rotation = np.array([t.kind == "rotation" for t in self.transforms])
         return ForwardPass(np.broadcast_to(x, (3, n)), np.broadcast_to(R, (3, 3, n)), u, p, rotation)
 
+    def frames(self, theta: Array, ends: Sequence[int]) -> list[tuple[Array, Array]]:
+        """Return orientation (3, 3, m) and origin (3, m) [m] of the frames after the first ``ends`` transforms.
+
+        ``ends`` ascend; ``theta`` (n, N) [rad]; m is n, or 1 for a frame that no joint moves.
+        """
+        R, x, values = np.eye(3)[:, :, None], np.zeros((3, 1)), self.values(theta)
+        out, start = [], 0
+        for end in ends:
+            for t, value in zip(self.transforms[start:end], values[start:end], strict=True):
+                if t.kind == "translation":
+                    x = x + R[:, t.axis] * value
+                elif value.size != 1 or value[0] != 0.0:
+                    R = _rotate(R, t.axis, value)
+            out.append((R, x))
+            start = end
+        return out
+
     def carry(self, theta: Array, v: Array, point: bool = True) -> Array:
         """Carry one point (or, with ``point=False``, one direction) of the last frame to the base frame.
 

@@ -1,10 +1,4 @@
 """Exchange of poses for any index: from the relaxation's weights, annealed, then down to where no swap helps.
-
-Annealing is by heat bath: swaps are scored exactly, one is drawn by its Boltzmann weight, none is ever rejected. Few
-poses for many parameters make a rugged landscape (each pose is a thirtieth of the information), where descent alone
-sticks. Scores are changes of the barrier potential, whose barriers tighten while the temperature falls. Each draw looks
-at a random handful of the pool, since many candidates are near copies of each other. One reading a pose and an index
-made of determinants (O2, O3, O4) are assumed: then the scores are exact.
 """
 
 from dataclasses import dataclass
@@ -15,6 +9,7 @@ from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
+from planner.design.selection.annealing import anneal
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.design.selection.index_criterion import (
@@ -22,7 +17,6 @@ from planner.design.selection.index_criterion import (
     BarrierPotential,
     IndexCriterion,
     PotentialCriterion,
-    SwapTable,
     index_of_rows,
     is_exact,
 )
@@ -30,10 +24,6 @@ from planner.design.selection.search import descend, order_by_weight, search_sta
 
 _SHORTLIST = 2_000  # candidates that the descent looks at before it looks at all
 _KICKS = 8
-_HELD = 4  # draws with the barriers where they are
-_LOOK, _LOOK_EACH = 100, 2  # candidates looked at in a draw: at least, and for each pose
-_HOT, _COLD = 0.015, 0.0008  # times (parameters / poses)^2: relative change of the squared index
-_WIDE, _TIGHT = 0.5, 0.25  # barrier strength, times that ratio and times its square: few poses make coarse swaps
 
 
 @dataclass(frozen=True)
@@ -145,47 +135,3 @@ class _IndexSearch:
         for strength in strengths:
             chosen = descend(PotentialCriterion(self.rows, BarrierPotential(self.index, strength)), chosen, short)
         return chosen
-
-
-def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: int, seed: int) -> Positions:
-    """Return the best set met in ``steps`` swaps between ``chosen`` (n,) and ``pool`` (K,), candidates of ``rows``."""
-    rng, better = np.random.default_rng(seed), find_rule(index)
-    pool = np.union1d(pool, chosen)
-    members, outer = np.searchsorted(pool, chosen), rows[pool]
-    within = np.zeros(len(pool), dtype=bool)
-    within[members] = True
-    ratio = rows.shape[2] / len(chosen)
-    wide, tight = min(0.9, _WIDE * ratio), min(0.9, _TIGHT * ratio**2)
-    hot, cold = _HOT * ratio**2, _COLD * ratio**2
-    look = max(_LOOK, _LOOK_EACH * len(chosen))
-    best, best_value = members.copy(), np.nan
-    for step in range(steps):
-        share = step / steps
-        if step % _HELD == 0:
-            table = SwapTable(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))
-            value = float(better.of(np.sqrt(table.mu[::-1]), len(members)))
-            if np.isnan(best_value) or better.better(value, best_value):
-                best, best_value = members.copy(), value
-        looked = rng.integers(0, len(pool), look)
-        looked = looked[~within[looked]]
-        if len(looked) == 0:
-            continue
-        out, into = _draw_swap(table.of(outer[looked]), hot * (cold / hot) ** share, rng)
-        within[members[out]], within[looked[into]] = False, True
-        members[out] = looked[into]
-        table.exchange(out, outer[members[out]])
-    return pool[best]
-
-
-def _draw_swap(scores: Array, temperature: float, rng: np.random.Generator) -> tuple[int, int]:
-    """Draw a pair with probability proportional to exp(score / temperature): its row, then its place in the row."""
-    scores -= scores.max()
-    scores /= temperature
-    weights = np.exp(scores, out=scores)
-    out = _draw_place(weights.sum(axis=1), rng)
-    return out, _draw_place(weights[out], rng)
-
-
-def _draw_place(weights: Array, rng: np.random.Generator) -> int:
-    total = weights.cumsum()
-    return min(int(total.searchsorted(rng.random() * total[-1])), len(total) - 1)

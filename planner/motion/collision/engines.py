@@ -72,7 +72,7 @@ class CollisionWorld:
             out[start : start + BATCH] = pin.computeCollisionsInParallel(available_threads(), self._pool, columns, True)
         return out
 
-    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
+    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
         """Distance of every pair, or of those in ``mask`` (n, pairs), (n, pairs) [m]: negative where bodies overlap.
 
         Pairs that are not asked for are ``UNKNOWN``.
@@ -144,7 +144,7 @@ class FclWorld:
         self._objects = [fcl.CollisionObject(fcl_shape(p.body), fcl.Transform()) for p in scene.pieces]
         self._request = fcl.DistanceRequest(enable_nearest_points=False)
 
-    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
+    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
         """Distance of every pair, or of those in ``mask`` (n, pairs), at q (n, N) [rad]; others are ``UNKNOWN``.
 
         (n, pairs) [m]; ≤ 0 where they overlap.

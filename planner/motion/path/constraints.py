@@ -8,6 +8,7 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import MM, Array, to_deg, to_mm
 from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.round_bounds import ScreenedDistances
 from planner.motion.collision.scene import Scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
@@ -84,8 +85,15 @@ class Constraints:
         return self.prove_corners(np.stack([q_entry, q_corner, q_exit], axis=1))
 
     def prove_corners(self, corners: Array) -> Proof:
-        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2) or triangles (K = 3)."""
+        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2) or triangles (K = 3).
+
+        For searches: with distances in closed form where there are any.
+        """
         return self._prover.prove(corners)
+
+    def judge_by_coal(self, corners: Array) -> Proof:
+        """Prove motions or triangles (m, K, N) [rad] with coal's distances alone."""
+        return Prover(self.bounds, self.pairs, self.world, self.clearance).prove(corners)
 
     def judge(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
@@ -107,7 +115,7 @@ class Constraints:
 
     @cached_property
     def _prover(self) -> Prover:
-        return Prover(self.bounds, self.pairs, self.world, self.clearance)
+        return Prover(self.bounds, self.pairs, ScreenedDistances(self.scene, self.world), self.clearance)
 
     @cached_property
     def _judge(self) -> Prover:

@@ -69,10 +69,10 @@ CROWD = 4096  # open cells of one motion: it runs along the edge of a constraint
 
 
 class Distances(Protocol):
-    """What either collision engine answers."""
+    """What a collision engine answers."""
 
-    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
-        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
+    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
+        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]; a bound of ``enough`` or more will do."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Prover:
         room = margins - self.workspace.changes(spokes, far)
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
-        found = self.distances.distances(q[alive], asked[alive])
+        found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
         record.evaluations += len(alive)
         record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
@@ -208,10 +208,11 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
             break
         q, spokes = cells.q, cells.spokes
         pose, far = prover.workspace.travel(q, spokes)
-        found = prover.distances.distances(q, asked)
+        change = prover.pairs.changes(far)
+        found = prover.distances.distances(q, asked, np.maximum(change, tolerance) + nearest)
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
-        asked &= found - prover.pairs.changes(far) < nearest - tolerance
+        asked &= found - change < nearest - tolerance
         shorter = pose.length - far.stretch < shortest - tolerance
         longer = pose.length + far.stretch > longest + tolerance
         if not prover.workspace.workspace.cell.gauge.is_attached:  # nothing whose length matters

@@ -157,7 +157,7 @@ def judge_path(
         names = tuple(f"blend {k + 1}" for k in numbers)
         parts.append(_MotionGroup(constraints, triangles, len(motions) + numbers, names))
     found = [p.constraints.extremes(p.corners, TOLERANCE) for p in parts]
-    by_coal = [p.constraints.prove_corners(p.corners) for p in parts]
+    by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
     by_fcl = [p.constraints.judge(p.corners) for p in parts]
     return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
 
