@@ -11,6 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.round_bounds import RoundBounds, ScreenedDistances
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
 
@@ -155,6 +156,20 @@ def test_pairs_that_were_not_asked_for_stay_unknown() -> None:
         assert np.isfinite(found[mask]).all()
         whole = engine.distances(q, np.ones_like(mask))
         np.testing.assert_allclose(found[mask], whole[mask], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_closed_forms_are_coals_distances_and_bounds_never_exceed_them(name: str) -> None:
+    w, q = world(name), states(name, 300)
+    coal, bounds = w.distances(q), RoundBounds(w.scene)
+    closed = bounds.distances(q, *np.nonzero(np.ones(coal.shape, dtype=bool))).reshape(coal.shape)
+    apart = coal > 0.0
+    assert np.abs(closed - coal)[apart & bounds.exact].max() < 1e-9
+    assert (closed - coal)[apart].max() < 1e-9
+    assert (closed[~apart] <= 1e-9).all()
+    enough = np.random.default_rng(1).uniform(0.0, 0.5, coal.shape)
+    screened = ScreenedDistances(w.scene, w).distances(q, None, enough)
+    np.testing.assert_array_equal((screened >= enough)[apart], (coal >= enough)[apart])
 
 
 def test_bar_spans_from_ball_to_ball() -> None:
