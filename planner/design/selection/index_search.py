@@ -1,5 +1,4 @@
-"""Exchange of poses for any index: from the relaxation's weights, annealed, then down to where no swap helps.
-"""
+"""Exchange of poses for any index: from the relaxation's weights, annealed, then down to where no swap helps."""
 
 from dataclasses import dataclass
 

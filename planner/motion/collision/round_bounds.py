@@ -14,7 +14,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
-from planner.motion.collision.pieces import SceneBody, mesh_vertices
+from planner.motion.collision.pieces import mesh_vertices
 from planner.motion.collision.scene import Scene
 
 CHUNK = 16_384  # entries at a time: they stay in the cache
