@@ -1,9 +1,9 @@
 """Annealing of a set of poses by heat bath: swaps are scored exactly, one is drawn by its Boltzmann weight.
 
-No draw is ever rejected. Few poses for many parameters make a rugged landscape (each pose is a thirtieth of the information), where descent alone
-sticks. Scores are changes of the barrier potential, whose barriers tighten while the temperature falls. Each draw looks
-at a random handful of the pool, since many candidates are near copies of each other. One reading a pose and an index
-made of determinants (O2, O3, O4) are assumed: then the scores are exact.
+No draw is ever rejected. Few poses for many parameters make a rugged landscape (each pose is a thirtieth of the
+information), where descent alone sticks. Scores are changes of the barrier potential, whose barriers tighten while the
+temperature falls. Each draw looks at a random handful of the pool, since many candidates are near copies of each other.
+One reading a pose and an index made of determinants (O2, O3, O4) are assumed: then the scores are exact.
 """
 
 import numpy as np

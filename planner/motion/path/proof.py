@@ -72,7 +72,7 @@ class Distances(Protocol):
     """What a collision engine answers."""
 
     def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
-        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]; a bound of ``enough`` or more will do."""
+        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]; a lower bound of ``enough`` will do."""
 
 
 @dataclass(frozen=True)
