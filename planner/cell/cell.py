@@ -36,7 +36,7 @@ class Tool:
 
     Where ``known`` is false the cell gives no MAP and it stands at the flange; ``measured`` says that the MAP was
     measured on the tool, so that ``prior`` is the uncertainty of that. ``points`` are all its MAPs; ``point`` is the
-    one that the gauge is held at, see :meth:`Cell.at`.
+    one that the gauge is held at, see :meth:`Cell.at`; ``work`` (3,) [m] is the point that the robot works with.
     """
 
     points: tuple[ToolPoint, ...]
@@ -47,6 +47,7 @@ class Tool:
     known: bool = True
     measured: bool = False
     point: int = 0
+    work: Array | None = None
 
     @property
     def p_FM(self) -> Array:

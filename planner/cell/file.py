@@ -102,7 +102,8 @@ class ToolFile(OptionalKeys):
     prior_mm: PositiveFloat = 1.0
     map_sigma_um: PositiveFloat | None = None  # where the MAP was measured on the tool, by a CMM for instance
     points: tuple[PointFile, ...] = ()
-    LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um", "points")
+    work_mm: Vector | None = None  # point of the tool that the robot works with, for which the error is stated too
+    LATER: ClassVar[tuple[str, ...]] = ("map_sigma_um", "points", "work_mm")
 
 
 class ConeFile(StrictModel):

@@ -39,6 +39,7 @@ def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -
         tuple(b.body(f"tool_{k}", path.parent) for k, b in enumerate(tool.bodies)),
         tool.prior_mm * MM if tool.map_sigma_um is None else tool.map_sigma_um * UM,
         measured=tool.map_sigma_um is not None,
+        work=None if tool.work_mm is None else read_only(from_mm(tool.work_mm)),
     )
 
 

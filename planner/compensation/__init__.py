@@ -1,3 +1,3 @@
 """Targets and programs corrected for the identified robot."""
 
-__all__ = ["compensated_file", "rotations", "targets"]
+__all__ = ["compensated_file", "program_error", "rotations", "targets"]

@@ -34,12 +34,17 @@ NO_FRAMES = ToolAndBase()
 
 @dataclass(frozen=True)
 class CompensatedFile:
-    """The corrected text, in the encoding in which it was read, and the report."""
+    """The corrected text, in the encoding in which it was read, and the report.
+
+    ``targets`` are those that were corrected, as they were, ``q`` the nominal robot's angles there, (n, N) [rad].
+    """
 
     name: str
     text: str
     encoding: str
     report: CompensationReport
+    targets: tuple[Target, ...]
+    q: Array
 
     @property
     def summary(self) -> str:
@@ -192,7 +197,7 @@ def _finish(
     if report.kept:
         style = comment_style(source.dialect)
         text = add_head(text, family_of(source.dialect), style, nominal.name, report.corrected, report.kept)
-    return CompensatedFile(source.name, text, encoding, report)
+    return CompensatedFile(source.name, text, encoding, report, tuple(chosen), q[rows])
 
 
 def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:

@@ -6,6 +6,8 @@ __all__ = [
     "covariance",
     "cross_validation",
     "estimates",
+    "expected_error",
+    "expected_error_table",
     "identifiable_parameters",
     "least_squares",
     "pipeline",

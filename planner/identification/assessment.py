@@ -201,7 +201,7 @@ def assess_fit(
         unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
-        release=None if released is None else describe_release(released, stages),
+        release=None if released is None else describe_release(released),
         condition_number=_condition(found),
         correlation_time=time,
         frames=gauge_frames(found if released is None else released.fit),

@@ -114,7 +114,7 @@ class CalibratedRobot:
 
     @cached_property
     def _setup(self) -> RobotSetup:
-        return _loaded_robot(self.robot)
+        return loaded_robot(self.robot)
 
     @cached_property
     def _nominal_setup(self) -> RobotSetup:
@@ -149,7 +149,7 @@ class CalibratedRobot:
             )
 
 
-def _loaded_robot(robot: Robot) -> RobotSetup:
+def loaded_robot(robot: Robot) -> RobotSetup:
     """Return the robot with the loads of its file."""
     loads = robot.loads or NO_LOADS
     R_WB = Rotation.from_euler("xyz", loads.base_rpy).as_matrix()

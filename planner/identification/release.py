@@ -6,9 +6,9 @@ from planner.cell.cell import Cell
 from planner.identification.cross_validation import predict_held_out
 from planner.identification.posterior_background import BACKGROUND, background_families
 from planner.identification.posterior_fit import fit_posterior
-from planner.identification.released_robot import ReleasedRobot, tool_maps
+from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
-from planner.model.identification_document import Metrics, Release, SizeOfFamily
+from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
 from planner.model.model import Model
 
 PLAIN = ("gauge", "geometry", BACKGROUND)  # groups of parameters that are no findings
@@ -36,13 +36,11 @@ def release_robot(
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
     posterior = fit_posterior(last, run, whole, families, time)
-    tool, others = tool_maps(cell, context.run, posterior.fit)
+    maps, plain = tool_maps(cell, context.run, posterior.fit), geometry_stage(stages)
     if geometry_alone:
-        plain = geometry_stage(stages)
-        return ReleasedRobot(plain.fit, posterior, tool, others, plain.stage.held_out, plain.stage.validation)
-    held = predict_held_out(posterior.fit, split)
-    metrics = Metrics.of(held.residual, split.fold)
-    return ReleasedRobot(posterior.fit, posterior, tool, others, metrics, context.judge(posterior.fit))
+        return ReleasedRobot(plain.fit, plain.fit, posterior, *maps, plain.stage.held_out, plain.stage.validation)
+    metrics = Metrics.of(predict_held_out(posterior.fit, split).residual, split.fold)
+    return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, metrics, context.judge(posterior.fit))
 
 
 def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
@@ -50,17 +48,27 @@ def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
     return next(s for s in stages if s.stage.name == "geometry")
 
 
-def describe_release(released: ReleasedRobot, stages: Sequence[FittedStage]) -> Release:
+def describe_release(released: ReleasedRobot) -> Release:
     """Return what the document says of the released robot."""
-    posterior = released.posterior
+    posterior, work = released.posterior, released.work_tool
     groups = dict.fromkeys(p.group for p in posterior.fit.model.parameters if p.group not in PLAIN)
     return Release(
         basis="posterior" if released.fit is posterior.fit else "geometry",
         findings=tuple(groups),
         held_out=released.held_out,
         validation=released.validation,
-        nominal_anywhere=released.nominal_anywhere,
-        geometry_anywhere=released.anywhere_with(geometry_stage(stages).fit),
+        nominal_anywhere=released.anywhere_with(None),
+        geometry_anywhere=released.anywhere_with(released.geometry),
         other_tool=released.other_tool_anywhere,
+        work_tool=None if work is None else _describe_work_tool(released, work),
         families=tuple(SizeOfFamily(name=f.name, factor=f.factor) for f in posterior.families),
+    )
+
+
+def _describe_work_tool(released: ReleasedRobot, tool: ToolMap) -> WorkToolError:
+    x, y, z = map(float, tool.p_FM)
+    return WorkToolError(
+        position=(x, y, z),
+        anywhere=released.anywhere_with(released.fit, tool),
+        nominal_anywhere=released.anywhere_with(None, tool),
     )

@@ -19,7 +19,7 @@ from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import aligned_rows, uniform_states
+from planner.model.tool_error import aligned_rows, tool_position, uniform_states
 from planner.runs.run import Run, Samples
 
 STATES = 1000  # joint states at which the tool is looked at
@@ -33,11 +33,15 @@ class ToolMap:
 
     Attributes:
         q: states, (n, N) [rad].
+        p_FM: the tool's point in the flange frame, (3,) [m].
+        position: of the point in the base frame, (n, 3) [m].
         names: of the parameters that move the tool.
         rows: of every parameter, (n, 3, P) [m per unit].
     """
 
     q: Array
+    p_FM: Array
+    position: Array
     names: tuple[str, ...]
     rows: Array
 
@@ -52,15 +56,19 @@ class ReleasedRobot:
 
     Attributes:
         fit: whose values are written; of geometry alone, or the posterior mean.
+        geometry: the fit of geometry alone.
         posterior: what the errors are judged by.
-        tool: motion of the measured tool point; other_tools: of points about the flange.
+        tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
+            the robot works with, where the cell names it.
         held_out, validation: errors of the released robot.
     """
 
     fit: Fit
+    geometry: Fit
     posterior: PosteriorFit
     tool: ToolMap
     other_tools: tuple[ToolMap, ...]
+    work_tool: ToolMap | None
     held_out: Metrics
     validation: Metrics | None
 
@@ -88,62 +96,74 @@ class ReleasedRobot:
         rows = self.tool.rows.reshape(-1, len(self.tool.names))
         return np.asarray(rows[:, [self.tool.names.index(n) for n in names]])
 
-    @cached_property
-    def expected(self) -> Array:
-        """Expected error of the tool at every state of the map [m], (n,)."""
-        return self._error(self.tool, self.fit)
+    def expected(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
+        """Return the expected error at every state of a map [m], (n,), of a robot with the values of ``fit``.
 
-    @property
+        ``None`` is the nominal robot, or the measured tool.
+        """
+        where = self.tool if tool is None else tool
+        off = self.offset(where.names, fit)
+        return np.sqrt(where.square(self.spread(where.names)) + where.square(off[:, None]))
+
+    def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
+        """Return the same over the workspace [m], rms."""
+        return _rms(self.expected(fit, tool))
+
+    @cached_property
     def anywhere(self) -> float:
-        """Expected error of the tool over the workspace [m], rms."""
-        return _rms(self.expected)
-
-    @cached_property
-    def nominal_anywhere(self) -> float:
-        """The same of the robot before it is calibrated."""
-        return _rms(self._error(self.tool, None))
+        """Expected error of the released robot's tool over the workspace [m], rms."""
+        return self.anywhere_with(self.fit)
 
     @cached_property
     def other_tool_anywhere(self) -> float:
         """The same of a tool that was not measured: what went into the measured tool's mount stays an error."""
-        return float(np.sqrt(np.mean([_rms(self._error(t, self.fit)) ** 2 for t in self.other_tools])))
+        return float(np.sqrt(np.mean([self.anywhere_with(self.fit, t) ** 2 for t in self.other_tools])))
 
-    def anywhere_with(self, fit: Fit) -> float:
-        """Return the same of a robot with the values of another fit."""
-        return _rms(self._error(self.tool, fit))
-
-    def _error(self, tool: ToolMap, fit: Fit | None) -> Array:
-        """Expected error of every state [m], (n,), of a robot with the values of a fit; ``None`` is the nominal one."""
+    def spread(self, names: Sequence[str]) -> Array:
+        """Return a square root (K, k) of the posterior's covariance of parameters ``names``."""
         known = self.posterior.fit
-        own = {} if fit is None else dict(zip(fit.model.names, map(float, fit.errors), strict=True))
-        here = {name: k for k, name in enumerate(known.model.names)}
         root = known.solution.root(known.problem.prior)
-        at = [here.get(n) for n in tool.names]
-        spread = np.stack([np.zeros(root.shape[1]) if k is None else root[k] for k in at])
-        off = [
-            0.0 if k is None else own.get(n, 0.0) - float(known.errors[k]) for n, k in zip(tool.names, at, strict=True)
-        ]
-        if fit is None:  # where the tool point sits is no error of the robot
-            off = [0.0 if n.startswith("map") else v for n, v in zip(tool.names, off, strict=True)]
-        return np.sqrt(tool.square(spread) + tool.square(np.array(off)[:, None]))
+        here = {name: k for k, name in enumerate(known.model.names)}
+        return np.stack([root[here[n]] if n in here else np.zeros(root.shape[1]) for n in names])
+
+    def offset(self, names: Sequence[str], fit: Fit | None) -> Array:
+        """Return the values (K,) of a fit, or of the nominal robot, less the posterior mean."""
+        known = self.posterior.fit
+        mean = dict(zip(known.model.names, map(float, known.errors), strict=True))
+        own = {} if fit is None else dict(zip(fit.model.names, map(float, fit.errors), strict=True))
+        placed = fit is None  # where the tool point sits is no error of the nominal robot
+        return np.array(
+            [0.0 if n not in mean or (placed and n.startswith("map")) else own.get(n, 0.0) - mean[n] for n in names]
+        )
 
 
 def _rms(x: Array) -> float:
     return float(np.sqrt((x**2).mean()))
 
 
-def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...]]:
-    """Return the motion of the measured tool point over the workspace, and of points about the flange."""
+def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None]:
+    """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools."""
     setup = fit.model.setup
-    effects = [p for p in fit.model.parameters if p.group not in ("gauge", "geometry") and acts_on_robot(p, setup)]
+    effects = moving_effects(fit)
     q = uniform_states(cell, STATES, 0)
     around = [OTHER_TOOL * sign * np.eye(3)[k] for k in range(3) for sign in (1.0, -1.0)]
-    others = [replace(setup, p_FM=read_only(p[None]), R_FM=setup.R_FM[:1]) for p in around]
     few = q[:: len(around)]
+    work = cell.tool.work
     return (
         _tool_map(q, run, setup, effects, with_point=True),
-        tuple(_tool_map(few, run, other, effects, with_point=False) for other in others),
+        tuple(_tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
+        None if work is None else _tool_map(q, run, _at_point(setup, work), effects, with_point=False),
     )
+
+
+def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
+    """Return the parameters of a fit, beside geometry, that the robot's file can hold."""
+    setup = fit.model.setup
+    return tuple(p for p in fit.model.parameters if p.group not in ("gauge", "geometry") and acts_on_robot(p, setup))
+
+
+def _at_point(setup: MeasurementSetup, p_FM: Array) -> MeasurementSetup:
+    return replace(setup, p_FM=read_only(p_FM[None]), R_FM=setup.R_FM[:1])
 
 
 def _tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:
@@ -151,4 +171,5 @@ def _tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Par
     samples: Samples = replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)
     names, rows = aligned_rows(samples, setup, effects)
     kept = [k for k, n in enumerate(names) if with_point or not n.startswith("map_")]
-    return ToolMap(q, tuple(names[k] for k in kept), rows[:, kept].reshape(len(q), 3, -1))
+    moved = rows[:, kept].reshape(len(q), 3, -1)
+    return ToolMap(q, setup.p_FM[0], tool_position(samples, setup), tuple(names[k] for k in kept), moved)

@@ -17,6 +17,7 @@ KEYS = {
     "gain": "held_out_gain",
     "noise_floor": "noise_floor_mm",
     "workspace_error": "known_anywhere_mm",
+    "anywhere": "anywhere_mm",
     "nominal_anywhere": "nominal_anywhere_mm",
     "geometry_anywhere": "geometry_anywhere_mm",
     "other_tool": "other_tool_mm",

@@ -247,6 +247,17 @@ class SizeOfFamily(DocumentSection):
     factor: float
 
 
+class WorkToolError(DocumentSection):
+    """Error to be expected over the workspace [m], rms, of a tool whose point [m] in the flange frame the cell names.
+
+    ``nominal_anywhere`` is that of the robot before. Where the point sits in the true flange counts as known.
+    """
+
+    position: Vector
+    anywhere: float
+    nominal_anywhere: float
+
+
 class Release(DocumentSection):
     """The calibrated robot that was written, and errors of the tool to be expected over the workspace [m], rms.
 
@@ -256,10 +267,11 @@ class Release(DocumentSection):
         held_out, validation: errors of this robot.
         nominal_anywhere, geometry_anywhere: of the robot before, and of geometry alone.
         other_tool: of a tool 200 mm about the flange that was not measured.
+        work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
     """
 
-    if_any = ("validation",)
+    if_any = ("validation", "work_tool")
     basis: Literal["posterior", "geometry"]
     findings: tuple[str, ...] = ()
     held_out: Metrics
@@ -267,6 +279,7 @@ class Release(DocumentSection):
     nominal_anywhere: float
     geometry_anywhere: float
     other_tool: float
+    work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, setup_of
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, RobotSetup, setup_of
 from planner.common.units import Array, read_only
 from planner.effects.parameters import Parameter
 from planner.gauges.frame_gauge import ToolPosition
@@ -66,12 +66,39 @@ def aligned_rows(
 
     What a new alignment of the base takes away is left out; three rows a sample.
     """
+    names, base, own = tool_rows(samples, setup, unknown)
+    frame = np.linalg.qr(base)[0]
+    return names, np.asarray(own - frame @ (frame.T @ own))
+
+
+def tool_rows(
+    samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]
+) -> tuple[tuple[str, ...], Array, Array]:
+    """Return the same names, the tool's motion per how the base stands, (3 n, 6), and per each of them, (3 n, P)."""
+    model = _tool_model(setup).plus(list(unknown))
+    rows = model.rows(samples).reshape(-1, len(model.names))
+    return model.names[N_FRAME_COLUMNS:], rows[:, :N_FRAME_COLUMNS], rows[:, N_FRAME_COLUMNS:]
+
+
+def tool_position(samples: Samples, setup: MeasurementSetup) -> Array:
+    """Return where the first tool point of the nominal robot is, (n, 3) [m] in the base frame."""
+    return _tool_model(setup).reading(samples)
+
+
+def tool_setup(robot: RobotSetup, p_FM: Array) -> MeasurementSetup:
+    """Return a robot that no gauge looks at, with a tool point (3,) [m] in the flange frame."""
+    nowhere, upright = np.zeros((1, 3)), np.eye(3)[None]
+    return MeasurementSetup(
+        robot.robot, robot.gravity_B, robot.tool_mass, robot.com_F, ToolPosition(noise=0.0), p_BX=nowhere, R_BG=upright,
+        p_BG=nowhere, p_FM=p_FM[None], R_FM=upright, p_GS=nowhere[:0], place_names=("",), point_names=("",),
+        place_prior=np.ones(1), tool_prior=1.0, turn_prior=1.0, joint_sigma=0.0,
+    )  # fmt: skip
+
+
+def _tool_model(setup: MeasurementSetup) -> Model:
     gauge = ToolPosition(noise=0.0)
     alone = replace(setup, gauge=gauge, place_names=setup.place_names[:1], point_names=setup.point_names[:1])
-    model = Model.of(alone, frozenset({"tool"})).plus(list(unknown))
-    rows = model.rows(samples).reshape(-1, len(model.names))
-    frame, own = np.linalg.qr(rows[:, :N_FRAME_COLUMNS])[0], rows[:, N_FRAME_COLUMNS:]
-    return model.names[N_FRAME_COLUMNS:], np.asarray(own - frame @ (frame.T @ own))
+    return Model.of(alone, frozenset({"tool"}))
 
 
 def uniform_states(cell: Cell, count: int, seed: int) -> Array:

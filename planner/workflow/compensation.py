@@ -10,15 +10,18 @@ import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
-from planner.common.errors import InputError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.reading import read_bytes
 from planner.common.result import Result
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
+from planner.compensation.program_error import ProgramError, program_error
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.identification.calibrated_robot import CalibratedRobot
+from planner.identification.expected_error import ExpectedError
+from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 
 if TYPE_CHECKING:
@@ -27,15 +30,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CompensationResult(Result):
-    """A corrected file; ``left_out`` says which effects of the robot targets cannot be corrected for."""
+    """A corrected file.
+
+    Attributes:
+        file: the text and what was done.
+        expected: how good the robot is expected to be at its targets, or why that is not known.
+        left_out: which effects of the robot targets cannot be corrected for.
+    """
 
     file: CompensatedFile
+    expected: ProgramError | str
     left_out: str | None = None
 
     def summary(self) -> str:
         """Return what was done."""
-        done = self.file.summary
-        return done if self.left_out is None else f"{done}\n{self.left_out}"
+        said = (
+            (f"expected error unknown: {self.expected}",) if isinstance(self.expected, str) else self.expected.sentences
+        )
+        return "\n".join([self.file.summary, *said, *([] if self.left_out is None else [self.left_out])])
 
     def content(self) -> Mapping[str, Any]:
         """Return what was done, and the corrected text."""
@@ -45,6 +57,7 @@ class CompensationResult(Result):
             "summary": self.summary(),
             "corrected_lines": list(report.corrected),
             "left_lines": [{"line": line, "because": why} for line, why in report.kept],
+            "expected_error": None if isinstance(self.expected, str) else self.expected.content(),
             "text": self.file.text,
         }
 
@@ -81,35 +94,46 @@ def compensate(
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood.
-        NoSolutionError: no target has a fake target near the nominal one, or most are out of the robot's reach.
+        NoSolutionError: no target has a fake target near the nominal one, most are out of the robot's reach, or the
+            corrected robot is expected to be worse than the nominal one.
     """
+    robot, known = _read_model(model)
+    uncorrected = cell is not None and _check_controller(cell, robot.name)
+    calibrated = CalibratedRobot(robot)
+    data = "" if frames is None else _text(Path(frames))
+    given = ToolAndBase(_frame("--tool", tool), _frame("--base", base), data, uncorrected)
+    done = compensate_file(Path(targets), robot.nominal, calibrated, dialect=dialect, frames=given, strict=strict)
+    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence)
+
+
+def _read_model(model: "CalibrationResult | Path | str") -> tuple[Robot, ExpectedError | str]:
+    """Return the calibrated robot, and what is known of its errors or why nothing is."""
     if not isinstance(model, Path | str):
         with TemporaryDirectory() as folder:
             model.write_robot(Path(folder))
-            robot = load_robot(str(Path(folder) / "robot.toml"))
-    else:
-        robot = load_robot(str(Path(model).absolute()))
+            return _read_model(Path(folder) / "robot.toml")
+    path = Path(model).absolute()
+    robot = load_robot(str(path))
     if robot.nominal is robot:
         raise InputError(
             f"{model}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
             "give the robot.toml that 'edbb identify' wrote"
         )
-    uncorrected = cell is not None and _check_controller(cell, robot.name)
-    calibrated = CalibratedRobot(robot)
-    done = compensate_file(
-        Path(targets),
-        robot.nominal,
-        calibrated,
-        dialect=dialect,
-        frames=ToolAndBase(
-            _frame("--tool", tool),
-            _frame("--base", base),
-            "" if frames is None else _text(Path(frames)),
-            uncorrected,
-        ),
-        strict=strict,
-    )
-    return CompensationResult(done, calibrated.sentence)
+    return robot, ExpectedError.read(robot, path)
+
+
+def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:
+    """Return what is expected at the corrected targets.
+
+    Raises:
+        NoSolutionError: the corrected robot is expected to be worse than it is.
+    """
+    if isinstance(known, str):
+        return known
+    found = program_error(known, done.targets, done.q, None if T_FT is None else T_FT[:3, 3])
+    if found.is_worse:
+        raise NoSolutionError(f"{done.name}: {found.refusal}")
+    return found
 
 
 def _check_controller(reference: str, robot: str) -> bool:

@@ -17,6 +17,9 @@ from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
+from planner.identification.expected_error import NAME as EXPECTED_ERROR
+from planner.identification.expected_error import expected_error_text
+from planner.identification.expected_error_table import expected_error_csv
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -97,7 +100,11 @@ class CalibrationResult(Result):
 
     def write_robot(self, folder: Path) -> None:
         """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""
-        for file, text in calibrated_files(self.calibration):
+        files = dict(calibrated_files(self.calibration))
+        if (released := self.calibration.released) is not None:
+            files[EXPECTED_ERROR] = expected_error_text(released, files["robot.toml"])
+            files["expected_error.csv"] = expected_error_csv(released)
+        for file, text in files.items():
             write_text(folder / file, text)
         for file, data in calibrated_meshes(self.calibration):
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +114,8 @@ class CalibrationResult(Result):
         """Name what is written."""
         robot = "" if self.calibration.problems else ", robot.toml"
         urdf = ", robot.urdf" if robot and (folder / "robot.urdf").exists() else ""
-        return f"identification.json, residuals.csv, report.html{robot}{urdf}"
+        known = ", expected_error.csv" if robot and self.calibration.released is not None else ""
+        return f"identification.json, residuals.csv, report.html{robot}{urdf}{known}"
 
     def preview(self) -> Plot:
         """Return the residuals stage by stage."""

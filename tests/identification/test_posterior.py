@@ -1,19 +1,26 @@
 """The posterior mean as calibrated robot: against simulated arms judged anywhere, and a dense computation."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
+from planner.gauges.frame_gauge import ToolPosition
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.identification.expected_error import NAME as NAME_OF_FILE
+from planner.identification.expected_error import ExpectedError, expected_error_text
+from planner.identification.expected_error_table import expected_error_csv
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs
+from planner.runs.run import Samples
 from tests.identification.worlds import arm_of
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.course import course
@@ -23,6 +30,7 @@ from tests.simulation.generator.truth import Noise, Truth, draw_errors
 from tests.test_tool_error import aligned
 
 NAME = "kuka-kr6-r700"
+DRAWN = 24  # robots
 HIDDEN = (Effect("reducer-ripple", 2, 3e-4, (("frequency", 2.0), ("phase", 0.7))), Effect("joint-compliance", 3, 4e-5))
 
 
@@ -75,3 +83,54 @@ def test_the_expected_error_is_that_of_drawn_robots():
     at = [fit.model.names.index(n) for n in tool.names]
     drawn = root[at] @ np.random.default_rng(0).standard_normal((root.shape[1], 400))
     assert np.sqrt(tool.square(drawn).mean() / 400) == pytest.approx(released.anywhere, rel=0.1)
+
+
+@cache
+def known():
+    """The calibrated robot as written, with what lies beside it, and the calibration."""
+    found = judged(0)[0]
+    files = dict(calibrated_files(found))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.toml"
+        path.write_text(files["robot.toml"])
+        (Path(folder) / NAME_OF_FILE).write_text(expected_error_text(found.released, files["robot.toml"]))
+        return found, ExpectedError.read(load_robot(str(path)), path)
+
+
+@pytest.mark.parametrize("offset", [None, (0.1, -0.05, 0.2)])
+def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
+    """Robots drawn from the posterior, by the whole forward model, their bases aligned over the workspace (Kabsch)."""
+    found, expected = known()
+    fit, tool = found.released.posterior.fit, found.released.tool
+    p_FM = tool.p_FM if offset is None else np.array(offset)
+    states, poses = tool.q[::12], found.run.samples.q[:12] + np.random.default_rng(1).normal(0, 0.1, (12, 6))
+    samples = Samples(np.concatenate([states, poses]), np.zeros(len(states) + 12, dtype=int))
+    moving = [k for k, n in enumerate(fit.model.names) if n in tool.names]
+    alone = replace(fit.model.setup, gauge=ToolPosition(noise=0.0), p_FM=p_FM[None])
+    model = replace(fit.model.subset(moving), setup=alone)
+    on_tool = np.array([n.startswith("map_") for n in model.names])
+    free = 1.0 if offset is None else np.where(on_tool, 0.0, 1.0)  # where another tool's point sits is known
+    mean, root = free * fit.errors[moving], np.reshape(free, (-1, 1)) * fit.solution.root(fit.problem.prior)[moving]
+    nominal, calibrated = (model.reading(samples, v) for v in (np.where(on_tool, mean, 0.0), mean))
+    square = np.zeros((2, 12))
+    for z in np.random.default_rng(2).standard_normal((DRAWN, root.shape[1])):
+        x = model.reading(samples, mean + root @ z)
+        for k, believed in enumerate((nominal, calibrated)):
+            turn, _ = Rotation.align_vectors(*(v[: len(states)] - v[: len(states)].mean(axis=0) for v in (x, believed)))
+            off = x - x[: len(states)].mean(axis=0) - turn.apply(believed - believed[: len(states)].mean(axis=0))
+            square[k] += (off[len(states) :] ** 2).sum(axis=1) / DRAWN
+    at = expected.at(poses, p_FM)
+    assert np.sqrt((at.nominal**2).mean()) == pytest.approx(np.sqrt(square[0].mean()), rel=0.1)
+    assert np.sqrt((at.released**2).mean()) == pytest.approx(np.sqrt(square[1].mean()), rel=0.25)
+    assert 0.5 < (at.released / np.sqrt(square[1])).min() < (at.released / np.sqrt(square[1])).max() < 2.0
+
+
+def test_what_was_written_expects_over_the_workspace_what_the_identification_states():
+    found, expected = known()
+    at, release = expected.at(found.released.tool.q, found.released.tool.p_FM), found.release
+    for errors, stated in ((at.nominal, release.nominal_anywhere), (at.released, found.workspace_error)):
+        assert np.sqrt((errors**2).mean()) == pytest.approx(stated, rel=0.02)
+    assert np.sqrt((at.geometry**2).mean()) == pytest.approx(release.geometry_anywhere, rel=0.02)
+    rows = np.loadtxt(expected_error_csv(found.released).splitlines(), delimiter=",", skiprows=1)
+    assert rows.shape[1] == 6 + 3 + 3
+    assert np.sqrt((rows[:, -1] ** 2).mean()) == pytest.approx(1e3 * found.workspace_error, rel=0.02)

@@ -1,6 +1,7 @@
 """From a plan over a simulated run to a calibrated robot and a corrected program, and what goes wrong on the way."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -124,6 +125,7 @@ def test_a_program_is_corrected(identified):
     code, out, told = edbb("compensate", identified / "part.src", *model, *frames, "-o", "-")
     assert code == 0, told
     assert "1 joint targets and 1 poses corrected" in told
+    assert "of these with another tool (0.0, 0.0, 100.0) mm" in told
     assert out != PROGRAM
     kept = [line for line in out.splitlines() if "{" not in line]
     assert kept == [line for line in PROGRAM.splitlines() if "{" not in line]
@@ -137,6 +139,8 @@ def test_a_program_is_corrected(identified):
     corrected = (identified / "new.src").read_text().splitlines()
     assert PROGRAM.splitlines()[4] in corrected  # the pose stands as it was
     assert PROGRAM.splitlines()[3] not in corrected  # the joint target is corrected
+    before, after = map(float, re.search(r"at the 1 target: (\S+) mm rms.*; (\S+) mm rms", told).groups())
+    assert after < 0.3 * before
 
 
 def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(identified):
@@ -150,6 +154,30 @@ def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(iden
     found = load_robot(str(model))
     there = found.chain.forward(found.theta(new)).x.T
     assert np.linalg.norm(there - wanted, axis=1).max() < 1e-7
+
+
+def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
+    """The robot's file stays, but what is known says that its values are ten times as far off as the nominal ones."""
+    (identified / "part.src").write_text(PROGRAM)
+    words = ("--model", identified / "out" / "robot.toml", "-o", identified / "new.src")
+    known = identified / "out" / "expected_error.json"
+    whole = json.loads(known.read_text())
+    known.write_text(json.dumps(whole | {"released": [10 * v for v in whole["nominal"]]}))
+    code, _, told = edbb("compensate", identified / "part.src", *words)
+    assert code == 3
+    assert "nothing is written" in told
+    assert not (identified / "new.src").exists()
+    known.write_text(json.dumps(whole | {"robot_sha256": "0"}))
+    told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
+    assert "expected error unknown: expected_error.json belongs to another" in told
+    known.write_text(json.dumps(whole | {"nominal": [0.0]}))
+    code, _, told = edbb("compensate", identified / "part.src", *words)
+    assert code == 2
+    assert "numbers each" in told
+    known.unlink()
+    code, _, told = edbb("compensate", identified / "part.src", *words)
+    assert code == 5  # the pose without tool and base stays
+    assert "expected error unknown: no expected_error.json lies beside robot.toml" in told
 
 
 def test_a_controller_that_corrects_itself_is_refused(identified):

@@ -1,0 +1,140 @@
+"""How good the robot is expected to be at a program's own targets, before and after they are corrected."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.determinism import even_positions
+from planner.common.units import MM, Array, to_mm
+from planner.compensation.targets import Target, line_ranges
+from planner.identification.expected_error import ExpectedError
+
+MOST_LOOKED = 4000  # targets of a long program that are looked at, evenly
+NAMED = 5  # lines that are named
+WORSE = 1.001  # beyond rounding
+
+
+@dataclass(frozen=True)
+class ToolErrors:
+    """Expected errors [m], (n,), of the targets with one tool, on their ``lines``; ``tool`` says which tool it is."""
+
+    tool: str
+    lines: tuple[int, ...]
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class ProgramError:
+    """Expected errors of a program's corrected targets, tool by tool.
+
+    Attributes:
+        parts: one for each tool.
+        targets: number of corrected targets, of which the parts hold some, evenly, where they are many.
+    """
+
+    parts: tuple[ToolErrors, ...]
+    targets: int
+
+    @property
+    def before(self) -> Array:
+        """Of all targets looked at, of the robot as it is [m]."""
+        return np.concatenate([p.before for p in self.parts])
+
+    @property
+    def after(self) -> Array:
+        """Of the same targets, once they are corrected [m]."""
+        return np.concatenate([p.after for p in self.parts])
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Their lines, (n,) int."""
+        return np.concatenate([np.array(p.lines) for p in self.parts])
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the correction is expected to do more harm than good."""
+        return _rms(self.after) > WORSE * _rms(self.before)
+
+    @property
+    def refusal(self) -> str:
+        """Say why such a correction is not written."""
+        return (
+            f"the corrected targets are expected to be off by {_mm(_rms(self.after))} mm rms, more than the "
+            f"{_mm(_rms(self.before))} mm of the robot as it is: nothing is written; measure more poses like those of "
+            "this program, or identify with the posterior mean of all effects (without --geometry)"
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Say what is to be expected, and of which lines it is worst."""
+        shown = len(self.before)
+        which = "1 target" if self.targets == 1 else f"{self.targets} targets"
+        which = which if shown == self.targets else f"{shown} of the {which}"
+        out = [
+            f"tool error expected at the {which}: {_mm(_rms(self.before))} mm rms, {_mm(self.before.max())} mm worst "
+            f"before; {_mm(_rms(self.after))} mm rms, {_mm(self.after.max())} mm worst after (base aligned)",
+            f"least certain: {self._worst()}",
+        ]
+        if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
+            out += [f"of these with {p.tool}: {_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm rms" for p in self.parts]
+        if (worse := self.lines[self.after > WORSE * self.before]).size:
+            out.append(f"expected to be worse than before on lines {line_ranges(worse.tolist())}")
+        return tuple(out)
+
+    def content(self) -> dict[str, object]:
+        """Return the same in numbers, line by line."""
+        errors = zip(self.lines.tolist(), to_mm(self.before).tolist(), to_mm(self.after).tolist(), strict=True)
+        return {
+            "before_rms_mm": _rms(self.before) / MM,
+            "after_rms_mm": _rms(self.after) / MM,
+            "targets": [{"line": k, "before_mm": round(a, 5), "after_mm": round(b, 5)} for k, a, b in errors],
+        }
+
+    def _worst(self) -> str:
+        named = dict[int, float]()
+        for k in np.argsort(-self.after, kind="stable"):
+            named.setdefault(int(self.lines[k]), float(self.after[k]))
+            if len(named) == NAMED:
+                break
+        return ", ".join(f"line {line} {_mm(error)} mm" for line, error in named.items())
+
+
+def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> ProgramError:
+    """Return what is expected at corrected targets.
+
+    Args:
+        expected: what is known of the robot.
+        targets: in the order of the file.
+        q: controller angles of the nominal robot at each, (n, N) [rad].
+        p_FM: tool point (3,) [m] of targets that are joint angles; ``None`` is the measured one.
+    """
+    looked = even_positions(len(targets), MOST_LOOKED)
+    points = [_point(targets[k], expected.tool if p_FM is None else p_FM) for k in looked]
+    tools, which = np.unique(np.round(points, 7), axis=0, return_inverse=True)
+    return ProgramError(
+        tuple(_of_tool(expected, tool, looked[which.ravel() == k], targets, q) for k, tool in enumerate(tools)),
+        len(targets),
+    )
+
+
+def _point(target: Target, own: Array) -> Array:
+    return own if target.pose is None else target.pose.T_FT[:3, 3]
+
+
+def _of_tool(
+    expected: ExpectedError, p_FM: Array, which: np.ndarray, targets: Sequence[Target], q: Array
+) -> ToolErrors:
+    found = expected.at(q[which], p_FM)
+    place = ", ".join(f"{v:.1f}" for v in to_mm(p_FM))
+    tool = f"the measured tool point ({place}) mm" if expected.is_measured(p_FM) else f"another tool ({place}) mm"
+    return ToolErrors(tool, tuple(targets[k].line for k in which), found.nominal, found.released)
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt((x**2).mean()))
+
+
+def _mm(x: float) -> str:
+    return f"{x / MM:.3f}"

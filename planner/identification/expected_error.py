@@ -1,0 +1,253 @@
+"""``expected_error.json``: what is known of a calibrated robot's errors, small enough to be asked at any pose and tool.
+
+The covariance of the parameters that move the tool is kept as a root of few columns: the directions in which the tool's
+error is largest over the workspace, of the measured tool and of others (principal components of tool motion times
+root). What these lack, mostly ripple that is alike everywhere, stands as one number for each of the two. Errors are
+those after the best alignment of the base over the workspace, as in ``known_anywhere_mm``.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.common.determinism import even_positions
+from planner.common.errors import InputError
+from planner.common.reading import read_bytes
+from planner.common.schema import StrictModel, read_json, validate
+from planner.common.units import Array, from_deg, from_mm, read_only, to_deg, to_mm
+from planner.effects.parameters import Parameter, ParameterMove
+from planner.effects.phi_keys import phi_from_key
+from planner.identification.calibrated_robot import loaded_robot
+from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
+from planner.kinematics.bodies import Vector
+from planner.kinematics.robot import Robot
+from planner.model.tool_error import tool_rows, tool_setup
+from planner.runs.run import Samples
+
+NAME = "expected_error.json"  # beside robot.toml
+ALIGNING_STATES = 300  # at which the base is aligned
+LEFT_OUT = 0.03  # part of the mean square error that the directions lack
+DIGITS = 6  # significant ones
+SAME_TOOL = 1e-3  # [m] nearer to the measured point a tool is the measured one
+CHUNK = 512  # poses a pass
+
+
+class MovedBy(StrictModel):
+    """One transform that an effect moves, and its basis function."""
+
+    on: str
+    phi: str
+
+
+class KnownParameter(StrictModel):
+    """A parameter that moves the tool: of the geometry by its name alone, an effect with all that it moves [m, rad]."""
+
+    name: str
+    moves: tuple[MovedBy, ...] = ()
+
+
+class ExpectedErrorFile(StrictModel):
+    """The file.
+
+    Attributes:
+        robot_sha256: of the ``robot.toml`` that it belongs to.
+        tool_mm: measured tool point in the flange frame.
+        parameters: P that move the tool.
+        nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
+        spread: root of the parameters' covariance, (P, r).
+        rest_mm, rest_other_mm: tool error that the root lacks, rms, of the measured tool and of others.
+        states_deg: joint states at which the base is aligned, (n, N).
+    """
+
+    schema_: Literal["edbb-expected-error/1"] = Field(alias="schema")
+    robot: str
+    robot_sha256: str
+    tool_mm: Vector
+    parameters: tuple[KnownParameter, ...]
+    nominal: tuple[float, ...]
+    geometry: tuple[float, ...]
+    released: tuple[float, ...]
+    spread: tuple[tuple[float, ...], ...]
+    rest_mm: float
+    rest_other_mm: float
+    states_deg: tuple[tuple[float, ...], ...]
+
+
+def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
+    """Return the text of the file that goes with ``robot_toml``."""
+    tool, setup = released.tool, released.fit.model.setup
+    whole, others = released.spread(tool.names), released.other_tools
+    root = _few_columns(whole, (tool, *others), tool.names)
+    rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
+    offsets = {
+        name: _few_digits(released.offset(tool.names, fit)).tolist()
+        for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
+    }
+    few = tool.q[even_positions(len(tool.q), ALIGNING_STATES)]
+    content = {
+        "schema": "edbb-expected-error/1",
+        "robot": setup.robot.name,
+        "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
+        "tool_mm": _few_digits(to_mm(tool.p_FM)).tolist(),
+        "parameters": list(_described(tool.names, moving_effects(released.posterior.fit), setup)),
+        **offsets,
+        "spread": _few_digits(root).tolist(),
+        "rest_mm": float(_few_digits(to_mm(np.sqrt(max(rest[0], 0.0))))),
+        "rest_other_mm": float(_few_digits(to_mm(np.sqrt(max(float(np.mean(rest[1:])), 0.0))))),
+        "states_deg": np.round(to_deg(few), 3).tolist(),
+    }
+    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> Array:
+    """Return a root of fewer columns (P, r), which lacks little of the error of the tools of ``maps``."""
+    moved = np.zeros((root.shape[1], root.shape[1]))
+    for tool in maps:
+        own = _moved(root, tool, names)
+        moved += own.T @ own / max(float((own**2).sum()), 1e-300)
+    square, turn = np.linalg.eigh(moved)
+    part = np.cumsum(np.maximum(square[::-1], 0.0))
+    count = 1 + int(np.argmax(part >= (1 - LEFT_OUT) * part[-1]))
+    return np.asarray(root @ turn[:, ::-1][:, :count])
+
+
+def _mean_square(root: Array, tool: ToolMap, names: Sequence[str]) -> float:
+    return float((_moved(root, tool, names) ** 2).sum()) / len(tool.q)
+
+
+def _moved(root: Array, tool: ToolMap, names: Sequence[str]) -> Array:
+    at = [list(names).index(n) for n in tool.names]
+    return np.asarray(tool.rows.reshape(-1, len(at)) @ root[at])
+
+
+def _described(
+    names: Sequence[str], effects: Sequence[Parameter], setup: MeasurementSetup
+) -> Iterator[dict[str, object]]:
+    moves = {p.name: p.moves for p in effects}
+    for name in names:
+        own = [{"on": setup.chain.transforms[m.index].name, "phi": m.phi.key} for m in moves.get(name, ())]
+        yield {"name": f"map_{name[-1]}" if name.startswith("map_") else name} | ({"moves": own} if own else {})
+
+
+def _few_digits(values: Array | float) -> Array:
+    return np.asarray(np.vectorize(lambda v: float(f"{v:.{DIGITS}g}") + 0.0, otypes=[float])(values))
+
+
+@dataclass(frozen=True)
+class ErrorAtPoses:
+    """Expected tool error of n poses [m], (n,): of the nominal robot, of geometry alone, and of the released one."""
+
+    nominal: Array
+    geometry: Array
+    released: Array
+
+
+@dataclass(frozen=True)
+class ExpectedError:
+    """What is known of the errors of a calibrated robot: those of a nominal robot with the file's parameters."""
+
+    file: ExpectedErrorFile
+    robot: Robot
+
+    @classmethod
+    def read(cls, robot: Robot, robot_file: Path) -> "ExpectedError | str":
+        """Read what lies beside a ``robot.toml``; or say why nothing is known of that robot.
+
+        Raises:
+            InputError: the file is there and cannot be understood.
+        """
+        path = robot_file.parent / NAME
+        if not path.is_file():
+            return f"no {NAME} lies beside {robot_file.name} ('edbb identify' writes both)"
+        file = validate(read_json(path), ExpectedErrorFile, str(path))
+        if file.robot_sha256 != sha256(read_bytes(robot_file)).hexdigest():
+            return f"{NAME} belongs to another {robot_file.name}: one of them was changed or exchanged"
+        found = cls(file, robot)
+        found.check(path)
+        return found
+
+    def check(self, path: Path) -> None:
+        """Refuse a file whose numbers do not belong together.
+
+        Raises:
+            InputError: with what does not fit.
+        """
+        P, N = len(self.file.parameters), self.robot.n_joints
+        lists = (self.file.nominal, self.file.geometry, self.file.released, self.file.spread)
+        if any(len(v) != P for v in lists) or len({len(row) for row in self.file.spread}) > 1:
+            raise InputError(f"{path}: {P} parameters need {P} numbers each in nominal, geometry, released and spread")
+        if any(len(q) != N for q in self.file.states_deg) or not self.file.states_deg:
+            raise InputError(f"{path}: states_deg needs {N} angles a state")
+        try:
+            known = set(self._rows(self._states[:1], self.tool)[0])
+        except ValueError as err:
+            raise InputError(f"{path}: an effect moves a transform that {self.robot.name} does not have") from err
+        if missing := [p.name for p in self.file.parameters if p.name not in known]:
+            raise InputError(f"{path}: '{missing[0]}' is no parameter of {self.robot.name}")
+
+    @property
+    def tool(self) -> Array:
+        """The measured tool point in the flange frame, (3,) [m]."""
+        return read_only(from_mm(self.file.tool_mm))
+
+    def is_measured(self, p_FM: Array) -> bool:
+        """Tell whether a tool point (3,) [m] is the one that was measured."""
+        return bool(np.linalg.norm(p_FM - self.tool) < SAME_TOOL)
+
+    def at(self, q: Array, p_FM: Array) -> ErrorAtPoses:
+        """Return what is expected at q (n, N) [rad] of a tool point (3,) [m] in the flange frame.
+
+        Of a point that was not measured it counts as known where it sits in the true flange.
+        """
+        names = [p.name for p in self.file.parameters]
+        vectors = self._vectors * np.array([[self.is_measured(p_FM) or not n.startswith("map_")] for n in names])
+        frame, motion = self._motion(self._states, p_FM, vectors)
+        shift = np.linalg.lstsq(frame, motion)[0]
+        square = np.empty((len(q), vectors.shape[1]))
+        for start in range(0, len(q), CHUNK):
+            part = slice(start, start + CHUNK)
+            frame, motion = self._motion(q[part], p_FM, vectors)
+            square[part] = ((motion - frame @ shift) ** 2).reshape(len(q[part]), 3, -1).sum(axis=1)
+        rest = self.file.rest_mm if self.is_measured(p_FM) else self.file.rest_other_mm
+        known = square[:, 3:].sum(axis=1) + float(from_mm(rest)) ** 2
+        return ErrorAtPoses(*(np.sqrt(square[:, k] + known) for k in range(3)))
+
+    def _motion(self, q: Array, p_FM: Array, vectors: Array) -> tuple[Array, Array]:
+        """Tool motion per how the base stands, (3 n, 6), and by each vector of errors (P, k), (3 n, k) [m]."""
+        names, frame, rows = self._rows(q, p_FM)
+        at = [names.index(p.name) for p in self.file.parameters]
+        return frame, rows[:, at] @ vectors
+
+    def _rows(self, q: Array, p_FM: Array) -> tuple[tuple[str, ...], Array, Array]:
+        setup = tool_setup(replace(loaded_robot(self.robot), robot=self.robot.nominal), p_FM)
+        samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q)))
+        return tool_rows(samples, setup, list(self._effects(setup)))
+
+    def _effects(self, setup: MeasurementSetup) -> Iterator[Parameter]:
+        end = N_BASE_TRANSFORMS + len(setup.robot.transforms)
+        names = [t.name for t in setup.chain.transforms[:end]]
+        for p in self.file.parameters:
+            if p.moves:
+                moves = tuple(
+                    ParameterMove("transform", names.index(m.on), phi_from_key(m.phi, self.robot.n_joints))
+                    for m in p.moves
+                )
+                yield Parameter(p.name, "1", 1.0, p.name, moves, "effect")
+
+    @cached_property
+    def _states(self) -> Array:
+        return read_only(from_deg(np.array(self.file.states_deg)))
+
+    @cached_property
+    def _vectors(self) -> Array:
+        """Errors of the nominal robot, of geometry alone and of the released one, then the root: (P, 3 + r)."""
+        offsets = np.stack([self.file.nominal, self.file.geometry, self.file.released], axis=1)
+        return np.concatenate([offsets, np.array(self.file.spread).reshape(len(offsets), -1)], axis=1)
