@@ -97,7 +97,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "robot": setup.robot.name,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
         "tool_mm": _few_digits(to_mm(tool.p_FM)).tolist(),
-        "parameters": list(_described(tool.names, moving_effects(released.posterior.fit), setup)),
+        "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
         "spread": _few_digits(root).tolist(),
         "rest_mm": float(_few_digits(to_mm(np.sqrt(max(rest[0], 0.0))))),
@@ -111,7 +111,7 @@ def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> 
     """Return a root of fewer columns (P, r), which lacks little of the error of the tools of ``maps``."""
     moved = np.zeros((root.shape[1], root.shape[1]))
     for tool in maps:
-        own = _moved(root, tool, names)
+        own = _tool_motion(root, tool, names)
         moved += own.T @ own / max(float((own**2).sum()), 1e-300)
     square, turn = np.linalg.eigh(moved)
     part = np.cumsum(np.maximum(square[::-1], 0.0))
@@ -120,15 +120,15 @@ def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> 
 
 
 def _mean_square(root: Array, tool: ToolMap, names: Sequence[str]) -> float:
-    return float((_moved(root, tool, names) ** 2).sum()) / len(tool.q)
+    return float((_tool_motion(root, tool, names) ** 2).sum()) / len(tool.q)
 
 
-def _moved(root: Array, tool: ToolMap, names: Sequence[str]) -> Array:
+def _tool_motion(root: Array, tool: ToolMap, names: Sequence[str]) -> Array:
     at = [list(names).index(n) for n in tool.names]
     return np.asarray(tool.rows.reshape(-1, len(at)) @ root[at])
 
 
-def _described(
+def _describe(
     names: Sequence[str], effects: Sequence[Parameter], setup: MeasurementSetup
 ) -> Iterator[dict[str, object]]:
     moves = {p.name: p.moves for p in effects}
