@@ -11,7 +11,7 @@ def expected_error_csv(released: ReleasedRobot) -> str:
     tool = released.tool
     head = [f"q{j + 1}_deg" for j in range(tool.q.shape[1])]
     head += ["x_mm", "y_mm", "z_mm", "nominal_mm", "geometry_mm", "released_mm"]
-    errors = [released.expected(fit) for fit in (None, released.geometry, released.fit)]
+    errors = [released.expected_errors(fit) for fit in (None, released.geometry, released.fit)]
     rows = np.column_stack([to_deg(tool.q), to_mm(tool.position), to_mm(np.stack(errors, axis=1))])
     text = "\n".join(",".join(f"{v + 0.0:.4f}" for v in row) for row in rows.round(4))
     return ",".join(head) + "\n" + text + "\n"

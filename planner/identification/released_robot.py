@@ -96,7 +96,7 @@ class ReleasedRobot:
         rows = self.tool.rows.reshape(-1, len(self.tool.names))
         return np.asarray(rows[:, [self.tool.names.index(n) for n in names]])
 
-    def expected(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
+    def expected_errors(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
         """Return the expected error at every state of a map [m], (n,), of a robot with the values of ``fit``.
 
         ``None`` is the nominal robot, or the measured tool.
@@ -107,7 +107,7 @@ class ReleasedRobot:
 
     def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
         """Return the same over the workspace [m], rms."""
-        return _rms(self.expected(fit, tool))
+        return _rms(self.expected_errors(fit, tool))
 
     @cached_property
     def anywhere(self) -> float:
