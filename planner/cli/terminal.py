@@ -1,8 +1,10 @@
 """What the commands share: options, progress on standard error, and the one way in which a result is given."""
 
 import json
+import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +19,7 @@ from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_overwriting
 
+PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
 MOST_PRINTED = 50_000  # signs of a summary
 RESULTS = ("plan.json", "cell.toml", "trajectory.csv", "report.html", "identification.json", "robot.toml")
 
@@ -114,6 +117,7 @@ class Screen:
     """Shows the stages of a long task in one line, which vanishes; nothing where standard error is no terminal."""
 
     def __init__(self) -> None:
+        self._lines = ProgressLines() if os.environ.get(PROGRESS_VARIABLE) == "json" else None
         columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
         self._bar = Bar(*columns, console=errors, transient=True, disable=not sys.stderr.isatty())
         self._task = self._bar.add_task("starting", total=None)
@@ -128,4 +132,20 @@ class Screen:
         self._bar.stop()
 
     def _say(self, stage: str, done: int, of: int) -> None:
+        if self._lines is not None:
+            self._lines.say(stage, done, of)
         self._bar.update(self._task, description=stage, completed=done, total=of or None)
+
+
+class ProgressLines:
+    """Says the stages of a long task as lines of JSON on standard error, for a program that watches: two a second."""
+
+    def __init__(self) -> None:
+        self._stage, self._next = "", 0.0
+
+    def say(self, stage: str, done: int, of: int) -> None:
+        """Print a line, where the stage is new or half a second has gone."""
+        now = time.monotonic()
+        if stage != self._stage or now >= self._next:
+            self._stage, self._next = stage, now + 0.5
+            print(json.dumps({"stage": stage, "done": done, "of": of}), file=sys.stderr, flush=True)

@@ -2,7 +2,7 @@
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +15,15 @@ class Inputs:
     def __init__(self) -> None:
         self.watching = False
         self._seen: set[tuple[int, int]] = set()
+        self._within: tuple[Path, ...] = ()
+
+    def confine(self, folders: Sequence[Path]) -> None:
+        """From now on let nothing outside these folders be read: the files may be a stranger's."""
+        self._within = tuple(f.resolve() for f in folders)
+
+    def allows(self, path: Path) -> bool:
+        """Tell whether the file at ``path`` may be read."""
+        return not self._within or any(path.resolve().is_relative_to(f) for f in self._within)
 
     @contextmanager
     def watch(self) -> Iterator[None]:
@@ -51,6 +60,8 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT) -> None:
         InputError: naming the file, its size and what is allowed.
     """
     try:
+        if not INPUTS.allows(path):
+            raise InputError(f"{path}: lies outside the folder of this job; send the file along and name it alone")
         found = os.stat(path)
     except (OSError, ValueError) as err:
         reason = err.strerror if isinstance(err, OSError) and err.strerror else str(err)

@@ -5,6 +5,7 @@ __all__ = [
     "calibration_charts",
     "calibration_data",
     "calibration_report",
+    "cell_view",
     "chart",
     "circular_plan_report",
     "circular_report",

@@ -1,0 +1,121 @@
+"""What the interface answers: jobs, files, robots, cells, dialects."""
+
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import Field
+
+from planner.service.job_requests import ServiceModel
+from planner.service.job_store import JobOutput, JobProblem, JobRecord, State
+
+
+class StoredFile(ServiceModel):
+    """An uploaded file."""
+
+    id: str = Field(description="SHA-256 of its content")
+    name: str = Field(examples=["run.csv"])
+    size: int = Field(description="in bytes")
+
+
+class OutputFile(ServiceModel):
+    """A file that a job has written."""
+
+    name: str = Field(examples=["plan.json"])
+    sha256: str
+    size: int
+    url: str
+
+
+class JobFault(ServiceModel):
+    """Why a job has no result, as the command line says it."""
+
+    title: str
+    detail: str
+    exit_code: int | None = None
+
+
+class Job(ServiceModel):
+    """A job: what is asked for, how far it is, and what it has written."""
+
+    id: str
+    kind: str = Field(examples=["plan"])
+    title: str
+    state: State
+    stage: str = Field(description="what it is doing")
+    done: int = Field(description="how much of the stage is done")
+    of: int = Field(description="of how much; 0 where that is not known")
+    created: datetime
+    started: datetime | None = None
+    finished: datetime | None = None
+    exit_code: int | None = Field(None, description="of the command; 5: done in part")
+    problem: JobFault | None = None
+    files: list[OutputFile] = []
+    request: dict[str, Any] = Field(description="as it was submitted")
+    url: str
+
+
+class RobotEntry(ServiceModel):
+    """A robot that comes with the planner, and its ready cells."""
+
+    name: str
+    title: str
+    joints: int
+    payload_kg: float | None
+    cells: list[str]
+
+
+class DialectEntry(ServiceModel):
+    """A robot language that programs can be written in."""
+
+    name: str
+    title: str
+    units: str
+    max_joints: int
+
+
+class CellEntry(ServiceModel):
+    """A cell: shipped (``robot/cell``) or uploaded."""
+
+    id: str
+    name: str
+
+
+class Health(ServiceModel):
+    """That the service is there."""
+
+    version: str
+    jobs_running: int
+    jobs_waiting: int
+
+
+def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
+    """Return a job as the interface shows it."""
+    url = f"/api/jobs/{job.id}"
+    return Job(
+        id=job.id,
+        kind=job.kind,
+        title=job.title,
+        state=job.state,
+        stage=job.stage if job.state == "running" else "",
+        done=job.done,
+        of=job.total,
+        created=_time(job.created),
+        started=_time(job.started) if job.started else None,
+        finished=_time(job.finished) if job.finished else None,
+        exit_code=job.exit_code,
+        problem=_fault(job.problem),
+        files=[OutputFile(name=o.name, sha256=o.sha256, size=o.size, url=f"{url}/files/{o.name}") for o in outputs],
+        request=json.loads(job.request),
+        url=url,
+    )
+
+
+def _fault(problem: JobProblem | None) -> JobFault | None:
+    if problem is None:
+        return None
+    return JobFault(title=problem.title, detail=problem.detail, exit_code=problem.exit_code)
+
+
+def _time(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, UTC)

@@ -1,0 +1,195 @@
+"""From a request to the words of the command line and the files that it needs."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+
+from planner.common.errors import InputError
+from planner.service.file_store import FileStore
+from planner.service.job_requests import (
+    CellCheckRequest,
+    CellRequest,
+    CompensationRequest,
+    ExportRequest,
+    FileReference,
+    IdentificationRequest,
+    JobRequest,
+    MeasuredRequest,
+    PlanRequest,
+    PlanViewRequest,
+    RunCheckRequest,
+    SimulationRequest,
+    StudyRequest,
+    ValidationRequest,
+)
+from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
+
+JSON = "--json"
+NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
+
+
+class UnknownJobError(InputError):
+    """A job that a request names is not there."""
+
+
+class UnfinishedJobError(InputError):
+    """A job that a request names has no result."""
+
+
+class CommandBuilder:
+    """Makes commands of requests; refuses what names files or jobs that are not there."""
+
+    def __init__(self, jobs: JobStore, files: FileStore) -> None:
+        self._jobs, self._files = jobs, files
+        self._makers: dict[type[JobRequest], Callable[..., JobCommand]] = {
+            PlanRequest: self._plan,
+            StudyRequest: self._study,
+            CellCheckRequest: self._cell_check,
+            PlanViewRequest: self._plan_view,
+            SimulationRequest: self._simulation,
+            ExportRequest: self._export,
+            RunCheckRequest: self._run_check,
+            IdentificationRequest: self._identification,
+            ValidationRequest: self._validation,
+            CompensationRequest: self._compensation,
+        }
+
+    def submit(self, request: JobRequest) -> JobRecord:
+        """Accept a request as a job; the same content is the same job.
+
+        Raises:
+            InputError: a file or a job that it names is not there, or two files have one name.
+        """
+        command = self._makers[type(request)](request)
+        names = [i.name for i in command.inputs]
+        twice = next((n for n in names if names.count(n) > 1), None)
+        if twice:
+            raise InputError(f"two files of the request are called '{twice}'; give them names of their own")
+        return self._jobs.submit(
+            job_id(request, command), request.kind, self._title(request), request.model_dump_json(), command
+        )
+
+    def _title(self, request: JobRequest) -> str:
+        if isinstance(request, CellRequest):
+            return request.cell if "/" in request.cell else f"uploaded cell {request.cell[:8]}"
+        if isinstance(request, MeasuredRequest):
+            return ", ".join(r.name for r in request.runs) or "simulated run"
+        plan = getattr(request, "plan", None)
+        return self._jobs.get(plan).title if plan else "program"
+
+    def _plan(self, r: PlanRequest) -> JobCommand:
+        cell, inputs = self._cell(r.cell, r.files)
+        words = ["plan", cell, "-o", "out", JSON, "--seed", str(r.seed), "--tsp", r.tsp]
+        words += _options(poses=r.poses, index=r.index, fixtures=r.fixtures, aim=r.aim)
+        words += [w for d in r.dialects for w in ("--dialect", d)]
+        if r.separate:
+            found = self._results(r.separate, "identification", "before")
+            words, inputs = [*words, "--separate", "before/identification.json"], [*inputs, *found]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _study(self, r: StudyRequest) -> JobCommand:
+        cell, inputs = self._cell(r.cell, r.files)
+        words = ["study", cell, "-o", "out", JSON, "--seed", str(r.seed), *_options(index=r.index)]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _cell_check(self, r: CellCheckRequest) -> JobCommand:
+        cell, inputs = self._cell(r.cell, r.files)
+        return JobCommand(("cell-check", cell), tuple(inputs), task=True)
+
+    def _plan_view(self, r: PlanViewRequest) -> JobCommand:
+        return JobCommand(("plan-view",), tuple(self._results(r.plan, "plan", "plan")), task=True)
+
+    def _simulation(self, r: SimulationRequest) -> JobCommand:
+        inputs = self._results(r.plan, "plan", "plan")
+        words = ["simulate", "plan/plan.json", "-o", "out/run.csv", "--seed", str(r.seed)]
+        if r.truth:
+            words, inputs = [*words, "--truth", r.truth.name], [*inputs, self._file(r.truth)]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _export(self, r: ExportRequest) -> JobCommand:
+        inputs = self._results(r.plan, "plan", "plan")
+        return JobCommand(("export", "plan/plan.json", "--dialect", r.dialect, "-o", "out/program"), tuple(inputs))
+
+    def _measured(self, r: MeasuredRequest) -> tuple[list[str], list[str], list[JobInput]]:
+        """Runs, then the options of cell and plan, then all files."""
+        inputs = [self._file(f) for f in (*r.runs, *(r.files if r.cell is None else ()))]
+        runs = [f.name for f in r.runs]
+        if r.simulation:
+            inputs += [i for i in self._results(r.simulation, "simulation", "simulated") if i.name.endswith("run.csv")]
+            runs.append("simulated/run.csv")
+        options = []
+        if r.plan:
+            inputs += self._results(r.plan, "plan", "plan")
+            options += ["--plan", "plan/plan.json"]
+        if r.cell is None:
+            options += ["--cell", "plan/cell.toml"]
+        else:
+            cell, found = self._cell(r.cell, r.files)
+            options, inputs = [*options, "--cell", cell], [*inputs, *found]
+        return runs, options, inputs
+
+    def _run_check(self, r: RunCheckRequest) -> JobCommand:
+        runs, options, inputs = self._measured(r)
+        return JobCommand(("run-check", *options, *runs), tuple(inputs), task=True)
+
+    def _identification(self, r: IdentificationRequest) -> JobCommand:
+        runs, options, inputs = self._measured(r)
+        words = ["identify", *runs, *options, "-o", "out", JSON, "--seed", str(r.seed), "--hold-out", str(r.hold_out)]
+        words += [
+            f"--{w}" for w, on in (("no-trace", r.no_trace), ("geometry", r.geometry), ("robust", r.robust)) if on
+        ]
+        if r.validate_with:
+            words, inputs = [*words, "--validate", r.validate_with.name], [*inputs, self._file(r.validate_with)]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _validation(self, r: ValidationRequest) -> JobCommand:
+        runs, options, inputs = self._measured(r)
+        if len(runs) != 1:
+            raise InputError(f"a validation is of one run, found {len(runs)}")
+        words = ["accuracy", *runs, *options, "-o", "out", JSON]
+        if r.model:
+            inputs += self._results(r.model, "identification", "calibrated")
+            words += ["--model", "calibrated/robot.toml"]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _compensation(self, r: CompensationRequest) -> JobCommand:
+        inputs = [self._file(r.program), *self._results(r.model, "identification", "calibrated")]
+        words = ["compensate", r.program.name, "--model", "calibrated/robot.toml", "-o", f"out/{r.program.name}"]
+        words += _options(dialect=r.dialect, tool=r.tool, base=r.base) + (["--strict"] if r.strict else [])
+        if r.frames:
+            words, inputs = [*words, "--frames", r.frames.name], [*inputs, self._file(r.frames)]
+        return JobCommand(tuple(words), tuple(inputs))
+
+    def _cell(self, cell: str, files: Sequence[FileReference]) -> tuple[str, list[JobInput]]:
+        """The word for a cell, and the files that it needs."""
+        if "/" in cell:
+            return cell, []
+        return "cell.toml", [self._file(FileReference(id=cell, name="cell.toml")), *(self._file(f) for f in files)]
+
+    def _file(self, file: FileReference) -> JobInput:
+        if not self._files.holds(file.id):
+            raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
+        return JobInput(file.name, file.id)
+
+    def _results(self, job: str, kind: str, folder: str) -> list[JobInput]:
+        """The files of a finished job that others need, in a folder."""
+        try:
+            found = self._jobs.get(job)
+        except KeyError:
+            raise UnknownJobError(f"there is no job {job}") from None
+        if found.kind != kind:
+            raise InputError(f"job {job} is a {found.kind}; a {kind} is needed")
+        if found.state != "done":
+            raise UnfinishedJobError(f"the {kind} {job} has no result yet: it is {found.state}")
+        outputs = self._jobs.outputs(job)
+        return [JobInput(f"{folder}/{o.name}", o.sha256) for o in outputs if not o.name.startswith(NOT_NEEDED)]
+
+
+def job_id(request: JobRequest, command: JobCommand) -> str:
+    """Return the identifier of a job: a hash of what it is asked for and of its files."""
+    content = [request.kind, json.loads(request.model_dump_json()), [[i.name, i.sha256] for i in command.inputs]]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _options(**values: object) -> list[str]:
+    return [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]

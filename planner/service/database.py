@@ -1,0 +1,79 @@
+"""The embedded database: SQLite in WAL mode, every commit on the disk before it is answered."""
+
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from planner.common.errors import InputError
+
+VERSION = 1
+SCHEMA = """
+CREATE TABLE jobs (
+    id TEXT PRIMARY KEY, kind TEXT NOT NULL, title TEXT NOT NULL, request TEXT NOT NULL, command TEXT NOT NULL,
+    state TEXT NOT NULL, fence INTEGER NOT NULL DEFAULT 0, owner TEXT NOT NULL DEFAULT '',
+    lease_until REAL NOT NULL DEFAULT 0, crashes INTEGER NOT NULL DEFAULT 0, cancelled INTEGER NOT NULL DEFAULT 0,
+    stage TEXT NOT NULL DEFAULT '', done INTEGER NOT NULL DEFAULT 0, total INTEGER NOT NULL DEFAULT 0,
+    created REAL NOT NULL, started REAL, finished REAL, exit_code INTEGER, problem TEXT NOT NULL DEFAULT '',
+    version TEXT NOT NULL DEFAULT '');
+CREATE INDEX jobs_by_state ON jobs (state, created);
+CREATE TABLE events (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, job TEXT NOT NULL REFERENCES jobs (id), kind TEXT NOT NULL,
+    content TEXT NOT NULL, at REAL NOT NULL);
+CREATE INDEX events_by_job ON events (job, id);
+CREATE TABLE outputs (
+    job TEXT NOT NULL REFERENCES jobs (id), name TEXT NOT NULL, sha256 TEXT NOT NULL, size INTEGER NOT NULL,
+    PRIMARY KEY (job, name));
+CREATE TABLE uploads (
+    sha256 TEXT NOT NULL, name TEXT NOT NULL, size INTEGER NOT NULL, kind TEXT NOT NULL, at REAL NOT NULL,
+    PRIMARY KEY (sha256, name, kind));
+"""
+
+
+class Database:
+    """One file, one connection a thread."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the database at ``path``, or make it.
+
+        Raises:
+            InputError: the file cannot be used, or a later version of the planner has written it.
+        """
+        self._path, self._local = path, threading.local()
+        try:
+            with self.write() as db:
+                found = int(db.execute("PRAGMA user_version").fetchone()[0])
+                if found == 0:
+                    for statement in SCHEMA.split(";"):
+                        db.execute(statement)
+                    db.execute(f"PRAGMA user_version = {VERSION}")
+        except sqlite3.Error as err:
+            raise InputError(f"{path}: cannot be used as the store of jobs ({err})") from err
+        if found > VERSION:
+            raise InputError(f"{path}: was written by a later version of edbb (store {found}, known is {VERSION})")
+
+    @property
+    def connection(self) -> sqlite3.Connection:
+        """This thread's connection; reads need no more."""
+        made: sqlite3.Connection | None = getattr(self._local, "connection", None)
+        if made is None:
+            made = sqlite3.connect(self._path, isolation_level=None, timeout=30)
+            made.row_factory = sqlite3.Row
+            made.execute("PRAGMA journal_mode = WAL")
+            made.execute("PRAGMA synchronous = FULL")
+            made.execute("PRAGMA foreign_keys = ON")
+            self._local.connection = made
+        return made
+
+    @contextmanager
+    def write(self) -> Iterator[sqlite3.Connection]:
+        """One transaction, alone among all writers; an error undoes all of it."""
+        db = self.connection
+        db.execute("BEGIN IMMEDIATE")
+        try:
+            yield db
+        except BaseException:
+            db.execute("ROLLBACK")
+            raise
+        db.execute("COMMIT")

@@ -1,0 +1,106 @@
+"""Routes of files, runs and cells."""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import FileResponse
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+
+from planner.cell.reading import load_cell, shipped_cells
+from planner.service.answers import CellEntry, StoredFile
+from planner.service.context import Context, ServiceContext
+from planner.service.job_requests import FileName, Sha256
+from planner.service.uploads import receive_body
+
+FILES = APIRouter(prefix="/api", tags=["files"])
+BINARY: Mapping[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+TOML: Mapping[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/toml": {
+                "schema": {"type": "string"},
+                "example": 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n',
+            }
+        },
+    }
+}
+Name = Annotated[FileName, Query(description="name that the file has in the folder of a job", examples=["run.csv"])]
+Hash = Annotated[Sha256 | None, Query(description="SHA-256 of the content; the transfer is checked by it")]
+
+
+@FILES.post("/files", status_code=201, openapi_extra=dict(BINARY))
+async def upload_file(request: Request, context: Context, name: Name, sha256: Hash = None) -> StoredFile:
+    """Send a file (body: its bytes), to be named in requests by its identifier; the same content is the same file."""
+    return await _receive(request, context, name, sha256, "file")
+
+
+@FILES.get("/files/{id}")
+def download_file(id: Sha256, context: Context) -> FileResponse:
+    """Get the content of a file that was sent."""
+    found = context.uploads.find(id)
+    if found is None:
+        raise HTTPException(404, f"there is no file {id[:12]}…")
+    return file_answer(context, id, found.name)
+
+
+@FILES.post("/runs", status_code=201, openapi_extra=dict(BINARY))
+async def upload_run(request: Request, context: Context, name: Name, sha256: Hash = None) -> StoredFile:
+    """Send a measured run, CSV or Parquet, up to 1 GB; ``run-checks`` read it, ``identifications`` use it."""
+    return await _receive(request, context, name, sha256, "run")
+
+
+@FILES.get("/runs")
+def list_runs(context: Context) -> list[StoredFile]:
+    """List the runs that were sent, the latest first."""
+    return context.uploads.list_files("run")
+
+
+@FILES.post("/cells", status_code=201, openapi_extra=dict(TOML))
+async def upload_cell(request: Request, context: Context, name: Name) -> StoredFile:
+    """Send a cell file (body: its TOML); ``cell-checks`` check it."""
+    return await _receive(request, context, name, None, "cell")
+
+
+@FILES.get("/cells")
+def list_cells(context: Context) -> list[CellEntry]:
+    """List the shipped cells and those that were sent."""
+    sent = [CellEntry(id=f.id, name=f.name) for f in context.uploads.list_files("cell")]
+    return [*(CellEntry(id=c, name=c) for c in _shipped()), *sent]
+
+
+@FILES.get("/cells/{robot}/{cell}")
+def get_shipped_cell(robot: str, cell: str) -> FileResponse:
+    """Get the file of a shipped cell."""
+    if f"{robot}/{cell}" not in _shipped():
+        raise HTTPException(404, f"there is no shipped cell {robot}/{cell}")
+    return FileResponse(load_cell(f"{robot}/{cell}").path, media_type="application/toml")
+
+
+async def _receive(request: Request, context: ServiceContext, name: str, sha256: str | None, kind: str) -> StoredFile:
+    file = await receive_body(request, context.files, name, sha256)
+    await run_in_threadpool(context.uploads.add, file, kind)
+    return file
+
+
+@cache
+def _shipped() -> tuple[str, ...]:
+    return shipped_cells()
+
+
+def file_answer(context: ServiceContext, sha256: str, name: str, media_type: str | None = None) -> FileResponse:
+    """Return a file of the store as something to be saved: a browser shows nothing of it as a page."""
+    return FileResponse(
+        context.files.path(sha256),
+        filename=name,
+        media_type=media_type or "application/octet-stream",
+        headers={"etag": f'"{sha256}"', "cache-control": "private, max-age=31536000, immutable"},
+    )

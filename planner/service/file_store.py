@@ -1,0 +1,169 @@
+"""Files by their content: each named by its SHA-256, there as a whole or not at all, and never changed."""
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from planner.common.errors import InputError
+
+CHUNK = 1 << 20
+ID = re.compile(r"[0-9a-f]{64}")
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}")
+FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+class DiskFullError(InputError):
+    """The disk of the store has no room left."""
+
+
+class ContentDraft:
+    """A file that is being received."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file, self._hash, self.size = path.open("xb"), hashlib.sha256(), 0
+
+    def add(self, data: bytes) -> None:
+        """Append to it."""
+        self._file.write(data)
+        self._hash.update(data)
+        self.size += len(data)
+
+    def finish(self) -> str:
+        """Bring it to the disk and return the hash of its content."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()
+        return self._hash.hexdigest()
+
+    def abandon(self) -> None:
+        """Let go of it."""
+        self._file.close()
+
+
+class FileStore:
+    """A folder of files named by their content."""
+
+    def __init__(self, folder: Path, reserve: int = 0) -> None:
+        self.folder, self._drafts, self._reserve = folder / "files", folder / "drafts", reserve
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._drafts.mkdir(exist_ok=True)
+
+    @contextmanager
+    def receive(self) -> Iterator[ContentDraft]:
+        """A draft to be filled; :meth:`keep` makes a file of it, and whatever else happens nothing stays.
+
+        Raises:
+            DiskFullError: there is no room.
+        """
+        path = self._drafts / f"{os.getpid()}-{secrets.token_hex(8)}"
+        try:
+            self.check_room()
+            draft = ContentDraft(path)
+            try:
+                yield draft
+            finally:
+                draft.abandon()
+        except OSError as err:
+            raise disk_error(err) from err
+        finally:
+            path.unlink(missing_ok=True)
+
+    def keep(self, draft: ContentDraft, expected: str | None = None) -> str:
+        """Move what was received to its place; return its hash.
+
+        Raises:
+            InputError: the hash is not as ``expected``: the transfer was cut or disturbed.
+        """
+        found = draft.finish()
+        if expected is not None and found != expected:
+            raise InputError(f"the file came as {found[:12]}…, sent was {expected[:12]}…; send it again")
+        self._move(draft.path, found)
+        return found
+
+    def take(self, path: Path) -> tuple[str, int]:
+        """Move a file of the same disk into the store; return its hash and size."""
+        found, size = hashlib.sha256(), 0
+        with path.open("rb+") as file:
+            while data := file.read(CHUNK):
+                found.update(data)
+                size += len(data)
+            os.fsync(file.fileno())
+        self._move(path, found.hexdigest())
+        return found.hexdigest(), size
+
+    def add(self, data: bytes) -> str:
+        """Keep a small file; return its hash."""
+        with self.receive() as draft:
+            draft.add(data)
+            return self.keep(draft)
+
+    def path(self, sha256: str) -> Path:
+        """Return where the file of this hash lies, or would lie."""
+        assert ID.fullmatch(sha256), sha256
+        return self.folder / sha256[:2] / sha256
+
+    def holds(self, sha256: str) -> bool:
+        """Tell whether there is a file of this hash."""
+        return self.path(sha256).is_file()
+
+    def check_room(self) -> None:
+        """Refuse to go on where the disk is nearly full.
+
+        Raises:
+            DiskFullError: less than the reserve is free.
+        """
+        if shutil.disk_usage(self.folder).free < self._reserve:
+            raise DiskFullError("the disk of the service is full; nothing was kept")
+
+    def clear_drafts(self) -> None:
+        """Remove what dead processes were receiving."""
+        for path in self._drafts.iterdir():
+            pid = path.name.partition("-")[0]
+            if pid.isdigit() and int(pid) != os.getpid() and not Path(f"/proc/{pid}").exists():
+                path.unlink(missing_ok=True)
+
+    def _move(self, path: Path, sha256: str) -> None:
+        target = self.path(sha256)
+        if not target.parent.is_dir():
+            target.parent.mkdir(exist_ok=True)
+            sync_folder(self.folder)
+        os.replace(path, target)
+        sync_folder(target.parent)
+
+
+def copy_checked(source: Path, sha256: str, target: Path) -> None:
+    """Copy a file of the store, and make sure that it is what its name says.
+
+    Raises:
+        InputError: its content has changed.
+    """
+    found = hashlib.sha256()
+    with source.open("rb") as read, target.open("xb") as written:
+        while data := read.read(CHUNK):
+            found.update(data)
+            written.write(data)
+    if found.hexdigest() != sha256:
+        raise InputError(f"{target.name}: its content in the store has changed; send it again")
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def disk_error(err: OSError) -> InputError:
+    """Return what to say of an error of the disk."""
+    if err.errno in FULL:
+        return DiskFullError("the disk of the service is full; nothing was kept")
+    return InputError(f"the store of the service cannot be written ({err.strerror or err})")

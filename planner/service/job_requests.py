@@ -1,0 +1,181 @@
+"""What a client may ask for: one model a kind of job; their choices are those of files and command line."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from planner.common.choices import Aim, IndexName
+
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
+JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]
+FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"])]
+CellReference = Annotated[
+    str,
+    Field(
+        pattern="^([a-z0-9-]{1,60}/[a-z0-9-]{1,60}|[0-9a-f]{64})$",
+        description="robot/cell of a shipped cell, or the identifier of an uploaded one",
+        examples=["comau-nj130/edbb"],
+    ),
+]
+Seed = Annotated[int, Field(ge=0, le=2**31, description="the same seed gives the same bytes")]
+Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
+FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
+
+
+class ServiceModel(BaseModel):
+    """A body of the interface: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class FileReference(ServiceModel):
+    """An uploaded file, and the name that it has in the folder of the job."""
+
+    id: Sha256
+    name: FileName
+
+
+RunFiles = Annotated[list[FileReference], Field(min_length=1, max_length=20)]
+ExtraFiles = Annotated[
+    list[FileReference], Field(max_length=50, description="files that an uploaded cell names: robot, URDF, meshes")
+]
+
+
+class JobRequest(ServiceModel):
+    """Something that a job does."""
+
+    kind: ClassVar[str]
+
+
+class CellRequest(JobRequest):
+    """Something that starts from a cell."""
+
+    cell: CellReference
+    files: ExtraFiles = []
+
+
+class PlanRequest(CellRequest):
+    """Plan a measuring session: poses, certificate, collision-free path, robot programs, report."""
+
+    kind: ClassVar[str] = "plan"
+    poses: Annotated[int, Field(ge=1, le=1000)] | None = None
+    index: IndexName | None = None
+    seed: Seed = 0
+    dialects: Annotated[list[Dialect], Field(max_length=10)] = []
+    tsp: Literal["auto", "exact"] = "auto"
+    separate: JobId | None = Field(
+        None, description="an identification: poses that tell its findings from their rivals"
+    )
+    fixtures: Annotated[int, Field(ge=1, le=6)] | None = None
+    aim: Aim | None = None
+
+
+class StudyRequest(CellRequest):
+    """Observability offline: what can be seen, with how many poses, from which fixture."""
+
+    kind: ClassVar[str] = "study"
+    index: IndexName | None = None
+    seed: Seed = 0
+
+
+class CellCheckRequest(CellRequest):
+    """Check a cell, and make the view of it."""
+
+    kind: ClassVar[str] = "cell-check"
+
+
+class OfPlanRequest(JobRequest):
+    """Something that starts from a finished plan."""
+
+    plan: JobId
+
+
+class PlanViewRequest(OfPlanRequest):
+    """Make the view of a plan: poses, path and the robot along it."""
+
+    kind: ClassVar[str] = "plan-view"
+
+
+class SimulationRequest(OfPlanRequest):
+    """Simulate the measured run of a plan, on a robot with known or drawn errors."""
+
+    kind: ClassVar[str] = "simulation"
+    seed: Seed = 0
+    truth: FileReference | None = None
+
+
+class ExportRequest(OfPlanRequest):
+    """Write the robot program of a plan in another language."""
+
+    kind: ClassVar[str] = "export"
+    dialect: Dialect
+
+
+class MeasuredRequest(JobRequest):
+    """Something that starts from measured runs: uploaded, or of a simulation; the cell may be that of the plan."""
+
+    runs: Annotated[list[FileReference], Field(max_length=20)] = []
+    simulation: JobId | None = None
+    plan: JobId | None = None
+    cell: CellReference | None = None
+    files: ExtraFiles = []
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if not self.runs and self.simulation is None:
+            raise ValueError("name runs, or a simulation")
+        if self.cell is None and self.plan is None:
+            raise ValueError("name a plan, or a cell")
+        return self
+
+
+class RunCheckRequest(MeasuredRequest):
+    """Read a run as an identification would, and show what is in it."""
+
+    kind: ClassVar[str] = "run-check"
+
+
+class IdentificationRequest(MeasuredRequest):
+    """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
+
+    kind: ClassVar[str] = "identification"
+    validate_with: FileReference | None = None
+    no_trace: bool = False
+    geometry: bool = False
+    hold_out: Annotated[float, Field(ge=0.02, le=0.5)] = 0.2
+    robust: bool = False
+    seed: Seed = 0
+
+
+class ValidationRequest(MeasuredRequest):
+    """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
+
+    kind: ClassVar[str] = "validation"
+    model: JobId | None = Field(None, description="the identification whose robot is judged")
+
+
+class CompensationRequest(JobRequest):
+    """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
+
+    kind: ClassVar[str] = "compensation"
+    program: FileReference
+    model: JobId = Field(description="the identification whose robot is used")
+    dialect: Dialect | None = None
+    tool: FrameText | None = None
+    base: FrameText | None = None
+    frames: FileReference | None = None
+    strict: bool = False
+
+
+EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
+    PlanRequest: {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]},
+    StudyRequest: {"cell": "comau-nj130/edbb"},
+    CellCheckRequest: {"cell": "comau-nj130/edbb"},
+    PlanViewRequest: {"plan": "0123456789abcdef01234567"},
+    SimulationRequest: {"plan": "0123456789abcdef01234567", "seed": 1},
+    ExportRequest: {"plan": "0123456789abcdef01234567", "dialect": "rapid"},
+    RunCheckRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
+    IdentificationRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
+    ValidationRequest: {"runs": [{"id": "0" * 64, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"},
+    CompensationRequest: {"program": {"id": "0" * 64, "name": "p.src"}, "model": "0123456789abcdef01234567"},
+}

@@ -1,0 +1,307 @@
+"""Jobs and their events: accepted once, owned by one server at a time, ended by the owner of the latest fence alone."""
+
+import json
+import sqlite3
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import TypeAdapter
+from pydantic.dataclasses import dataclass as model
+
+from planner import __version__
+from planner.service.database import Database
+from planner.service.owners import is_gone, own_name
+
+State = Literal["queued", "running", "done", "failed", "cancelled"]
+LEASE_S = 20.0
+MOST_CRASHES = 3
+
+
+@model(frozen=True)
+class JobInput:
+    """A file of the store, laid into the folder of the job under a name."""
+
+    name: str
+    sha256: str
+
+
+@model(frozen=True)
+class JobCommand:
+    """What a job runs: words after ``edbb``, or a ``task`` of the service; ``results`` is what it writes."""
+
+    words: tuple[str, ...]
+    inputs: tuple[JobInput, ...] = ()
+    task: bool = False
+    results: str = "out"
+
+
+@model(frozen=True)
+class JobOutput:
+    """A file that a job has written."""
+
+    name: str
+    sha256: str
+    size: int
+
+
+@model(frozen=True)
+class JobProblem:
+    """Why a job has no result, as the command line says it."""
+
+    title: str
+    detail: str
+    exit_code: int | None = None
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """A job as it stands in the store; times in seconds since 1970."""
+
+    id: str
+    kind: str
+    title: str
+    request: str
+    command: JobCommand
+    state: State
+    fence: int
+    crashes: int
+    cancelled: bool
+    stage: str
+    done: int
+    total: int
+    created: float
+    started: float | None
+    finished: float | None
+    exit_code: int | None
+    problem: JobProblem | None
+    version: str
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more happens to it."""
+        return self.state in ("done", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class JobEvent:
+    """Something that happened to a job; numbers rise over all jobs."""
+
+    id: int
+    job: str
+    kind: str
+    content: str
+    at: float
+
+
+COMMAND, PROBLEM = TypeAdapter(JobCommand), TypeAdapter(JobProblem)
+
+
+class JobStore:
+    """All jobs of a database."""
+
+    def __init__(self, database: Database) -> None:
+        self._db, self._owner = database, own_name()
+
+    def submit(self, id: str, kind: str, title: str, request: str, command: JobCommand) -> JobRecord:
+        """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again."""
+        with self._db.write() as db:
+            found = self._find(id)
+            if found is None:
+                db.execute(
+                    "INSERT INTO jobs (id, kind, title, request, command, state, created, version)"
+                    " VALUES (?, ?, ?, ?, ?, 'queued', ?, ?)",
+                    (id, kind, title, request, COMMAND.dump_json(command).decode(), time.time(), __version__),
+                )
+                _tell(db, id, "queued", {})
+            elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in (None, 1)):
+                db.execute(
+                    "UPDATE jobs SET state = 'queued', crashes = 0, cancelled = 0, problem = '', exit_code = NULL,"
+                    " finished = NULL, stage = '', done = 0, total = 0 WHERE id = ?",
+                    (id,),
+                )
+                db.execute("DELETE FROM outputs WHERE job = ?", (id,))
+                _tell(db, id, "queued", {})
+        return self.get(id)
+
+    def get(self, id: str) -> JobRecord:
+        """Return a job.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = self._find(id)
+        if found is None:
+            raise KeyError(id)
+        return found
+
+    def list_jobs(self, kind: str | None = None, most: int = 200) -> list[JobRecord]:
+        """Return the latest jobs, of one kind or of all."""
+        rows = self._db.connection.execute(
+            "SELECT * FROM jobs WHERE kind = ifnull(?, kind) ORDER BY created DESC, id LIMIT ?", (kind, most)
+        )
+        return [_record(r) for r in rows]
+
+    def take(self, most: int) -> JobRecord | None:
+        """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
+
+        A job whose server is gone, or has not renewed its lease, waits again.
+        """
+        with self._db.write() as db:
+            now, running = time.time(), len(_release_lost(db))
+            row = db.execute("SELECT id FROM jobs WHERE state = 'queued' ORDER BY created, id LIMIT 1").fetchone()
+            if row is None or running >= most:
+                return None
+            db.execute(
+                "UPDATE jobs SET state = 'running', fence = fence + 1, owner = ?, lease_until = ?, started = ?,"
+                " stage = 'starting', done = 0, total = 0, version = ? WHERE id = ?",
+                (self._owner, now + LEASE_S, now, __version__, row["id"]),
+            )
+            _tell(db, row["id"], "running", {})
+        return self.get(row["id"])
+
+    def running(self) -> set[str]:
+        """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""
+        with self._db.write() as db:
+            return _release_lost(db)
+
+    def renew(self, job: JobRecord) -> bool:
+        """Renew the lease; return whether the job is still this fence's and nobody wants it stopped."""
+        with self._db.write() as db:
+            changed = db.execute(
+                "UPDATE jobs SET lease_until = ? WHERE id = ? AND fence = ? AND state = 'running'",
+                (time.time() + LEASE_S, job.id, job.fence),
+            )
+            return changed.rowcount == 1
+
+    def wants_stop(self, job: JobRecord) -> bool:
+        """Tell whether the job was cancelled, or is another fence's."""
+        now = self._find(job.id)
+        return now is None or now.cancelled or now.fence != job.fence or now.state != "running"
+
+    def progress(self, job: JobRecord, stage: str, done: int, total: int) -> None:
+        """Say how far a job is; only where that is news."""
+        with self._db.write() as db:
+            changed = db.execute(
+                "UPDATE jobs SET stage = ?, done = ?, total = ?, lease_until = ?"
+                " WHERE id = ? AND fence = ? AND state = 'running' AND (stage != ? OR done != ?)",
+                (stage, done, total, time.time() + LEASE_S, job.id, job.fence, stage, done),
+            )
+            if changed.rowcount:
+                _tell(db, job.id, "progress", {"stage": stage, "done": done, "of": total})
+
+    def finish(
+        self, job: JobRecord, state: State, outputs: list[JobOutput], exit_code: int | None, problem: JobProblem | None
+    ) -> bool:
+        """End a job with all its files in one step; nothing happens where the fence is no longer this one's."""
+        with self._db.write() as db:
+            changed = db.execute(
+                "UPDATE jobs SET state = ?, finished = ?, exit_code = ?, problem = ?, lease_until = 0"
+                " WHERE id = ? AND fence = ? AND state = 'running'",
+                (state, time.time(), exit_code, _problem_text(problem), job.id, job.fence),
+            )
+            if changed.rowcount == 0:
+                return False
+            db.executemany(
+                "INSERT INTO outputs VALUES (?, ?, ?, ?)", [(job.id, o.name, o.sha256, o.size) for o in outputs]
+            )
+            db.execute(
+                "DELETE FROM events WHERE job = ? AND kind = 'progress' AND content NOT LIKE '%\"done\":0,%'", (job.id,)
+            )
+            _tell(db, job.id, "end", {"state": state, "detail": problem.detail if problem else ""})
+        return True
+
+    def requeue(self, job: JobRecord, crashed: bool) -> None:
+        """Let a job wait again: its process was killed from outside, or this server stops."""
+        with self._db.write() as db:
+            changed = db.execute(
+                "UPDATE jobs SET state = 'queued', stage = '', crashes = crashes + ?, lease_until = 0"
+                " WHERE id = ? AND fence = ? AND state = 'running'",
+                (int(crashed), job.id, job.fence),
+            )
+            if changed.rowcount:
+                _tell(db, job.id, "queued", {"because": "its process was killed" if crashed else "the server stopped"})
+
+    def cancel(self, id: str) -> JobRecord:
+        """Ask for a job to be stopped; one that waits is cancelled at once.
+
+        Raises:
+            KeyError: there is none.
+        """
+        with self._db.write() as db:
+            waiting = db.execute(
+                "UPDATE jobs SET state = 'cancelled', finished = ? WHERE id = ? AND state = 'queued'", (time.time(), id)
+            )
+            if waiting.rowcount:
+                _tell(db, id, "end", {"state": "cancelled", "detail": ""})
+            db.execute("UPDATE jobs SET cancelled = 1 WHERE id = ? AND state = 'running'", (id,))
+        return self.get(id)
+
+    def outputs(self, id: str) -> list[JobOutput]:
+        """Return the files of a job that has ended."""
+        rows = self._db.connection.execute("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", (id,))
+        return [JobOutput(r["name"], r["sha256"], r["size"]) for r in rows]
+
+    def events_after(self, number: int, jobs: list[str], most: int = 500) -> list[JobEvent]:
+        """Return what happened to some jobs (to all, where none is named) after the event of this number."""
+        where = f"AND job IN ({', '.join('?' * len(jobs))})" if jobs else ""
+        rows = self._db.connection.execute(
+            f"SELECT * FROM events WHERE id > ? {where} ORDER BY id LIMIT ?", (number, *jobs, most)
+        )
+        return [JobEvent(r["id"], r["job"], r["kind"], r["content"], r["at"]) for r in rows]
+
+    def count(self, state: State) -> int:
+        """Return how many jobs are in a state."""
+        return int(self._db.connection.execute("SELECT count(*) FROM jobs WHERE state = ?", (state,)).fetchone()[0])
+
+    def last_event(self) -> int:
+        """Return the number of the latest event."""
+        return int(self._db.connection.execute("SELECT ifnull(max(id), 0) FROM events").fetchone()[0])
+
+    def _find(self, id: str) -> JobRecord | None:
+        row = self._db.connection.execute("SELECT * FROM jobs WHERE id = ?", (id,)).fetchone()
+        return None if row is None else _record(row)
+
+
+def _record(r: sqlite3.Row) -> JobRecord:
+    return JobRecord(
+        id=r["id"],
+        kind=r["kind"],
+        title=r["title"],
+        request=r["request"],
+        command=COMMAND.validate_json(r["command"]),
+        state=r["state"],
+        fence=r["fence"],
+        crashes=r["crashes"],
+        cancelled=bool(r["cancelled"]),
+        stage=r["stage"],
+        done=r["done"],
+        total=r["total"],
+        created=r["created"],
+        started=r["started"],
+        finished=r["finished"],
+        exit_code=r["exit_code"],
+        problem=PROBLEM.validate_json(r["problem"]) if r["problem"] else None,
+        version=r["version"],
+    )
+
+
+def _problem_text(problem: JobProblem | None) -> str:
+    return PROBLEM.dump_json(problem).decode() if problem else ""
+
+
+def _tell(db: sqlite3.Connection, job: str, kind: str, content: dict[str, object]) -> None:
+    text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+    db.execute("INSERT INTO events (job, kind, content, at) VALUES (?, ?, ?, ?)", (job, kind, text, time.time()))
+
+
+def _release_lost(db: sqlite3.Connection) -> set[str]:
+    """Let the jobs of servers that are gone, or have not renewed their lease, wait again; return those that run."""
+    kept = set()
+    for row in db.execute("SELECT id, fence, owner, lease_until FROM jobs WHERE state = 'running'").fetchall():
+        if row["lease_until"] > time.time() and not is_gone(row["owner"]):
+            kept.add(f"{row['id']}-{row['fence']}")
+            continue
+        db.execute("UPDATE jobs SET state = 'queued', stage = '' WHERE id = ?", (row["id"],))
+        _tell(db, row["id"], "queued", {"because": "the server that ran it has gone"})
+    return kept

@@ -1,0 +1,177 @@
+"""Runs one job to its end: a process in a folder of its own, watched, and its files taken into the store."""
+
+import json
+import os
+import re
+import shutil
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.common.errors import PARTLY_DONE
+from planner.service.file_store import FileStore
+from planner.service.job_process import INPUT_FOLDER, SPECIFICATION, SPECIFICATIONS, JobSpecification
+from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
+from planner.service.process_group import ProcessGroup
+from planner.service.settings import GB, JobLimits
+
+LOOK_S = 0.1
+MEMORY_LOOK_S = 0.5
+MOST_LOG = 200_000  # bytes of what a command prints
+TITLES = {1: "Internal error", 2: "The input is wrong", 3: "There is no solution", 4: "A needed program is missing"}
+TRACEBACK = re.compile(r"^Traceback \(most recent call last\):", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a process ended: by itself with a code, stopped because of a problem, or asked to by the server."""
+
+    code: int | None = None
+    problem: JobProblem | None = None
+    cancelled: bool = False
+    interrupted: bool = False
+
+
+class JobRunner:
+    """Runs a job that this server has taken."""
+
+    def __init__(self, job: JobRecord, jobs: JobStore, files: FileStore, folder: Path, limits: JobLimits) -> None:
+        self._job, self._jobs, self._files, self._limits = job, jobs, files, limits
+        self._folder = folder / f"{job.id}-{job.fence}"
+        self.stop = threading.Event()
+
+    def run(self) -> None:
+        """Run the process and end the job by what came of it; the folder is removed whatever happens."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+        (self._folder / INPUT_FOLDER / self._job.command.results).mkdir(parents=True)
+        try:
+            self._end(self._watch(self._start()))
+        finally:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _start(self) -> ProcessGroup:
+        job = JobSpecification(
+            parent=os.getpid(),
+            files=str(self._files.folder.resolve()),
+            command=self._job.command,
+            memory_bytes=self._limits.memory_bytes,
+            time_s=self._limits.time_s,
+            file_bytes=2 * GB,
+        )
+        (self._folder / SPECIFICATION).write_bytes(SPECIFICATIONS.dump_json(job))
+        return ProcessGroup("planner.service.job_process", self._folder)
+
+    def _watch(self, process: ProcessGroup) -> Ending:
+        """Wait for the process, pass its progress on, and stop it where it must not go on."""
+        started = renewed = looked = time.monotonic()
+        log = LogReader(self._folder / "log")
+        try:
+            while (code := process.exit_code()) is None:
+                if self.stop.wait(LOOK_S):
+                    return Ending(interrupted=True)
+                now = time.monotonic()
+                for stage, done, total in log.progress():
+                    self._jobs.progress(self._job, stage, done, total)
+                if now - renewed > LEASE_S / 4:
+                    renewed = now
+                    self._jobs.renew(self._job)
+                if self._jobs.wants_stop(self._job):
+                    return Ending(cancelled=True)
+                if now - started > self._limits.time_s:
+                    return _overrun("time", f"it ran for more than {self._limits.time_s:g} s, all that a job may take")
+                if now - looked > MEMORY_LOOK_S:
+                    looked = now
+                    if process.memory() > self._limits.memory_bytes:
+                        most = self._limits.memory_bytes / GB
+                        return _overrun("memory", f"it needed more than {most:.3g} GB, all that a job may use")
+        finally:
+            process.kill()
+        return Ending(code)
+
+    def _end(self, ending: Ending) -> None:
+        job, jobs = self._job, self._jobs
+        if ending.cancelled:
+            jobs.finish(job, "cancelled", [], None, None)
+        elif ending.interrupted:
+            jobs.requeue(job, crashed=False)
+        elif ending.problem is not None:
+            jobs.finish(job, "failed", [], None, ending.problem)
+        elif ending.code is not None and ending.code < 0:
+            self._end_killed(-ending.code)
+        else:
+            self._end_with(ending.code or 0)
+
+    def _end_killed(self, signal_number: int) -> None:
+        if self._job.crashes + 1 < MOST_CRASHES:
+            self._jobs.requeue(self._job, crashed=True)
+            return
+        detail = (
+            f"its process was killed by signal {signal_number}, {MOST_CRASHES} times; the machine may be out of memory"
+        )
+        self._jobs.finish(self._job, "failed", [], None, JobProblem("The process was killed", detail))
+
+    def _end_with(self, code: int) -> None:
+        state: State = "done" if code in (0, PARTLY_DONE) else "failed"
+        problem = None if state == "done" else self._problem(code)
+        self._jobs.finish(self._job, state, self._take_outputs(), code, problem)
+
+    def _take_outputs(self) -> list[JobOutput]:
+        """Move what the command wrote and printed into the store."""
+        results = self._folder / INPUT_FOLDER / self._job.command.results
+        out = [(p.relative_to(results).as_posix(), p) for p in sorted(results.rglob("*")) if _is_result(p)]
+        printed = [(name, self._folder / name) for name in ("printed", "log")]
+        printed = [(n, p) for n, p in printed if p.stat().st_size and n not in dict(out)]
+        return [JobOutput(name, *self._files.take(path)) for name, path in (*out, *printed)]
+
+    def _problem(self, code: int) -> JobProblem:
+        with (self._folder / "log").open("rb") as log:
+            log.seek(max(0, (self._folder / "log").stat().st_size - MOST_LOG))
+            text = log.read().decode("utf-8", errors="replace")
+        return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(text, code), code)
+
+    def _sentence(self, log: str, code: int) -> str:
+        """Return what the command said last, without the folder of the job."""
+        if "MemoryError" in log[-500:]:
+            return "the job needed more memory than a job may use"
+        _, found, sentence = log.rpartition("edbb: ")
+        if not found or TRACEBACK.search(log):
+            last = log.strip().rpartition("\n")[2][:500]
+            return f"a mistake of the program itself ended the command: {last or f'exit code {code}'}"
+        here = self._folder.resolve() / INPUT_FOLDER
+        return sentence.strip().replace(f"{here}/", "").replace(str(here), "the folder of the job")
+
+
+class LogReader:
+    """Reads the lines of progress that a process adds to its log."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._at, self._rest = path, 0, b""
+
+    def progress(self) -> list[tuple[str, int, int]]:
+        """Return the last stage that was told since the last call, and every stage that began before it."""
+        with self._path.open("rb") as file:
+            file.seek(self._at)
+            new = file.read(MOST_LOG)
+        self._at += len(new)
+        *lines, self._rest = (self._rest + new).split(b"\n")
+        found = [p for line in lines if (p := _read_progress(line)) is not None]
+        return [p for k, p in enumerate(found) if k == len(found) - 1 or p[0] != found[k + 1][0]]
+
+
+def _read_progress(line: bytes) -> tuple[str, int, int] | None:
+    if not line.startswith(b'{"stage":'):
+        return None
+    try:
+        said = json.loads(line)
+        return str(said["stage"])[:80], int(said["done"]), int(said["of"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _is_result(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
+
+
+def _overrun(what: str, detail: str) -> Ending:
+    return Ending(problem=JobProblem(f"Too much {what}", f"the job was stopped: {detail}"))

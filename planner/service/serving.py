@@ -1,0 +1,123 @@
+"""``edbb serve``: the application, and the server that runs it."""
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+
+from planner import __version__
+from planner.common.errors import InputError
+from planner.service.commands import CommandBuilder
+from planner.service.context import ServiceContext
+from planner.service.database import Database
+from planner.service.event_api import EVENTS
+from planner.service.file_api import FILES
+from planner.service.file_store import FileStore, disk_error
+from planner.service.guards import Guard
+from planner.service.job_api import JOBS
+from planner.service.job_store import JobStore
+from planner.service.list_api import LISTS
+from planner.service.pages import PAGES, STATIC
+from planner.service.problems import Problem, add_problem_handlers
+from planner.service.settings import ServiceSettings
+from planner.service.supervisor import Supervisor
+from planner.service.uploads import UploadList
+
+GRACE_S = 3
+DESCRIPTION = (
+    "Plans measuring sessions that calibrate robots, and identifies robots from measured runs. What takes long is a "
+    "job: it is accepted once (the same content is the same job), followed by events, and leaves files."
+)
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    code: {"model": Problem, "description": text, "content": {"application/problem+json": {}}}
+    for code, text in (
+        (400, "no JSON, or a broken body"),
+        (401, "a token is needed"),
+        (403, "another site asks"),
+        (413, "more bytes than are taken"),
+        (421, "the service is not known by that name"),
+        (422, "the request or what it names is wrong"),
+        (507, "the disk is full"),
+    )
+}
+
+
+def build_context(settings: ServiceSettings) -> ServiceContext:
+    """Open the stores.
+
+    Raises:
+        InputError: the folder cannot be used.
+    """
+    try:
+        settings.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        files = FileStore(settings.folder, settings.reserve)
+    except OSError as err:
+        raise disk_error(err) from err
+    database = Database(settings.folder / "jobs.sqlite3")
+    jobs = JobStore(database)
+    supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits)
+    return ServiceContext(settings, jobs, files, UploadList(database), CommandBuilder(jobs, files), supervisor)
+
+
+def build_app(context: ServiceContext) -> FastAPI:
+    """Return the application without its guard, for its OpenAPI document."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        context.supervisor.start()
+        yield
+        context.supervisor.stop()
+
+    app = FastAPI(
+        title="edbb",
+        version=__version__,
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
+        responses=PROBLEMS,
+    )
+    app.state.context = context
+    add_problem_handlers(app)
+    for router in (LISTS, FILES, JOBS, EVENTS, PAGES):
+        app.include_router(router)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    return app
+
+
+def guarded_app(settings: ServiceSettings) -> ASGIApp:
+    """Return the application behind its guard."""
+    return Guard(build_app(build_context(settings)), settings)
+
+
+def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
+    """Serve until a signal ends it; jobs that run then go on with the next server.
+
+    Raises:
+        InputError: the folder or the address cannot be used.
+    """
+    import uvicorn
+
+    app = guarded_app(settings)
+    host = f"[{settings.host}]" if ":" in settings.host else settings.host
+    config = uvicorn.Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=GRACE_S,
+        limit_concurrency=1000,
+        h11_max_incomplete_event_size=64 << 10,
+    )
+    try:
+        socket = config.bind_socket()
+    except SystemExit as err:
+        raise InputError(f"{host}:{settings.port}: cannot be listened on; is another service there?") from err
+    announce(f"http://{host}:{socket.getsockname()[1]}")
+    uvicorn.Server(config).run([socket])

@@ -1,0 +1,140 @@
+"""What a page shows of a cell in space, as one document with packed numbers."""
+
+from base64 import b64encode
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import Array, to_deg, to_mm
+from planner.report.cell_view import CellView, Mesh, ViewFrames, carrier_poses, compose_cell_view
+from planner.service.job_requests import ServiceModel
+
+STANDING = "#A89F91"
+
+
+class ViewPart(ServiceModel):
+    """Triangles of one look, carried by one link (−1: nothing moves them): packed float32 and uint32."""
+
+    name: str
+    carrier: int
+    colour: str
+    opacity: float = 1.0
+    vertices: str
+    triangles: str
+
+
+class ViewLine(ServiceModel):
+    """A path in space, packed float32 (x, y, z) in mm."""
+
+    name: str
+    points: str
+
+
+class ViewSpot(ServiceModel):
+    """A measuring pose: where its point is (mm), and what is said of it."""
+
+    position_mm: tuple[float, float, float]
+    role: str
+    label: str
+
+
+class SceneView(ServiceModel):
+    """A cell in space, in mm; ``poses`` holds of every frame and carrier twelve float32, rows of (R | p)."""
+
+    parts: list[ViewPart]
+    lines: list[ViewLine]
+    spots: list[ViewSpot]
+    carriers: int
+    frames: int
+    poses: str
+    labels: list[str]
+    low_mm: tuple[float, float, float]
+    high_mm: tuple[float, float, float]
+    floor_mm: float | None = None
+
+
+class CellFact(ServiceModel):
+    """A line of a table."""
+
+    what: str
+    value: str
+
+
+class CellCheck(ServiceModel):
+    """A cell that can be planned for."""
+
+    title: str
+    facts: list[CellFact]
+    view: SceneView
+
+
+def check_view(cell: Cell) -> CellCheck:
+    """Return what a page shows of a cell before it is planned: the robot at home."""
+    frames = ViewFrames(carrier_poses(cell, cell.mountings[0], cell.home[None]), ("home",))
+    view = compose_cell_view(cell, frames, np.empty((0, 3)), (), (), ())
+    gauge = cell.gauge.describe(cell)
+    tool = ", ".join(f"{v:g}" for v in to_mm(cell.tool.p_FM))
+    facts = [
+        ("robot", cell.robot.title or cell.robot.name),
+        ("gauge", gauge),
+        ("fixtures", "; ".join(f"{f.name or 'A'} at {_vector_text(f.p_BX)} mm" for f in cell.fixtures) or "none"),
+        ("measured point", f"{tool} mm in the flange"),
+        ("obstacles", str(len(cell.obstacles))),
+        ("home", ", ".join(f"{v:.1f}" for v in to_deg(cell.home)) + " deg"),
+    ]
+    return CellCheck(title=cell.name, facts=[CellFact(what=w, value=v) for w, v in facts], view=pack_scene(view))
+
+
+def pack_scene(view: CellView) -> SceneView:
+    """Return a view as its document: bodies by the link that carries them, numbers packed."""
+    parts = []
+    for m in view.moving:
+        colours = np.array(m.colours)
+        owner = m.carrier[m.mesh.triangles[:, 0]]
+        for carrier, colour in sorted({(int(c), str(k)) for c, k in zip(owner, colours, strict=True)}):
+            chosen = m.mesh.triangles[(owner == carrier) & (colours == colour)]
+            parts.append(_part(m.name, carrier, colour, Mesh(m.mesh.vertices, chosen)))
+    if view.standing is not None:
+        parts.append(_part("obstacles", -1, STANDING, view.standing))
+    parts += [_part("reach of the gauge", -1, "#56B4E9", s, 0.12) for s in view.shells]
+    lines = [ViewLine(name="measuring path", points=_pack(p)) for p in view.paths]
+    lines += [ViewLine(name="way to the start", points=_pack(p)) for p in view.ways]
+    poses = view.frames.poses
+    return SceneView(
+        parts=parts,
+        lines=lines,
+        spots=[ViewSpot(position_mm=_triple(s.position), role=s.role, label=s.label) for s in view.spots],
+        carriers=poses.shape[1],
+        frames=len(poses),
+        poses=_pack(poses),
+        labels=list(view.frames.labels),
+        low_mm=_triple(view.low),
+        high_mm=_triple(view.high),
+        floor_mm=view.floor,
+    )
+
+
+def _part(name: str, carrier: int, colour: str, mesh: Mesh, opacity: float = 1.0) -> ViewPart:
+    used, triangles = np.unique(mesh.triangles, return_inverse=True)
+    packed = b64encode(np.ascontiguousarray(triangles.ravel(), dtype="<u4").tobytes()).decode("ascii")
+    return ViewPart(
+        name=name,
+        carrier=carrier,
+        colour=colour,
+        opacity=opacity,
+        vertices=_pack(mesh.vertices[used]),
+        triangles=packed,
+    )
+
+
+def _pack(values: Array) -> str:
+    return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(v), 3) for v in values)
+    return (x, y, z)
+
+
+def _vector_text(p: Array) -> str:
+    return f"[{', '.join(f'{v:.0f}' for v in to_mm(p))}]"

@@ -1,0 +1,131 @@
+"""Server and job killed at random moments: what was accepted is done, once, and nothing is half there."""
+
+import hashlib
+import os
+import random
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from planner.service.database import Database
+from planner.service.file_store import FileStore
+from planner.service.job_store import JobCommand, JobStore
+from planner.service.settings import JobLimits
+from planner.service.supervisor import Supervisor
+
+CHEAP = JobCommand(("--version",))  # the quickest command line there is
+
+
+class Store:
+    def __init__(self, folder):
+        self.folder = folder
+        self.files = FileStore(folder)
+        self.jobs = JobStore(Database(folder / "jobs.sqlite3"))
+        self.supervisor = Supervisor(self.jobs, self.files, folder, 2, JobLimits(1 << 30, 60.0))
+
+
+def serve(folder, number, told):
+    """One life of a server: takes an upload and a job, says so once both are safe, and works until it is killed."""
+    store = Store(folder)
+    store.supervisor.start()
+    data = random.Random(number).randbytes(300_000)
+    sha256 = store.files.add(data)
+    os.write(told, f"file {sha256}\n".encode())
+    store.jobs.submit(f"{number:024x}", "plan", "cheap", "{}", CHEAP)
+    os.write(told, f"job {number:024x}\n".encode())
+    time.sleep(60)
+
+
+def live_and_die(folder, number, told, rng):
+    pid = os.fork()
+    if pid == 0:
+        os.setpgid(0, 0)
+        try:
+            serve(folder, number, told)
+        finally:
+            os._exit(0)
+    time.sleep(rng.choice((rng.uniform(0, 0.1), rng.uniform(0, 1.5))))
+    if rng.random() < 0.5:  # the job first, then its server a moment later
+        for child in children_of(pid):
+            os.kill(child, signal.SIGKILL)
+        time.sleep(rng.uniform(0, 0.2))
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+
+
+def children_of(pid):
+    found = [Path(p) for p in Path("/proc").glob("[0-9]*/stat")]
+    return [int(p.parent.name) for p in found if parent_of(p) == pid]
+
+
+def parent_of(stat):
+    try:
+        return int(stat.read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return None
+
+
+def kill_often(folder, times):
+    rng = random.Random(4)
+    read, told = os.pipe()
+    for number in range(times):
+        live_and_die(folder, number, told, rng)
+    os.close(told)
+    with os.fdopen(read) as lines:
+        words = [line.split() for line in lines]
+    return [w[1] for w in words if w[0] == "job"], [w[1] for w in words if w[0] == "file"]
+
+
+@pytest.mark.parametrize("times", [4, pytest.param(100, marks=pytest.mark.long)])
+def test_what_was_accepted_is_done_once_whatever_is_killed(tmp_path, times):
+    accepted, kept = kill_often(tmp_path, times)
+    assert len(accepted) >= times // 4
+    store = Store(tmp_path)
+    store.supervisor.start()
+    deadline = time.monotonic() + 20 + times
+    jobs = store.jobs.list_jobs(most=10_000)
+    while not all(j.ended for j in jobs) and time.monotonic() < deadline:
+        time.sleep(0.1)
+        jobs = store.jobs.list_jobs(most=10_000)
+    store.supervisor.stop()
+    assert {j.id for j in jobs} >= set(accepted)
+    ends = [e.job for e in store.jobs.events_after(0, [], 100_000) if e.kind == "end"]
+    assert sorted(ends) == sorted(j.id for j in jobs), "each job ends once"
+    for job in jobs:
+        # a job whose process was killed three times on purpose may be given up; it then shows no files
+        outputs = store.jobs.outputs(job.id)
+        assert (job.state, len(outputs)) in (("done", 1), ("failed", 0)), job
+        assert job.state == "done" or "killed" in job.problem.detail
+    assert sum(j.state == "done" for j in jobs) >= 0.8 * len(jobs)
+    for sha256 in {*kept, *(o.sha256 for j in jobs for o in store.jobs.outputs(j.id))}:
+        assert hashlib.sha256(store.files.path(sha256).read_bytes()).hexdigest() == sha256
+    for path in store.files.folder.glob("??/*"):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == path.name, "nothing half-written has a name"
+    assert not list((tmp_path / "jobs").iterdir())
+    assert not list((tmp_path / "drafts").iterdir())
+
+
+def test_an_overtaken_server_ends_nothing(tmp_path):
+    """Two servers hold the same job; only the one of the later fence can end it."""
+    store = Store(tmp_path)
+    store.jobs.submit("0" * 24, "plan", "cheap", "{}", CHEAP)
+    first = store.jobs.take(2)
+    with store.jobs._db.write() as db:
+        db.execute("UPDATE jobs SET lease_until = 0")
+    second = store.jobs.take(2)
+    assert second.fence == first.fence + 1
+    assert not store.jobs.finish(first, "done", [], 0, None)
+    assert store.jobs.get(first.id).state == "running"
+    assert store.jobs.finish(second, "done", [], 0, None)
+    assert not store.jobs.finish(second, "failed", [], 0, None)
+
+
+def test_no_more_jobs_run_than_workers(tmp_path):
+    store = Store(tmp_path)
+    for k in range(4):
+        store.jobs.submit(f"{k:024x}", "plan", "cheap", "{}", CHEAP)
+    assert store.jobs.take(2)
+    assert store.jobs.take(2)
+    assert store.jobs.take(2) is None
