@@ -110,7 +110,7 @@ class CommandBuilder:
         inputs = self._results(r.plan, "plan", "plan")
         return JobCommand(("export", "plan/plan.json", "--dialect", r.dialect, "-o", "out/program"), tuple(inputs))
 
-    def _measured(self, r: MeasuredRequest) -> tuple[list[str], list[str], list[JobInput]]:
+    def _measured_files(self, r: MeasuredRequest) -> tuple[list[str], list[str], list[JobInput]]:
         """Runs, then the options of cell and plan, then all files."""
         inputs = [self._file(f) for f in (*r.runs, *(r.files if r.cell is None else ()))]
         runs = [f.name for f in r.runs]
@@ -129,11 +129,11 @@ class CommandBuilder:
         return runs, options, inputs
 
     def _run_check(self, r: RunCheckRequest) -> JobCommand:
-        runs, options, inputs = self._measured(r)
+        runs, options, inputs = self._measured_files(r)
         return JobCommand(("run-check", *options, *runs), tuple(inputs), task=True)
 
     def _identification(self, r: IdentificationRequest) -> JobCommand:
-        runs, options, inputs = self._measured(r)
+        runs, options, inputs = self._measured_files(r)
         words = ["identify", *runs, *options, "-o", "out", JSON, "--seed", str(r.seed), "--hold-out", str(r.hold_out)]
         words += [
             f"--{w}" for w, on in (("no-trace", r.no_trace), ("geometry", r.geometry), ("robust", r.robust)) if on
@@ -143,7 +143,7 @@ class CommandBuilder:
         return JobCommand(tuple(words), tuple(inputs))
 
     def _validation(self, r: ValidationRequest) -> JobCommand:
-        runs, options, inputs = self._measured(r)
+        runs, options, inputs = self._measured_files(r)
         if len(runs) != 1:
             raise InputError(f"a validation is of one run, found {len(runs)}")
         words = ["accuracy", *runs, *options, "-o", "out", JSON]

@@ -46,7 +46,7 @@ def live_and_die(folder, number, told, rng):
             serve(folder, number, told)
         finally:
             os._exit(0)
-    time.sleep(rng.choice((rng.uniform(0, 0.1), rng.uniform(0, 1.5))))
+    time.sleep(rng.choice((rng.uniform(0, 0.1), rng.uniform(0, 0.8))))
     if rng.random() < 0.5:  # the job first, then its server a moment later
         for child in children_of(pid):
             os.kill(child, signal.SIGKILL)
