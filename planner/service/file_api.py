@@ -74,13 +74,13 @@ async def upload_cell(request: Request, context: Context, name: Name) -> StoredF
 def list_cells(context: Context) -> list[CellEntry]:
     """List the shipped cells and those that were sent."""
     sent = [CellEntry(id=f.id, name=f.name) for f in context.uploads.list_files("cell")]
-    return [*(CellEntry(id=c, name=c) for c in _shipped()), *sent]
+    return [*(CellEntry(id=c, name=c) for c in _shipped_names()), *sent]
 
 
 @FILES.get("/cells/{robot}/{cell}")
 def get_shipped_cell(robot: str, cell: str) -> FileResponse:
     """Get the file of a shipped cell."""
-    if f"{robot}/{cell}" not in _shipped():
+    if f"{robot}/{cell}" not in _shipped_names():
         raise HTTPException(404, f"there is no shipped cell {robot}/{cell}")
     return FileResponse(load_cell(f"{robot}/{cell}").path, media_type="application/toml")
 
@@ -92,7 +92,7 @@ async def _receive(request: Request, context: ServiceContext, name: str, sha256:
 
 
 @cache
-def _shipped() -> tuple[str, ...]:
+def _shipped_names() -> tuple[str, ...]:
     return shipped_cells()
 
 
