@@ -171,7 +171,7 @@ class PlanSettings:
     repeat: int
     validate: int
     effects: tuple[str, ...] = ()
-    aim: Aim = "index"
+    aim: Aim | None = None
 
 
 class NamedPlace(Protocol):

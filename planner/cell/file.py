@@ -244,7 +244,7 @@ class PlanSettingsFile(OptionalKeys):
     repeat: NonNegativeInt = 3
     validate_: NonNegativeInt = Field(default=10, alias="validate")
     effects: tuple[str, ...] = ()  # kinds of the catalogue that the fit will have beside geometry
-    aim: Aim = "index"  # poses by the index, or by what would be left of what nobody declared
+    aim: Aim | None = None  # poses by the index, or by what would be left of what nobody declared
     LATER: ClassVar[tuple[str, ...]] = ("effects", "aim")
 
 

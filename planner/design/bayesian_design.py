@@ -7,17 +7,15 @@ Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.determinism import Positions, on_one_thread
+from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
-from planner.design.selection.certificate import ActiveSet, Dual, Pricing, generate_columns
-from planner.design.selection.matrix_forms import quadratic_form, sum_largest
+from planner.design.error_bound import bound_tool_error
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.undeclared_errors import ASSUMED, UndeclaredErrors, undeclared_errors
 from planner.runs.run import Samples
@@ -81,99 +79,25 @@ class BayesianPosterior:
         self.covariance = self.covariance - scale * np.outer(seen, seen)
 
 
-STEPS = 10  # they bring the bound to a part in thirty of what more of them would prove
-POWER = 0.8  # of a reading's gain in the step of its weight (Silvey, Titterington and Torsney 1978)
-START_SHARE = 0.7  # share of the weight that the given set starts with
-
-
-@dataclass(frozen=True)
-class ErrorTangent:
-    """The tangent of the mean square error trace(W (1 + Σ wᵢ aᵢᵀ aᵢ)⁻¹) at ``weights`` w (n,) of the readings.
-
-    The error is convex in w (Boyd and Vandenberghe 2004, 7.5.2), so that the tangent lies below it everywhere; over
-    weights in [0, 1] that sum to ``poses`` it is least at a corner, which is found by sorting.
-    """
-
-    weights: Array
-    weight: Array
-    poses: int
-    upper: ClassVar[bool] = False
-
-    def verify(self, rows: Array) -> float:
-        """Return the mean square error [m²] that any as many readings leave at least."""
-        gain = -self.prices(rows)
-        left = float((self.weight * self._covariance(rows)).sum())
-        return left - sum_largest(gain, self.poses) + float(gain @ self.weights)
-
-    def prices(self, rows: Array, active: Positions | None = None) -> Array:
-        """Return minus what each reading gains, (n,)."""
-        covariance = self._covariance(rows)
-        return -quadratic_form(rows, covariance @ self.weight @ covariance)
-
-    def _covariance(self, rows: Array) -> Array:
-        white = rows[:, 0]
-        return np.asarray(np.linalg.inv((white.T * self.weights) @ white + np.eye(white.shape[1])))
-
-
-@dataclass(frozen=True)
-class ErrorPricing(Pricing):
-    """Weights of all readings (multiplicative algorithm), rows (n, 1, P) and ``weight`` as in the posterior."""
-
-    weight: Array
-
-    def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
-        """Return the tangent at the weights as they are."""
-        return state, ErrorTangent(state.weights, self.weight, self.count), np.inf
-
-    def distance(self, relaxed: float, bound: float) -> float:
-        """Return infinity: every round is done."""
-        return relaxed
-
-    def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet:
-        """Give weight to readings that gain much."""
-        gain = -dual.prices(self.rows, state.active)
-        return ActiveSet(state.active, _cap_weights(state.weights * gain**POWER, self.count))
-
-
-def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
-    """Return a lower bound of the error [m] that any ``len(chosen)`` candidates leave.
-
-    Two proofs, of which the better one counts: the tangent, and that n readings teach at most n directions, the error
-    along all others stays as it was before.
-
-    Args:
-        white: rows of the candidates in standard deviations of their readings per prior size, (m, P).
-        weight: mean square error per squared errors in prior sizes, (P, P).
-        chosen: a good set, from which the search starts, (n,) int.
-    """
-    count = len(chosen)
-    w = np.full(len(white), (1 - START_SHARE) * count / len(white))
-    w[chosen] += START_SHARE
-    pricing = ErrorPricing(white[:, None], count, "I", weight)
-    best = generate_columns(pricing, ActiveSet(np.arange(len(white)), w), 0.0, 0.0, STEPS).value
-    size = np.sort(np.linalg.eigvalsh(weight))
-    untaught = float(np.maximum(size[: max(len(size) - count, 0)], 0.0).sum())
-    return float(np.sqrt(max(best, untaught, 0.0)))
-
-
-def _cap_weights(wanted: Array, count: int) -> Array:
-    """Weights in proportion to what is wanted, none above one, that sum to ``count``."""
-    full = np.zeros(len(wanted), dtype=bool)
-    while True:
-        out = np.where(full, 1.0, wanted * ((count - full.sum()) / wanted[~full].sum()))
-        more = out > 1.0 + 1e-12
-        if not more.any():
-            return out
-        full |= more
-
-
 TARGET_SHARE = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
 FEWEST, MOST = 100, 400  # poses, where no number is given
 START_PRIOR_SHARE = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
 PASSES = 2  # through the chosen, in which each may give way to another
-SHORTLIST = 12_000  # candidates that promise most, among which the chosen are exchanged
+CONSIDERED = 24_000  # candidates among which the poses are chosen, evenly spread over the pool
+SHORTLIST = 6000  # of them that promise most, among which the chosen are exchanged
+OTHER_NUMBERS = (40, 80, 120, 200)  # of poses, of which the error is foreseen as well
+SAMPLE = 2000  # candidates by which it is foreseen
 FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
 Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class PoseNumberForecast:
+    """What another number of poses would give: expected error of the tool [m], and minutes of driving where known."""
+
+    poses: int
+    error: float
+    minutes: float | None = None
 
 
 @dataclass(frozen=True)
@@ -184,8 +108,10 @@ class BayesianDesign:
         unknown: what may be wrong.
         chosen: positions in the pool in the order in which they were taken, (n,) int.
         after: expected error of the tool [m] after the first 1 … n of them.
-        bound: no n candidates leave a smaller error than this [m].
+        bound: no n of the candidates that were considered leave a smaller error than this [m].
         left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
+        floor: expected error of the tool [m] after all candidates: what these places cannot show.
+        forecasts: of other numbers of poses, and of this one.
     """
 
     unknown: UndeclaredErrors
@@ -193,17 +119,22 @@ class BayesianDesign:
     after: Array
     bound: float
     left: float
+    floor: float
+    forecasts: tuple[PoseNumberForecast, ...]
 
     @property
     def gap(self) -> float:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return float(self.after[-1]) / self.bound - 1.0
 
+    def as_driven(self, left: float, minutes: Callable[[int], float]) -> "BayesianDesign":
+        """Return it with the error [m] after the poses that are driven, and the minutes of every number of poses."""
+        forecasts = (replace(f, minutes=minutes(f.poses)) for f in self.forecasts)
+        return replace(self, left=left, forecasts=tuple(forecasts))
+
     def error_after(self, samples: Samples) -> float:
         """Return the expected error [m] after readings at other poses."""
-        white = self.unknown.white(samples)
-        covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
-        return float(np.sqrt((self.unknown.weight_per_prior * covariance).sum()))
+        return _error_left(self.unknown.white(samples), self.unknown.weight_per_prior)
 
 
 @on_one_thread
@@ -221,16 +152,45 @@ def select_bayesian_poses(
             "budget or the clearance, or raise plan.candidates"
         )
     unknown = undeclared_errors(cell, pool.samples)
-    white, weight = unknown.white(pool.samples), unknown.weight_per_prior
+    considered = even_positions(len(pool), max(CONSIDERED, poses or 0))
+    white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
-    begun = BayesianPosterior.prior(white * _start_factors(unknown), weight)
-    chosen = select_greedily(begun, min(poses or MOST, len(pool)), target, progress)
-    short = np.union1d(chosen, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
-    at = np.searchsorted(short, chosen)
-    known = BayesianPosterior.prior(white[short], weight).with_readings(at)
-    chosen = short[exchange_singly(known, at, PASSES, known.order)]
+    start = _start_factors(unknown)
+    begun = BayesianPosterior.prior(white * start, weight)
+    first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
+    promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
+    chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     after = errors_after(white[chosen], weight)
-    return BayesianDesign(unknown, chosen, after, bound_tool_error(white, weight, chosen), float(after[-1]))
+    sample = white[even_positions(len(white), SAMPLE)]
+    forecasts = {len(chosen): float(after[-1])} | _forecast_errors(sample, weight, start)
+    return BayesianDesign(
+        unknown,
+        considered[chosen],
+        after,
+        bound=bound_tool_error(white, weight, chosen),
+        left=float(after[-1]),
+        floor=_error_left(white, weight),
+        forecasts=tuple(PoseNumberForecast(n, e) for n, e in sorted(forecasts.items())),
+    )
+
+
+def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
+    """Let each of the chosen give way to another of the readings ``white`` (n, P)."""
+    known = BayesianPosterior.prior(white, weight).with_readings(chosen)
+    return exchange_singly(known, chosen, PASSES, known.order)
+
+
+def _forecast_errors(white: Array, weight: Array, start: Array) -> dict[int, float]:
+    """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
+    numbers = [n for n in OTHER_NUMBERS if n < len(white)]
+    taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
+    return {n: _error_left(white[_exchange(white, weight, taken[:n])], weight) for n in numbers}
+
+
+def _error_left(white: Array, weight: Array) -> float:
+    """Return the expected error [m] after all readings of ``white`` (n, P)."""
+    covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
+    return float(np.sqrt(max(float((weight * covariance).sum()), 0.0)))
 
 
 def _start_factors(unknown: UndeclaredErrors) -> Array:
@@ -281,6 +241,21 @@ def errors_after(white: Array, weight: Array) -> Array:
         known.change(k)
         out[k] = np.sqrt(max(known.square, 0.0))
     return out
+
+
+FLOOR_SHARE = 0.5  # of the error that is left: where the places cannot show so much, another one pays
+
+
+def describe_numbers_of_poses(ahead: BayesianDesign) -> str:
+    """Return in a sentence what other numbers of poses would give, and whether another place pays."""
+    numbers = "; ".join(
+        f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
+        for f in ahead.forecasts
+    )
+    if ahead.floor < FLOOR_SHARE * ahead.left:
+        return numbers
+    floor = f"{float(to_mm(ahead.floor)):.3f} mm"
+    return f"{numbers}; all candidates together would leave {floor}: another fixture pays more (--fixtures)"
 
 
 def describe_bayesian_design(ahead: BayesianDesign) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
-from planner.design.bayesian_design import BayesianDesign, describe_bayesian_design
+from planner.design.bayesian_design import BayesianDesign, describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
 from planner.report.chart import (
     BLUE,
@@ -66,15 +66,20 @@ def foreseen_error_chart(ahead: BayesianDesign) -> Chart:
     """Error of the tool that is expected after each number of poses."""
     n = np.arange(1.0, len(ahead.after) + 1)
     hover = tuple(f"{int(k)} poses: {to_mm(e):.3f} mm" for k, e in zip(n, ahead.after, strict=True))
+    forecasts = [f for f in ahead.forecasts if f.poses != len(n)]
+    others, errors = np.array([float(f.poses) for f in forecasts]), to_mm(np.array([f.error for f in forecasts]))
+    times = tuple(f"{f.poses} poses: {to_mm(f.error):.3f} mm, about {f.minutes or 0:.0f} min" for f in forecasts)
     series = (
         Series("expected once the run is traced", n, to_mm(ahead.after), BLUE, hover=hover),
+        Series("other numbers of poses", others, errors, ORANGE, "points", hover=times),
         _this_plan(len(n), float(to_mm(ahead.left)), f"{to_mm(ahead.left):.3f} mm"),
     )
     untraced = float(to_mm(ahead.unknown.untraced))
     bound = ReferenceLine(float(to_mm(ahead.bound)), f"no {len(n)} poses leave less", below=True)
     limits = (ReferenceLine(untraced, "geometry alone"), bound)
     top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW_POSES) - 1])))
-    caption = f"As the poses of this plan are added: {describe_bayesian_design(ahead)}."
+    caption = f"As the poses of this plan are added: {describe_bayesian_design(ahead)}. Plans of their own for other "
+    caption += f"numbers would leave about: {describe_numbers_of_poses(ahead)}."
     panel = Panel("", "number of poses", "error of the tool (mm rms)", series, limits, y_range=(0.0, top))
     return Chart("foresight", "What the robot's error would be", caption, (panel,))
 

@@ -25,12 +25,15 @@ class PlanOptions:
     aim: Aim | None = None
 
     def for_tracing(self, cell: Cell) -> bool:
-        """Tell whether the poses are to show what nobody has declared.
+        """Tell whether the poses are to show what nobody has declared: where nothing else is asked for, they are.
 
         Raises:
             InputError: they are to tell rivals apart as well.
         """
-        wanted = (self.aim or cell.plan.aim) == "tracing"
+        aim = self.aim or cell.plan.aim
+        if aim is None:
+            return not (self.separate or self.index or self.poses or cell.plan.poses)
+        wanted = aim == "tracing"
         if wanted and self.separate:
             raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
         return wanted

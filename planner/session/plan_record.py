@@ -119,6 +119,8 @@ def _foresight_record(ahead: BayesianDesign | None) -> dict[str, object]:
         "on_grid": {"error_mm": ahead.after[-1] * 1e3, "gap": ahead.gap},
         "bound_mm": ahead.bound * 1e3,
         "after_mm": ahead.after * 1e3,
+        "floor_mm": ahead.floor * 1e3,
+        "numbers": [{"poses": f.poses, "error_mm": f.error * 1e3, "minutes": f.minutes} for f in ahead.forecasts],
     }
     return {"foresight": told}
 

@@ -24,6 +24,7 @@ from planner.session.notes import discrimination_as_driven, discrimination_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
+from planner.session.session_minutes import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
 REPLACEMENTS = 20
@@ -110,7 +111,8 @@ class PoseSession(ABC):
         notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, told, choice, drives)]
         if ahead:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
-            ahead = replace(ahead, left=ahead.error_after(choice.samples))
+            minutes = session_minutes(cell, drives, len(choice.q))
+            ahead = ahead.as_driven(ahead.error_after(choice.samples), minutes)
         return Plan(
             cell=cell,
             seed=self.options.seed,

@@ -11,7 +11,7 @@ from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import Plot, Result
 from planner.common.units import to_deg, to_mm
-from planner.design.bayesian_design import describe_bayesian_design
+from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
 from planner.instruments.circular.plan import CircularPlan
 from planner.programs.rendering import ProgramFile
@@ -74,7 +74,9 @@ class PlanResult(SessionResult):
             f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
             f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
         ]
-        lines += [f"  foresees    {describe_bayesian_design(plan.foresight)}"] if plan.foresight else []
+        if plan.foresight:
+            lines.append(f"  foresees    {describe_bayesian_design(plan.foresight)}")
+            lines.append(f"  numbers     {describe_numbers_of_poses(plan.foresight)}")
         lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
         lines += [f"  left out    {d.name}: {d.because}" for d in choice.seen.dropped]
         lines += [f"  note        {note}" for note in plan.notes]

@@ -1,6 +1,8 @@
 """Choosing for the smallest error left: against dense inverses, against all sets there are, and on a real arm."""
 
-from itertools import combinations
+from dataclasses import replace
+from itertools import combinations, pairwise
+from types import SimpleNamespace as Of
 
 import numpy as np
 import pytest
@@ -9,18 +11,22 @@ from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.design.bayesian_design import (
     FEWEST,
+    OTHER_NUMBERS,
     PASSES,
     BayesianPosterior,
-    bound_tool_error,
     describe_bayesian_design,
+    describe_numbers_of_poses,
     errors_after,
     select_bayesian_poses,
     select_greedily,
 )
 from planner.design.candidates.pool import draw_candidates
+from planner.design.error_bound import bound_tool_error
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
 from planner.session.mount import with_mounts
+from planner.session.options import PlanOptions
+from planner.session.session_minutes import session_minutes
 
 
 def drawn(seed, n=12, size=5):
@@ -77,9 +83,13 @@ def kuka():
     return cell, draw_candidates(cell, 1500, 0)
 
 
-def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka):
-    cell, pool = kuka
-    ahead = select_bayesian_poses(cell, pool, 120)
+@pytest.fixture(scope="module")
+def ahead(kuka):
+    return select_bayesian_poses(*kuka, 120)
+
+
+def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, ahead):
+    _, pool = kuka
     assert len(set(ahead.chosen)) == 120
     assert ahead.error_after(pool.samples.take(ahead.chosen)) == pytest.approx(ahead.left, rel=1e-6)
     assert ahead.bound < ahead.left < ahead.unknown.untraced
@@ -108,3 +118,35 @@ def test_more_poses_than_candidates_are_refused(kuka):
     cell, pool = kuka
     with pytest.raises(NoSolutionError, match="only 1500 candidates"):
         select_bayesian_poses(cell, pool, 2000)
+
+
+def test_more_poses_leave_less_and_never_less_than_all_candidates(ahead):
+    assert [f.poses for f in ahead.forecasts] == sorted({*OTHER_NUMBERS, 120})
+    errors = [f.error for f in ahead.forecasts]
+    assert all(a > b for a, b in pairwise(errors))
+    assert ahead.floor < errors[-1]
+    assert next(f.error for f in ahead.forecasts if f.poses == 120) == pytest.approx(ahead.left)
+
+
+def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(ahead):
+    driven = ahead.as_driven(ahead.left, lambda poses: poses / 2)
+    assert "80 poses" in describe_numbers_of_poses(driven)
+    assert "about 40 min" in describe_numbers_of_poses(driven)
+    assert "another fixture" not in describe_numbers_of_poses(replace(driven, floor=0.4 * driven.left))
+    assert "another fixture" in describe_numbers_of_poses(replace(driven, floor=0.6 * driven.left))
+
+
+def test_the_aim_is_tracing_unless_a_number_an_index_or_the_cell_say_otherwise():
+    cell = load_cell("comau-nj130/edbb")
+    assert PlanOptions().for_tracing(cell)
+    assert not any(o.for_tracing(cell) for o in (PlanOptions(poses=40), PlanOptions(index="O1")))
+    assert PlanOptions(poses=40, aim="tracing").for_tracing(cell)
+    assert not PlanOptions().for_tracing(load_cell("comau-nj130/paper"))
+
+
+def test_minutes_of_the_planned_number_are_those_that_are_driven():
+    cell = load_cell("comau-nj130/edbb")
+    drive = Of(visits=range(110), trajectory=Of(duration_s=2400.0))
+    minutes = session_minutes(cell, [drive], 100)
+    assert minutes(100) == pytest.approx(40.0)
+    assert np.all(np.diff([minutes(n) for n in (20, 40, 100, 200)]) > 0)
