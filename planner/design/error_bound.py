@@ -83,7 +83,7 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
     w[chosen] += START_SHARE
     every = ErrorPricing(rows, count, "I", weight)
     _, begun, _ = every.solve(ActiveSet(np.arange(len(white)), w), 0.0)
-    active = np.union1d(chosen, best_priced(-begun.prices(rows), min(ACTIVE, len(white))))
+    active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(ACTIVE, len(white))))
     few = replace(every, rows=rows[active])
     state = ActiveSet(np.arange(len(active)), _cap_weights(w[active], count))
     best = generate_columns(few, state, 0.0, 0.0, STEPS).duals[0].verify(rows)

@@ -20,6 +20,6 @@ def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable
 
     def minutes(count: int) -> float:
         other = visits - poses + count
-        return (other * still + moving * (other / visits) ** (1 - 1 / DIMENSIONS)) / 60
+        return float(other * still + moving * (other / visits) ** (1 - 1 / DIMENSIONS)) / 60
 
     return minutes
