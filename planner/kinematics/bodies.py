@@ -28,6 +28,7 @@ class Body:
         T: pose of the shape in the carrying frame, (4, 4) [m].
         mesh: file of the mesh, or ``None``.
         scale: scale of the mesh.
+        hull: whether the convex hull stands for the mesh.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Body:
     T: Array
     mesh: Path | None = None
     scale: Vector = (1.0, 1.0, 1.0)
+    hull: bool = False
 
 
 def capsule_between(name: str, a: Array, b: Array, radius: float) -> Body:
@@ -60,7 +62,10 @@ def rotation_from_z(direction: Array) -> Array:
 
 
 class BodyFile(OptionalKeys):
-    """A shape as a cell or robot file gives it; ``unit``: of a mesh's numbers, before ``scale``."""
+    """A shape as a cell or robot file gives it.
+
+    ``unit``: of a mesh's numbers, before ``scale``; ``hull``: whether its convex hull stands for it.
+    """
 
     name: str | None = None
     kind: Literal["capsule", "sphere", "box", "mesh"]
@@ -73,7 +78,8 @@ class BodyFile(OptionalKeys):
     file: str | None = None
     unit: Literal["m", "mm"] = "m"
     scale: tuple[Scale, Scale, Scale] = (1.0, 1.0, 1.0)
-    LATER: ClassVar[tuple[str, ...]] = ("unit",)
+    hull: bool = False
+    LATER: ClassVar[tuple[str, ...]] = ("unit", "hull")
 
     @model_validator(mode="after")
     def _complete(self) -> "BodyFile":
@@ -108,7 +114,7 @@ class BodyFile(OptionalKeys):
             if not path.is_file():
                 raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
             x, y, z = (s * (MM if self.unit == "mm" else 1.0) for s in self.scale)
-            return Body(name, "mesh", (), read_only(T), path, (x, y, z))
+            return Body(name, "mesh", (), read_only(T), path, (x, y, z), self.hull)
         size = (self.radius_mm,) if self.kind == "sphere" else self.size_mm
         return Body(name, self.kind, tuple(float(v) for v in from_mm(size)), read_only(T))  # type: ignore[arg-type]
 

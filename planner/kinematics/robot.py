@@ -97,7 +97,7 @@ class Robot:
         never_meet_reason: what keeps them apart, for the user.
         sources: topic → where the numbers come from.
         path: the file it was read from.
-        tip: last link, where the chain comes from a URDF.
+        tip: last link, where the chain comes from a URDF; ``srdf`` the file that says which of its links may touch.
         effects: what a calibration found beyond geometry; ``loads`` those that it was found under.
         priors: how large its errors usually are.
         nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
@@ -125,6 +125,7 @@ class Robot:
     sources: tuple[tuple[str, str], ...]
     path: Path
     tip: str | None = None
+    srdf: Path | None = None
     effects: tuple[RobotEffect, ...] = ()
     loads: Loads | None = None
     priors: Priors = Priors()

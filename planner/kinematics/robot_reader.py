@@ -21,10 +21,10 @@ from planner.kinematics.calibration_tables import (
 )
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
 from planner.kinematics.robot import LinkMass, Priors, Robot
+from planner.kinematics.srdf import NEXT_BUT_ONE, read_allowed_pairs
 from planner.kinematics.urdf import UrdfChain, UrdfJoint, read_urdf
 
 FEWEST_JOINTS = 5
-NEXT_BUT_ONE = 2  # links apart
 SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
 
 
@@ -105,6 +105,7 @@ class RobotDescription(StrictModel):
     title: str = ""
     convention: Literal["dh", "mdh", "urdf"]
     urdf: str | None = None
+    srdf: str | None = None
     tip: str | None = None
     repeatability_mm: Annotated[float, Field(ge=0)] = 0.05
     payload_kg: PositiveFloat | None = None
@@ -130,6 +131,8 @@ class RobotDescription(StrictModel):
             )
         if self.never_meet and not self.never_meet_reason.strip():
             raise ValueError("never_meet needs never_meet_reason: what keeps those links apart")
+        if self.srdf is not None and (self.convention != "urdf" or self.never_meet):
+            raise ValueError("srdf stands for never_meet of a URDF: give one of the two")
         if self.convention == "urdf":
             if self.urdf is None:
                 raise ValueError('convention "urdf" needs urdf = "file.urdf"')
@@ -171,7 +174,15 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
     path = beside / reference
     if path.suffix == ".urdf" and path.is_file():
         return _from_urdf(
-            RobotDescription(schema="edbb-robot/1", name=path.stem, convention="urdf", urdf=path.name, tip=tip), path
+            RobotDescription(
+                schema="edbb-robot/1",
+                name=path.stem,
+                convention="urdf",
+                urdf=path.name,
+                tip=tip,
+                srdf=f"{path.stem}.srdf" if path.with_suffix(".srdf").is_file() else None,
+            ),
+            path,
         )
     if path.is_dir():
         path = path / "robot.toml"
@@ -215,6 +226,10 @@ def _from_urdf(file: RobotDescription, path: Path) -> Robot:
         if still:
             raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
         file = file.model_copy(update={"joints": tuple(JointTable.from_urdf(j) for j in chain.joints)})
+    if file.srdf is not None:
+        pairs = read_allowed_pairs(path.parent / file.srdf, chain)
+        why = f"{file.srdf} allows them to touch"
+        file = file.model_copy(update={"never_meet": pairs, "never_meet_reason": why})
     return _build_robot(file, path, chain.transforms, chain.link_end, chain)
 
 
@@ -271,6 +286,7 @@ def _build_robot(
         sources=tuple(sorted(sources.items())),
         path=path,
         tip=None if urdf is None else urdf.tip,
+        srdf=None if file.srdf is None else path.parent / file.srdf,
         effects=effects_from_tables(path, file.effects, whole),
         loads=loads_from_table(file.loads),
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),

@@ -56,6 +56,10 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     if robot.convention == "urdf":
         text, changed = write_urdf(urdf_path(robot), robot.tip, values, meshes, found.source)
         content |= {"urdf": "robot.urdf", "tip": str(robot.tip)}
+        content.pop("srdf", None)
+        if robot.srdf is not None:
+            pairs = [list(pair) for pair in sorted(robot.never_meet)]
+            content |= {"never_meet": pairs, "never_meet_reason": robot.never_meet_reason}
         files.append(("robot.urdf", text))
     else:
         _correct_rows(robot, content, {n: values[n] for n in sorted(changed)})

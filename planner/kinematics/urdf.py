@@ -45,7 +45,8 @@ class UrdfJoint:
 class UrdfChain:
     """What a URDF says of the chain from its root link to the tip (joints in order, SI units).
 
-    ``parts`` are the joints of the chain, fixed ones too: the name, and the number of transforms up to its end.
+    ``parts`` are the joints of the chain, fixed ones too: the name, and the number of transforms up to its end;
+    ``links`` the URDF's links: the name, and the number of the link that it belongs to.
     """
 
     transforms: tuple[Transform, ...]
@@ -54,6 +55,7 @@ class UrdfChain:
     bodies: tuple[tuple[int, Body], ...]
     tip: str
     parts: tuple[tuple[str, int], ...]
+    links: tuple[tuple[str, int], ...]
 
 
 def read_urdf(path: Path, tip: str | None) -> UrdfChain:
@@ -105,11 +107,13 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
     ends, revolute = [0], list[UrdfJoint]()
     bodies = [(0, b) for b in _read_bodies(path, links[base], np.eye(4))]
     parts: list[tuple[str, int]] = []
+    named = [(base, 0)]
     carried = np.eye(4)  # pose of the current URDF link in the last link frame
     for joint in joints:
         name, kind = str(joint.get("name")), joint.get("type")
         xyz, rpy = _read_origin(joint)
         child = links[str(_find_child(joint, "child").get("link"))]
+        named.append((str(child.get("name")), len(revolute) + (kind != "fixed")))
         if kind == "fixed":
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))
@@ -135,7 +139,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         speed = 0.0 if limit is None else _number(limit, "velocity", 1e6)
         revolute.append(UrdfJoint(sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
-    return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts))
+    return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named))
 
 
 def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:
@@ -185,9 +189,8 @@ def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
             x, y, z = _read_numbers(shape, "scale", (1, 1, 1))
             if not min(abs(x), abs(y), abs(z)) > 0:
                 raise _UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
-            out.append(
-                Body(name, "mesh", (), read_only(T), _mesh_path(path, str(shape.get("filename")), name), (x, y, z))
-            )
+            file = _mesh_path(path, str(shape.get("filename")), name)
+            out.append(Body(name, "mesh", (), read_only(T), file, (x, y, z), hull=True))
     return out
 
 

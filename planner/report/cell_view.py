@@ -11,7 +11,8 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Chain
-from planner.motion.collision.pieces import SceneBody, mesh_vertices
+from planner.motion.collision.meshes import mesh_faces
+from planner.motion.collision.pieces import SceneBody
 from planner.motion.collision.scene import build_scene
 from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
@@ -46,7 +47,7 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
 def body_mesh(body: Body) -> Mesh:
     """Return the surface of a body in the frame that carries it."""
     if body.kind == "mesh":
-        return Mesh(*mesh_vertices(body)).move(body.T)
+        return Mesh(*mesh_faces(body)).move(body.T)
     if body.kind == "box":
         sides = np.vstack([BOX_SIDES[:, :3], BOX_SIDES[:, [0, 2, 3]]])
         # every side has its own corners, so that edges stay sharp when shaded

@@ -58,6 +58,8 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
         urdf = urdf_path(robot)
         text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned")
         yield urdf.name, text.encode()
+        if robot.srdf is not None:
+            yield robot.srdf.name, read_bytes(robot.srdf)
         if robot.path == urdf:
             return
     content = read_toml_content(robot.path)
@@ -69,6 +71,8 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
         body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
     if robot.convention == "urdf":
         content["urdf"] = urdf_path(robot).name
+        if robot.srdf is not None:
+            content["srdf"] = robot.srdf.name
     yield robot.path.name, tomli_w.dumps(content).encode()
 
 

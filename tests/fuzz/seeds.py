@@ -21,7 +21,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Identification
-from planner.motion.collision.pieces import load_mesh
+from planner.motion.collision.meshes import mesh_faces
 from planner.programs.dialect import load_dialect
 from planner.programs.program_files import write_program
 from planner.programs.readback import read_texts
@@ -195,7 +195,7 @@ SURFACES = {
     "robot TOML": Surface("robot.toml", lambda _: robot().path.read_bytes(), _read_robot),
     "cell TOML": Surface("cell.toml", _cell, lambda p: (load_cell(p), load_cell(p, planning=False))),
     "URDF": Surface("arm.urdf", _urdf, _read_robot),
-    "mesh": Surface("body.stl", _mesh, lambda p: load_mesh(Body("b", "mesh", (), np.eye(4), p))),
+    "mesh": Surface("body.stl", _mesh, lambda p: mesh_faces(Body("b", "mesh", (), np.eye(4), p))),
     "run CSV": Surface("run.csv", _csv, load_run),
     "run Parquet": Surface("run.parquet", _parquet, load_run),
     "plan": Surface("plan.json", lambda _: json.dumps(ball_plan()).encode(), _read_plan),

@@ -7,10 +7,8 @@ import coal
 import fcl
 import numpy as np
 
-from planner.common.errors import InputError
-from planner.common.reading import check_readable
-from planner.common.units import Array
 from planner.kinematics.bodies import Body
+from planner.motion.collision.meshes import coal_mesh, mesh_faces
 
 
 def coal_shape(body: Body) -> coal.CollisionGeometry:
@@ -21,7 +19,7 @@ def coal_shape(body: Body) -> coal.CollisionGeometry:
         return coal.Sphere(*body.size)
     if body.kind == "box":
         return coal.Box(*body.size)
-    return load_mesh(body)
+    return coal_mesh(body)
 
 
 def fcl_shape(body: Body) -> fcl.CollisionGeometry:
@@ -32,45 +30,12 @@ def fcl_shape(body: Body) -> fcl.CollisionGeometry:
         return fcl.Sphere(*body.size)
     if body.kind == "box":
         return fcl.Box(*body.size)
-    vertices, triangles = mesh_vertices(body)
+    vertices, triangles = mesh_faces(body)
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(triangles))
     model.addSubModel(vertices, triangles)
     model.endModel()
     return model
-
-
-def mesh_vertices(body: Body) -> tuple[Array, np.ndarray]:
-    """Return vertices (m, 3) [m] and triangles (t, 3) of a mesh body."""
-    mesh = load_mesh(body)
-    triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
-    return np.array(mesh.vertices()), np.array([[t[0], t[1], t[2]] for t in triangles])
-
-
-MOST_TRIANGLES = 50_000  # of one mesh: with 200 000 the second engine takes a second a state
-MOST_BYTES = 50_000_000
-
-
-def load_mesh(body: Body) -> coal.BVHModelBase:
-    """Read the mesh of a body, scaled to metres.
-
-    Raises:
-        InputError: it is too large, is no mesh, or has no triangle or a vertex that is no number.
-    """
-    assert body.mesh is not None
-    check_readable(body.mesh, MOST_BYTES)
-    try:
-        mesh = coal.MeshLoader().load(str(body.mesh), np.array(body.scale))
-    except (RuntimeError, ValueError) as err:
-        raise InputError(f"{body.mesh}: cannot be read as a mesh ({str(err).splitlines()[0]})") from err
-    if not 0 < mesh.num_tris <= MOST_TRIANGLES:
-        raise InputError(
-            f"{body.mesh}: the mesh has {mesh.num_tris} triangles, 1 to {MOST_TRIANGLES} are allowed; reduce it, or "
-            "cover the body with boxes and capsules"
-        )
-    if not np.isfinite(mesh.vertices()).all():
-        raise InputError(f"{body.mesh}: the mesh has a vertex that is no finite number")
-    return mesh
 
 
 Carrier = Literal["world", "link", "housing", "rod"]
@@ -118,4 +83,4 @@ def body_reach(body: Body) -> float:
 
 
 def _mesh_reach(body: Body) -> float:
-    return float(np.linalg.norm(mesh_vertices(body)[0], axis=1).max())
+    return float(np.linalg.norm(mesh_faces(body)[0], axis=1).max())

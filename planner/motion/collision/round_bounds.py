@@ -14,7 +14,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
-from planner.motion.collision.pieces import mesh_vertices
+from planner.motion.collision.meshes import mesh_faces
 from planner.motion.collision.scene import Scene
 
 CHUNK = 16_384  # entries at a time: they stay in the cache
@@ -42,7 +42,7 @@ class Core:
 
 def _corners(body: Body) -> Array:
     if body.kind == "mesh":
-        return mesh_vertices(body)[0]
+        return mesh_faces(body)[0]
     signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     return np.asarray(signs * body.size)
 

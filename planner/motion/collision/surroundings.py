@@ -10,9 +10,10 @@ from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
-from planner.kinematics.robot_reader import NEXT_BUT_ONE
+from planner.kinematics.srdf import NEXT_BUT_ONE
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.pieces import SceneBody, coal_shape, mesh_vertices
+from planner.motion.collision.meshes import excess_of_polytope, mesh_faces
+from planner.motion.collision.pieces import SceneBody, coal_shape
 from planner.motion.collision.scene import FLOOR, build_scene
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
@@ -48,6 +49,19 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     named = [f"{a} and {b} ({robot.never_meet_reason})" for a, b in sorted(robot.never_meet)]
     said = "; ".join(filter(None, (", ".join(neighbours), *named)))
     return (f"bodies of these links are not checked against each other: {said}",) if said else ()
+
+
+def reduced_meshes(cell: Cell) -> tuple[str, ...]:
+    """Say which meshes stand as convex polytopes in every check, and how far these stand beyond the meshes' hulls."""
+    shapes = {b.mesh: b for _, b in cell.robot.bodies if b.kind == "mesh" and b.hull}
+    shapes |= {b.mesh: b for b in (*cell.tool.bodies, *cell.obstacles) if b.kind == "mesh" and b.hull}
+    if not shapes:
+        return ()
+    excess = to_mm(max(excess_of_polytope(b) for b in shapes.values()))
+    return (
+        f"{len(shapes)} meshes are checked for collisions as the convex polytopes around them, which hold the meshes "
+        f"and stand at most {excess:.1f} mm beyond their convex hulls; where a mesh is hollow, nothing may enter",
+    )
 
 
 def _check_apart(cell: Cell) -> None:
@@ -90,7 +104,7 @@ def _reach(cell: Cell, fixture: int, piece: SceneBody) -> float:
 def _check_mesh(cell: Cell, piece: SceneBody, reach: float) -> None:
     if piece.body.kind != "mesh":
         return
-    vertices = mesh_vertices(piece.body)[0]
+    vertices = mesh_faces(piece.body)[0]
     size = float(np.ptp(vertices, axis=0).max())
     carried = sum(abs(t.nominal) for t in cell.robot.transforms if t.kind == "translation")
     if size < SMALLEST or (piece.carrier == "link" and size > LARGEST * max(float(carried), 0.1)):
