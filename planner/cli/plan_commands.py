@@ -18,7 +18,7 @@ from planner.cli.terminal import (
     give,
 )
 from planner.common.choices import Aim, IndexName
-from planner.common.errors import InputError
+from planner.common.errors import PARTLY_DONE, InputError
 
 
 def plan_command(
@@ -41,12 +41,16 @@ def plan_command(
     aim: Annotated[
         Aim | None, typer.Option(help="poses by the index, or by the error that is left once hidden effects are traced")
     ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(min=1, metavar="SECONDS", help="search no longer; what that leaves open is said (exit code 5)"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
     from planner.workflow.planning import plan
 
-    give(
+    result = give(
         lambda stages: plan(
             cell,
             poses=poses,
@@ -57,11 +61,14 @@ def plan_command(
             separate=separate,
             fixtures=fixtures,
             aim=aim,
+            time_limit=time_limit,
             progress=stages.say,
         ),
         output,
         as_json,
     )
+    if result.cut_short:
+        raise typer.Exit(PARTLY_DONE)
 
 
 def study_command(

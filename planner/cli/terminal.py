@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -58,8 +58,11 @@ def parse_folder(text: str) -> Path:
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=parse_folder, help="folder to write to")]
 
 
-def give(work: Callable[[Stages], Result], output: Path | None, as_json: bool) -> None:
-    """Do the work of a command, write its result into a folder, and say what was found.
+R = TypeVar("R", bound=Result)
+
+
+def give(work: Callable[[Stages], R], output: Path | None, as_json: bool) -> R:
+    """Do the work of a command, write its result into a folder, say what was found, and return it.
 
     Raises:
         NoSolutionError: the result must not be used.
@@ -78,6 +81,7 @@ def give(work: Callable[[Stages], Result], output: Path | None, as_json: bool) -
         errors.print(result.summary() + written, markup=False)
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
+    return result
 
 
 def give_file(text: str, write: Callable[[Path], object], output: str) -> None:

@@ -12,5 +12,6 @@ __all__ = [
     "result_folder",
     "schema",
     "sequences",
+    "time_limit",
     "units",
 ]

@@ -7,6 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.time_limit import ROADMAP, must_stop
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
@@ -93,8 +94,11 @@ def drop_unreachable(
     _, _, rows = identify_candidates(cell, likely)
     n = min(poses or POSES, len(rows))
     rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
-    order, _ = price_core(rows, rough, n)
-    kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
+    if must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
+        kept = np.ones(len(likely), dtype=bool)
+    else:
+        order, _ = price_core(rows, rough, n)
+        kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
     lost = len(pool) - int(kept.sum())
     note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
     return likely.take(kept), (note,) if lost else (), rough.among(kept)

@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
+from planner.common.time_limit import current_limit
 from planner.common.units import Array
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
@@ -73,6 +74,8 @@ def plan_session(session: Session[P], options: PlanOptions, stages: Stages) -> P
     dialects = options.known_dialects(session.cell)
     bare = session.drive(stages)
     with stages.stage("programs"):
+        limit = current_limit()
+        bare = replace(bare, notes=(*bare.notes, *(limit.notes if limit else ())))
         return with_programs(replace(bare, plan_id=content_hash(session.record(bare), bare.cell)), dialects)
 
 

@@ -26,10 +26,11 @@ from planner.workflow.writing import plan_content, write_plan, write_program_as
 
 @dataclass(frozen=True)
 class SessionResult(Result):
-    """A planned session."""
+    """A planned session; ``cut_short``: what a limit of time left undone."""
 
     plan: Plan | CircularPlan
     stages: Stages = field(default_factory=Stages)
+    cut_short: tuple[str, ...] = ()
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``plan.json`` says."""

@@ -7,6 +7,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.choices import Aim
 from planner.common.progress import Progress, Stages, no_progress
+from planner.common.time_limit import TimeLimit, limit_time
 from planner.design.free_parameters import check_effects
 from planner.instruments.circular.planning import plan_circles
 from planner.motion.tour.solve import Method
@@ -29,6 +30,7 @@ def plan(
     separate: Path | str | None = None,
     fixtures: int | None = None,
     aim: Aim | None = None,
+    time_limit: float | None = None,
     progress: Progress = no_progress,
 ) -> PlanResult | CircularPlanResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
@@ -43,6 +45,8 @@ def plan(
         separate: an ``identification.json``: choose poses that tell its findings from their rivals.
         fixtures: how many in all: good places are found for those beside the first.
         aim: poses by the index, or by the error that is left once hidden effects are traced.
+        time_limit: seconds for planning; searches stop early, and the notes say what they left. The same seed then no
+            longer gives the same bytes.
         progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
@@ -52,10 +56,12 @@ def plan(
     file = None if separate is None else Path(separate)
     options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim)
     stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))
-    if not chosen.circles:
-        return PlanResult(plan_cell(chosen, options, stages), stages)
-    check_circle_options(chosen, options)
-    return CircularPlanResult(plan_circles(chosen, options, stages), stages)
+    limit = None if time_limit is None else TimeLimit(time_limit)
+    with limit_time(limit):
+        if not chosen.circles:
+            return PlanResult(plan_cell(chosen, options, stages), stages, limit.notes if limit else ())
+        check_circle_options(chosen, options)
+        return CircularPlanResult(plan_circles(chosen, options, stages), stages, limit.notes if limit else ())
 
 
 def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:

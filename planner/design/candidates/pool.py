@@ -11,6 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.time_limit import CANDIDATES, must_stop
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld, available_threads
 from planner.runs.run import Mounting, Samples
@@ -18,6 +19,7 @@ from planner.runs.run import Mounting, Samples
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
 HOPELESS = 50_000  # states that all collide, after which no more are drawn
+BLAMED, SHOWN_PAIRS = 300, 4  # states of which it is said what collides, and pairs that are named
 GRID_BLOCK = 1 << 18
 LARGEST_GRID = 200_000_000
 CHUNK = 8192
@@ -146,6 +148,8 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         hopeless = total == 0 and funnel.cable > HOPELESS
         if (total >= count and not whole) or hopeless:
             break
+        if total and must_stop(CANDIDATES, f"{min(total, count)} of {count} candidates were drawn"):
+            break
     q = np.vstack(found)
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off
         q = q[np.linspace(0, len(q) - 1, count).astype(int)]
@@ -214,7 +218,19 @@ def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
         return f"{head} The ball joints' cones reject all: {turn}."
     if funnel.cable == 0:
         return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
-    return f"{head} Every state collides: look at motion.clearance_mm, the obstacles and the bodies of tool and bar."
+    near = _nearest_pairs(cell, mounting)
+    return f"{head} Every state collides: {near}; look at motion.clearance_mm and at these bodies."
+
+
+def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
+    """Say which pairs of bodies are too near most often in states that pass all other filters, and how often."""
+    world, workspace = CollisionWorld.from_cell(cell, mounting), Workspace(cell, mounting)
+    q, _ = _apply_workspace_filters(cell.gauge.joint_sampler(cell, mounting, 0)(DRAWS[0]).q, workspace)
+    if not len(q):
+        return "too few of them were drawn to say what with"
+    share = (world.distances(q[:BLAMED]) < cell.motion.clearance).mean(axis=0)
+    worst = np.argsort(-share, kind="stable")[:SHOWN_PAIRS]
+    return ", ".join(f"{world.scene.pair_name(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0)
 
 
 def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:

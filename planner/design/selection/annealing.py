@@ -9,6 +9,7 @@ One reading a pose and an index made of determinants (O2, O3, O4) are assumed: t
 import numpy as np
 
 from planner.common.determinism import Positions
+from planner.common.time_limit import CHOICE, must_stop
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.index_criterion import BarrierPotential
@@ -35,6 +36,8 @@ def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: i
     for step in range(steps):
         share = step / steps
         if step % _BLOCK == 0:
+            if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+                break
             candidates = rng.integers(0, len(pool), (_BLOCK, look))
         if step % _HELD == 0:
             bath = _HeatBath(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))

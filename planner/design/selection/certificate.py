@@ -12,6 +12,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from planner.common.determinism import Positions
+from planner.common.time_limit import BOUND, must_stop
 from planner.common.units import Array, read_only
 
 _MARGIN = 1e-12  # relative: a bound that is verified again comes out the same
@@ -142,6 +143,8 @@ def generate_columns(pricing: Pricing, state: ActiveSet, tolerance: float, accur
         if best is None or (value < best[1] if dual.upper else value > best[1]):
             best = dual, value  # the tightest bound is the one that promises least
         if pricing.distance(relaxed, best[1]) < tolerance or turn == rounds:
+            break
+        if must_stop(BOUND, "the bound of the certificate holds, but is not as tight as it can be"):
             break
         grown = pricing.grow(state, dual)
         if grown is None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
+from planner.common.time_limit import current_limit, limit_time
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
@@ -144,7 +145,7 @@ class BackgroundCurve:
         help_out: bool = False,
     ) -> None:
         self._task, self._own = (rows, index, seed, near), list(sizes)[1::2] if help_out else []
-        task = pickle.dumps((*self._task, [n for n in sizes if n not in self._own]))
+        task = pickle.dumps((current_limit(), *self._task, [n for n in sizes if n not in self._own]))
         # -P: no module is taken from the folder that the command runs in
         command = [sys.executable, "-P", "-c", f"import sys; sys.path.append({ROOT!r}); {WORKER}", str(os.getpid())]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -186,7 +187,9 @@ class BackgroundCurve:
 def run_worker() -> None:
     """Body of the worker: a task on standard input, the curve on standard output; it ends when its parent has."""
     threading.Thread(target=_end_with_parent, args=(int(sys.argv[1]),), daemon=True).start()
-    sys.stdout.buffer.write(pickle.dumps(_compute(*pickle.load(sys.stdin.buffer))))
+    limit, *task = pickle.load(sys.stdin.buffer)
+    with limit_time(limit):
+        sys.stdout.buffer.write(pickle.dumps(_compute(*task)))
 
 
 def _compute(rows: Array, index: str, seed: int, near: Certificate | None, sizes: Sequence[int]) -> IndexCurve:

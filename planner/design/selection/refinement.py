@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
+from planner.common.time_limit import REFINEMENT, must_stop
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.index_criterion import (
@@ -77,6 +78,8 @@ def refine_off_grid(
             if find_rule(index).better(value, best[2]):
                 best = q, rows, value
             if np.all(reach <= _SMALLEST):
+                break
+            if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
                 break
         q, rows = best[0], best[1]
     moved = int(np.sum(np.any(best[0] != q0, axis=1)))

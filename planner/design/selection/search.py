@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.determinism import Positions, first_maximum, round_significant
+from planner.common.time_limit import CHOICE, must_stop
 from planner.common.units import Array
 
 _SWAPS = 2_000  # no descent was seen to take a tenth of it
@@ -46,6 +47,8 @@ class SequentialCriterion(Protocol):
 def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions) -> Positions:
     """Take the best swap between ``chosen`` (n,) and the rest of ``pool`` until there is none."""
     for _ in range(_SWAPS):
+        if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+            break
         swap = criterion.best_swap(chosen, np.setdiff1d(pool, chosen))
         if swap is None:
             break

@@ -83,28 +83,29 @@ def _read(path: Path, scale: Vector) -> coal.BVHModelBase:
 def _polytope_about(path: Path, points: Array) -> tuple[Array, np.ndarray]:
     """A convex polytope of few faces that holds all points (m, 3): the hull itself, or cut from a box by its faces.
 
-    The faces of the hull that the polytope overshoots most cut it next, until none is overshot by more than ``CLOSE``.
+    The corners that stand furthest beyond the hull are cut off next, each by the face that it stands furthest beyond,
+    until none does by more than ``CLOSE``.
     """
     if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] < FLAT:
         raise InputError(f"{path}: the mesh is flat: give the body as a box")
     hull = ConvexHull(points)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
     if len(planes) <= MOST_FACES:
-        return _oriented(points[hull.vertices])
+        return _orient_faces(points[hull.vertices])
     inside = points[hull.vertices].mean(axis=0)
     axes = np.vstack([np.eye(3), -np.eye(3)])
     cuts = np.column_stack([axes, -(points @ axes.T).max(axis=0)])
     while True:
         corners = HalfspaceIntersection(cuts, inside).intersections
-        over = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=0)
-        worst = np.argsort(-over, kind="stable")[:_BATCH]
-        worst = worst[over[worst] > CLOSE]
-        if len(worst) == 0 or len(cuts) + len(worst) > MOST_FACES:
-            return _oriented(corners)
+        over = corners @ planes[:, :3].T + planes[:, 3]
+        far = over.max(axis=1)
+        worst = np.unique(over[np.argsort(-far, kind="stable")[:_BATCH]].argmax(axis=1))
+        if far.max() < CLOSE or len(cuts) + len(worst) > MOST_FACES:
+            return _orient_faces(corners)
         cuts = np.vstack([cuts, planes[worst]])
 
 
-def _oriented(points: Array) -> tuple[Array, np.ndarray]:
+def _orient_faces(points: Array) -> tuple[Array, np.ndarray]:
     """The convex hull of points (m, 3): vertices (k, 3) and triangles (t, 3), counter-clockwise from outside."""
     hull = ConvexHull(points)
     number = np.full(len(points), -1)

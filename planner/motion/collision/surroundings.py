@@ -51,7 +51,7 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     return (f"bodies of these links are not checked against each other: {said}",) if said else ()
 
 
-def reduced_meshes(cell: Cell) -> tuple[str, ...]:
+def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     """Say which meshes stand as convex polytopes in every check, and how far these stand beyond the meshes' hulls."""
     shapes = {b.mesh: b for _, b in cell.robot.bodies if b.kind == "mesh" and b.hull}
     shapes |= {b.mesh: b for b in (*cell.tool.bodies, *cell.obstacles) if b.kind == "mesh" and b.hull}

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.common.time_limit import check_time
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 
@@ -119,6 +120,7 @@ class Prover:
         for level in range(LEVELS):
             if len(cells.motion) == 0:
                 break
+            check_time("motions are proven")
             cells, asked = self._level(cells, asked, record, last=level == LEVELS - 1)
         return record.proof()
 

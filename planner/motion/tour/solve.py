@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
+from planner.common.time_limit import TOUR, must_stop
 from planner.common.units import Array
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded
@@ -160,7 +161,9 @@ class _TourRequest:
             else:
                 if tour is not None:
                     return tour
-        found = solve_embedded(instance, search, self.nodes)
+        cut = must_stop(TOUR, "of the proof that the tour is the shortest only the root was computed")
+        nodes = 0 if cut else self.nodes
+        found = solve_embedded(instance, search, nodes)
         length = instance.length(found.tour)
         if length >= instance.penalty:
             raise self._no_order_error(proven=found.bound >= instance.penalty)

@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.meshes import excess_of_polytope, mesh_faces
+from planner.motion.collision.surroundings import describe_polytopes
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
 FACES = [
@@ -72,3 +76,39 @@ def test_a_file_that_is_no_mesh_is_named(tmp_path):
 def test_a_mesh_that_is_missing_is_named(tmp_path):
     with pytest.raises(InputError, match=r"gone\.stl"):
         cell_with(tmp_path, "kind = 'mesh'\nfile = 'gone.stl'\n")
+
+
+def test_a_polytope_holds_its_mesh_and_stands_little_beyond_its_hull(tmp_path):
+    stl(tmp_path / "box.stl")
+    points = np.random.default_rng(0).normal(size=(4000, 3)) * [0.1, 0.1, 0.3]
+    points /= np.maximum(1.0, np.linalg.norm(points / [0.1, 0.1, 0.3], axis=1))[
+        :, None
+    ]  # an ellipsoid, thousands of faces
+    hull = ConvexHull(points)  # an ellipsoid of more than a thousand faces
+    faces = "\n".join(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in hull.simplices)
+    (tmp_path / "round.obj").write_text("\n".join(f"v {x} {y} {z}" for x, y, z in points) + "\n" + faces + "\n")
+    for name, most in (("box.stl", 8), ("round.obj", 600)):
+        body = Body(name, "mesh", (), np.eye(4), tmp_path / name, hull=True)
+        vertices, triangles = mesh_faces(body)
+        corner, a, b = (vertices[triangles[:, k]] for k in range(3))
+        normal = np.cross(a - corner, b - corner)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        own = CORNERS if name == "box.stl" else points
+        assert len(vertices) <= most
+        assert (own @ normal.T - np.einsum("ij,ij->i", normal, corner)).max() < 1e-6
+        assert excess_of_polytope(body) < 3e-3  # of 0.6 m, by 240 faces
+    assert len(hull.simplices) > 1000
+
+
+def test_a_polytope_is_never_further_away_than_its_mesh(tmp_path):
+    stl(tmp_path / "box.stl")
+    robot, found = load_cell("comau-nj130/edbb").robot, []
+    q = np.random.default_rng(1).uniform(robot.q_lower, robot.q_upper, (60, 6))
+    for hull in ("false", "true"):
+        cell = cell_with(tmp_path, f"kind = 'mesh'\nfile = 'box.stl'\nhull = {hull}\n")
+        world = CollisionWorld.from_cell(cell)
+        pairs = [k for k in range(len(world.scene.pairs)) if "block" in world.scene.pair_name(k)]
+        found.append(world.distances(q)[:, pairs])
+        assert bool(describe_polytopes(cell)) == (hull == "true")
+    apart = found[0] > 1e-3
+    np.testing.assert_allclose(found[1][apart], found[0][apart], atol=1e-6)
