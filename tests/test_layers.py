@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import planner
@@ -15,13 +16,18 @@ ORDER = [
 ]  # fmt: skip
 
 
+@cache
+def nodes_of(path):
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
 def room_of(path):
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
 def imported_modules(path):
     """The modules of the package that a file imports, each as its path's parts without ``planner``."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{path}: relative import"
@@ -48,7 +54,7 @@ def public_modules():
     """What each room, and each public folder of it, lists in ``__all__``: {folder's parts: names}."""
     out = {}
     for path in ROOT.rglob("*/__init__.py"):
-        for node in ast.parse(path.read_text()).body:
+        for node in nodes_of(path)[0].body:
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
             if getattr(target, "id", "") == "__all__":
                 out[path.parent.relative_to(ROOT).parts] = set(ast.literal_eval(node.value))
@@ -94,7 +100,7 @@ def test_files_and_functions_stay_small():
     for path in ROOT.rglob("*.py"):
         text = path.read_text()
         assert text.count("\n") <= 400, path
-        for node in ast.walk(ast.parse(text)):
+        for node in nodes_of(path):
             if isinstance(node, ast.FunctionDef):
                 doc = ast.get_docstring(node) or ""
                 assert node.end_lineno - node.lineno - doc.count("\n") <= 60, f"{path}: {node.name}"
@@ -112,7 +118,7 @@ def test_no_function_is_named_by_a_participle_alone():
     """A verb does (``solve_ik``), a noun is. Properties say what is so; validators and wrappers are not called."""
     free = ("property", "validator", "wraps", "setter")
     for path in ROOT.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes_of(path):
             if not isinstance(node, ast.FunctionDef) or any(
                 w in ast.unparse(d) for d in node.decorator_list for w in free
             ):
@@ -126,6 +132,6 @@ def test_no_room_prints_or_exits():
     for path in ROOT.rglob("*.py"):
         if room_of(path) == "cli":
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes_of(path):
             called = isinstance(node, ast.Call) and ast.unparse(node.func)
             assert called not in ("print", "sys.exit", "exit"), path
