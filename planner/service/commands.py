@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Sequence
 
 from planner.common.errors import InputError
+from planner.programs.dialect import load_dialect
 from planner.service.file_store import FileStore
 from planner.service.job_requests import (
     CellCheckRequest,
@@ -23,6 +24,7 @@ from planner.service.job_requests import (
     ValidationRequest,
 )
 from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
+from planner.service.uploads import UploadList
 
 JSON = "--json"
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
@@ -39,8 +41,8 @@ class UnfinishedJobError(InputError):
 class CommandBuilder:
     """Makes commands of requests; refuses what names files or jobs that are not there."""
 
-    def __init__(self, jobs: JobStore, files: FileStore) -> None:
-        self._jobs, self._files = jobs, files
+    def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList) -> None:
+        self._jobs, self._files, self._uploads = jobs, files, uploads
         self._makers: dict[type[JobRequest], Callable[..., JobCommand]] = {
             PlanRequest: self._plan,
             StudyRequest: self._study,
@@ -71,11 +73,13 @@ class CommandBuilder:
 
     def _title(self, request: JobRequest) -> str:
         if isinstance(request, CellRequest):
-            return request.cell if "/" in request.cell else f"uploaded cell {request.cell[:8]}"
+            sent = None if "/" in request.cell else self._uploads.find(request.cell)
+            return sent.name if sent else request.cell
         if isinstance(request, MeasuredRequest):
             return ", ".join(r.name for r in request.runs) or "simulated run"
-        plan = getattr(request, "plan", None)
-        return self._jobs.get(plan).title if plan else "program"
+        if isinstance(request, CompensationRequest):
+            return request.program.name
+        return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
 
     def _plan(self, r: PlanRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
@@ -108,7 +112,10 @@ class CommandBuilder:
 
     def _export(self, r: ExportRequest) -> JobCommand:
         inputs = self._results(r.plan, "plan", "plan")
-        return JobCommand(("export", "plan/plan.json", "--dialect", r.dialect, "-o", "out/program"), tuple(inputs))
+        suffix = load_dialect(r.dialect).extensions[0]
+        return JobCommand(
+            ("export", "plan/plan.json", "--dialect", r.dialect, "-o", f"out/program{suffix}"), tuple(inputs)
+        )
 
     def _measured_files(self, r: MeasuredRequest) -> tuple[list[str], list[str], list[JobInput]]:
         """Runs, then the options of cell and plan, then all files."""

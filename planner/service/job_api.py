@@ -131,7 +131,7 @@ def get_report(id: JobId, context: Context) -> FileResponse:
 def get_file(id: JobId, name: str, context: Context) -> FileResponse:
     """Get one of the files that a job has written."""
     found = find_output(context, id, name)
-    return file_answer(context, found.sha256, name.rpartition("/")[2])
+    return file_answer(context, found.sha256, name.rpartition("/")[2], "image/png" if name.endswith(".png") else None)
 
 
 def find_job(context: ServiceContext, id: str) -> JobRecord:

@@ -1,6 +1,7 @@
 """The pages for the person at the cell: rendered here, brought to life by small scripts that come with the package."""
 
 import hmac
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +10,18 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from planner import __version__
-from planner.service.context import Context
+from planner.cell.file import CellFile
+from planner.cell.reading import shipped_cells
+from planner.common.schema import read_json, read_toml
+from planner.service.answers import Job, describe_job
+from planner.service.context import Context, ServiceContext
 from planner.service.guards import COOKIE, is_secure, session_cookie
+from planner.service.job_api import find_job, find_output
+from planner.service.job_requests import JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries
+from planner.service.page_content import pictures, plan_facts, read_calibration, visible_files
+from planner.service.session_steps import session_steps
+from planner.session.document import PlanDocument, PlanHeader
 
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
@@ -32,9 +42,15 @@ def render(template: str, status: int = 200, **content: object) -> HTMLResponse:
 
 
 @PAGES.get("/")
-def show_start(context: Context) -> HTMLResponse:
+def show_start() -> HTMLResponse:
     """Robots, and what was done lately."""
-    return render("start", robots=robot_entries(), token=bool(context.settings.token))
+    return render("start", robots=robot_entries())
+
+
+@PAGES.get("/jobs")
+def show_jobs() -> HTMLResponse:
+    """All jobs."""
+    return render("jobs")
 
 
 @PAGES.get("/login")
@@ -59,4 +75,80 @@ def log_in(request: Request, context: Context, token: Annotated[str, Form(max_le
 @PAGES.get("/cells/{robot}/{cell}")
 def show_cell(robot: str, cell: str) -> HTMLResponse:
     """A shipped cell in 3D, and the form that starts a plan."""
-    return render("cell", cell=f"{robot}/{cell}", title=f"{robot}/{cell}", dialects=dialect_entries())
+    name = f"{robot}/{cell}"
+    if name not in shipped_cells():
+        return render("problem", 404, detail=f"There is no shipped cell {name}.")
+    return render("cell", cell=name, title=name, files="[]", dialects=dialect_entries())
+
+
+@PAGES.get("/cells/{cell}")
+def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
+    """An uploaded cell, with the files that it was checked with."""
+    job, file = find_job(context, check), context.uploads.find(cell)
+    request = json.loads(job.request)
+    if file is None or request.get("cell") != cell:
+        return render("problem", 404, detail="There is no such cell.")
+    return render("cell", cell=cell, title=file.name, files=json.dumps(request["files"]), dialects=dialect_entries())
+
+
+@PAGES.get("/jobs/{id}")
+def show_job(id: JobId, context: Context) -> HTMLResponse:
+    """A job: its progress, and its result once it has one."""
+    job = _job(context, id)
+    files, shown = visible_files(job), pictures(job)
+    if job.kind == "plan" and not _is_circular(context, job):
+        plan = _plan(context, job) if job.state == "done" else None
+        names = {p["file"] for p in plan.programs} if plan else set()
+        programs = [f for f in files if f.name in names]
+        facts = plan_facts(plan) if plan else []
+        return render(
+            "plan", job=job, files=files, pictures=shown, facts=facts, programs=programs, dialects=dialect_entries()
+        )
+    if job.kind == "identification":
+        found = None
+        if job.state == "done":
+            found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
+        return render("calibration", job=job, files=files, pictures=shown, found=found)
+    report = any(f.name == "report.html" for f in files)
+    return render("job", job=job, files=files, pictures=shown, report=report)
+
+
+@PAGES.get("/jobs/{id}/session")
+def show_session(id: JobId, context: Context) -> HTMLResponse:
+    """What to do at the cell, as a checklist."""
+    job = _job(context, id)
+    if job.kind != "plan" or job.state != "done" or _is_circular(context, job):
+        return render("problem", 404, detail="Only a finished plan of poses has a session.")
+    plan = _plan(context, job)
+    cell = read_toml(context.files.path(find_output(context, id, "cell.toml").sha256), CellFile)
+    minutes = round(plan.trajectory.duration_s / 60) if plan.trajectory else 0
+    return render("session", job=job, plan=plan, minutes=minutes, steps=session_steps(plan, cell, job.files))
+
+
+@PAGES.get("/calibrate")
+def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
+    """The form that takes the log of a run."""
+    plans = [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
+    rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in plans]
+    return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
+
+
+def _job(context: ServiceContext, id: str) -> Job:
+    job = find_job(context, id)
+    return describe_job(job, context.jobs.outputs(id) if job.ended else [])
+
+
+def _is_circular(context: ServiceContext, job: Job) -> bool:
+    return job.state == "done" and _header(context, job).kind == "circular"
+
+
+def _header(context: ServiceContext, job: Job) -> PlanHeader:
+    return PlanHeader.model_validate(_content(context, job))
+
+
+def _plan(context: ServiceContext, job: Job) -> PlanDocument:
+    return PlanDocument.model_validate(_content(context, job))
+
+
+def _content(context: ServiceContext, job: Job) -> object:
+    return read_json(context.files.path(find_output(context, job.id, "plan.json").sha256))

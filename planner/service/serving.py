@@ -59,7 +59,8 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     database = Database(settings.folder / "jobs.sqlite3")
     jobs = JobStore(database)
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits)
-    return ServiceContext(settings, jobs, files, UploadList(database), CommandBuilder(jobs, files), supervisor)
+    uploads = UploadList(database)
+    return ServiceContext(settings, jobs, files, uploads, CommandBuilder(jobs, files, uploads), supervisor)
 
 
 def build_app(context: ServiceContext) -> FastAPI:

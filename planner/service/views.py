@@ -1,6 +1,7 @@
 """What a page shows of a cell in space, as one document with packed numbers."""
 
 from base64 import b64encode
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,6 +73,7 @@ def check_view(cell: Cell) -> CellCheck:
     """Return what a page shows of a cell before it is planned: the robot at home."""
     frames = ViewFrames(carrier_poses(cell, cell.mountings[0], cell.home[None]), ("home",))
     view = compose_cell_view(cell, frames, np.empty((0, 3)), (), (), ())
+    view = replace(view, moving=tuple(m for m in view.moving if m.name != "bar"))  # at home it is not attached
     gauge = cell.gauge.describe(cell)
     tool = ", ".join(f"{v:g}" for v in to_mm(cell.tool.p_FM))
     facts = [

@@ -1,0 +1,153 @@
+"""What the pages of finished jobs say: numbers out of the documents that the commands have written."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.common.units import to_mm
+from planner.model.identification_document import Finding, Identification
+from planner.service.answers import Job, OutputFile
+from planner.service.finding_actions import find_action
+from planner.session.document import PlanDocument
+
+HIDDEN = ("log", "printed", "manifest.json", "timings.json")
+CAPTIONS = {  # of the pictures that reports have
+    "index_curve": "Observability against the number of poses",
+    "foreseen_error": "Error to be expected against the number of poses",
+    "funnel": "Candidates that are left after each check",
+    "parameters": "How surely each parameter will be known",
+    "tour": "Order of the poses",
+    "joints": "Joint angles over time",
+    "bar": "Length of the bar over time",
+    "speeds": "Speeds of the axes over time",
+    "by_stage": "Error after each stage of the fit",
+    "by_pose": "Error of each pose",
+    "histogram": "Error before and after",
+    "error_map": "Error to be expected over the workspace",
+    "residual_joints": "What is left against the joint angles",
+    "residual_gauge": "What is left against the reading",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture that a job has written."""
+
+    url: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """One stage of a calibration."""
+
+    name: str
+    parameters: int
+    rms_mm: float
+    largest_mm: float
+
+
+@dataclass(frozen=True)
+class FindingText:
+    """A finding in words: what, how large, how sure, and what to do."""
+
+    title: str
+    size: str
+    note: str
+    rivals: str
+    action: str
+
+
+@dataclass(frozen=True)
+class CalibrationPage:
+    """What the page of a calibration shows; lengths in mm."""
+
+    document: Identification
+    stages: list[StageRow]
+    before_mm: float
+    after_mm: float
+    anywhere_mm: float
+    findings: list[FindingText]
+
+
+def visible_files(job: Job) -> list[OutputFile]:
+    """Return the files that a person looks for: no pictures, no notes of the machine."""
+    return [f for f in job.files if f.name not in HIDDEN and not f.name.startswith("pictures/")]
+
+
+def pictures(job: Job) -> list[Picture]:
+    """Return the pictures of a job's report."""
+    found = [f for f in job.files if f.name.endswith(".png") and Path(f.name).stem != "view"]
+    order = list(CAPTIONS.values())
+    shown = [Picture(f.url, _caption(Path(f.name).stem)) for f in found]
+    return sorted(shown, key=lambda p: order.index(p.caption) if p.caption in order else len(order))
+
+
+def plan_facts(plan: PlanDocument) -> list[tuple[str, str]]:
+    """Return what a person asks of a plan first."""
+    seen, path = plan.observability, plan.path
+    calibrate = len(plan.ids("calibrate"))
+    rows = [
+        ("poses", f"{len(plan.poses)}, {calibrate} to calibrate" if calibrate else f"{len(plan.poses)} to validate"),
+        ("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot"),
+    ]
+    if seen.get("index"):
+        rows.append(
+            (str(seen["index"]), f"{_digits(seen.get(seen['index']))}, proven bound {_digits(seen.get('bound'))}")
+        )
+    if plan.foresight.get("left_mm") is not None:
+        rows.append(("error foreseen", f"{_digits(plan.foresight['left_mm'])} mm"))
+    if plan.trajectory is not None:
+        rows.append(("driving", f"{plan.trajectory.duration_s / 60:.0f} min"))
+    if path.get("clearance_mm") is not None:
+        rows.append(("clearance", f"{_digits(path['clearance_mm'])} mm, proven along the whole path"))
+    return [*rows, ("plan", plan.plan_id), *(("to know", n) for n in plan.notes)]
+
+
+def read_calibration(path: Path) -> CalibrationPage:
+    """Read what the page of a calibration shows out of ``identification.json``.
+
+    Raises:
+        InputError: the file is none.
+    """
+    d = Identification.read(path)
+    stages = [
+        StageRow(s.name, s.parameters, float(to_mm(s.held_out.rms)), float(to_mm(s.held_out.largest))) for s in d.stages
+    ]
+    after = d.stages[-1].held_out.rms if d.release is None else d.release.held_out.rms
+    before = next((s for s in stages if s.name == "frames"), stages[0])
+    return CalibrationPage(
+        document=d,
+        stages=stages,
+        before_mm=before.rms_mm,
+        after_mm=float(to_mm(after)),
+        anywhere_mm=float(to_mm(d.workspace_error)),
+        findings=[describe_finding(f) for f in d.findings],
+    )
+
+
+def describe_finding(finding: Finding) -> FindingText:
+    """Return a finding in words, with what to do about it."""
+    scaled, unit = _in_unit(finding)
+    std = "" if not finding.std else f" ± {_digits(scaled * finding.std / finding.value if finding.value else 0.0)}"
+    return FindingText(
+        title=f"{finding.effect}, {finding.on}",
+        size=f"{_digits(scaled)}{std} {unit}; {_digits(to_mm(finding.gain))} mm better on poses held out",
+        note=finding.note,
+        rivals=", ".join(finding.rivals),
+        action=find_action(finding.effect),
+    )
+
+
+def _caption(stem: str) -> str:
+    base = stem.rstrip("0123456789").rstrip("_")
+    return CAPTIONS.get(stem) or CAPTIONS.get(base) or stem.replace("_", " ").capitalize()
+
+
+def _in_unit(finding: Finding) -> tuple[float, str]:
+    """A finding's value in the unit in which the file writes it."""
+    written = finding.model_dump(mode="json", by_alias=True)
+    return float(written["value"]), str(written["unit"])
+
+
+def _digits(value: object) -> str:
+    return f"{float(value):.3g}" if isinstance(value, int | float) else str(value)

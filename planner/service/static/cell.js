@@ -1,0 +1,32 @@
+import { find, finished, get, post, say, showFacts } from "/static/common.js";
+import { showView } from "/static/view3d.js";
+
+const { cell, files } = document.body.dataset;
+const request = { cell, files: files ? JSON.parse(files) : [] };
+const message = find("#message");
+
+try {
+  const job = await post("/api/cell-checks", request);
+  if (job.state !== "done") await finished(job.id);
+  const found = await get(`/api/jobs/${job.id}/result`);
+  showFacts(find("#facts"), found.facts.map((f) => [f.what, f.value]));
+  showView(found.view);
+} catch (problem) {
+  say(message, problem.message, true);
+  find("#view").replaceChildren();
+}
+
+async function start(route, body) {
+  try {
+    const job = await post(`/api/${route}`, body);
+    location.href = `/jobs/${job.id}`;
+  } catch (problem) { say(message, problem.message, true); message.scrollIntoView(); }
+}
+
+find("#plan-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const poses = find("#poses").value, aim = find("#aim").value;
+  const dialects = [...document.querySelectorAll("input[name=dialect]:checked")].map((i) => i.value);
+  start("plans", { ...request, dialects, ...(poses && { poses: Number(poses) }), ...(aim && { aim }) });
+});
+find("#study").addEventListener("click", () => start("studies", request));

@@ -1,0 +1,81 @@
+// What all pages share: requests, uploads, and following jobs.
+
+export const find = (selector) => document.querySelector(selector);
+
+export function make(tag, attributes = {}, ...children) {
+  const node = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === false || value === null || value === undefined) continue;
+    if (name in node && name !== "list") node[name] = value; else node.setAttribute(name, value);
+  }
+  node.append(...children);
+  return node;
+}
+
+async function answerOf(response) {
+  const json = (response.headers.get("content-type") || "").includes("json");
+  const content = json ? await response.json() : await response.text();
+  if (!response.ok) throw new Error(content.detail || response.statusText);
+  return content;
+}
+
+export const get = async (path) => answerOf(await fetch(path));
+
+export const post = async (path, body) => answerOf(await fetch(path, {
+  method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body ?? {}),
+}));
+
+// the name as the service takes it: letters of the ASCII, no folder
+export const plainName = (name) => name.replace(/[^A-Za-z0-9._+-]/g, "_").replace(/^[^A-Za-z0-9_]+/, "").slice(-100) || "file";
+
+export function upload(kind, file, onShare = () => {}) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    const name = plainName(file.name);
+    request.open("POST", `/api/${kind}?name=${encodeURIComponent(name)}`);
+    request.setRequestHeader("content-type", "application/octet-stream");
+    request.upload.onprogress = (e) => e.lengthComputable && onShare(e.loaded / e.total);
+    request.onerror = () => reject(new Error(`${file.name}: the service does not answer`));
+    request.onload = () => {
+      let content = {};
+      try { content = JSON.parse(request.responseText); } catch { /* no JSON came */ }
+      if (request.status === 201) resolve({ id: content.id, name });
+      else reject(new Error(content.detail || `${file.name}: not taken (${request.status})`));
+    };
+    request.send(file);
+  });
+}
+
+// One stream a page; the browser resumes it by the number of the last event.
+export function follow(job, onEvent) {
+  const stream = new EventSource(`/api/events?job=${job}`);
+  for (const kind of ["queued", "running", "progress", "end"]) {
+    stream.addEventListener(kind, (e) => {
+      if (kind === "end") stream.close();
+      onEvent(kind, JSON.parse(e.data));
+    });
+  }
+  return stream;
+}
+
+// Resolves with the ended job; rejects with its problem.
+export function finished(job, onEvent = () => {}) {
+  return new Promise((resolve, reject) => follow(job, async (kind, data) => {
+    onEvent(kind, data);
+    if (kind !== "end") return;
+    const found = await get(`/api/jobs/${job}`);
+    if (found.state === "done") resolve(found);
+    else reject(new Error(found.problem ? found.problem.detail : `the job was ${found.state}`));
+  }));
+}
+
+export const say = (node, text, problem = false) => {
+  node.textContent = text;
+  node.classList.toggle("problem", problem);
+};
+
+export function showFacts(list, facts) {
+  list.replaceChildren(...facts.flatMap(([what, value]) => [make("dt", {}, what), make("dd", {}, value)]));
+}
+
+export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;

@@ -1,0 +1,3 @@
+import { watchJob } from "/static/progress.js";
+
+watchJob();

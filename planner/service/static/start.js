@@ -1,0 +1,29 @@
+import { find, finished, get, make, post, say, upload } from "/static/common.js";
+
+const message = find("#cell-message");
+
+async function checkCell(files) {
+  let cell = null;
+  const others = [];
+  for (const file of files) {
+    const isCell = file.name.endsWith(".toml") && (await file.slice(0, 100000).text()).includes("edbb-cell/1");
+    if (isCell && !cell) cell = await upload("cells", file);
+    else others.push(await upload("files", file));
+  }
+  if (!cell) throw new Error('none of the files has schema = "edbb-cell/1"');
+  const job = await post("/api/cell-checks", { cell: cell.id, files: others });
+  say(message, "The cell is being checked …");
+  await finished(job.id);
+  location.href = `/cells/${cell.id}?check=${job.id}`;
+}
+
+find("#cell-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  say(message, "Sending …");
+  try { await checkCell([...find("#cell-file").files]); } catch (problem) { say(message, problem.message, true); }
+});
+
+const jobs = (await get("/api/jobs?most=60")).filter((j) => !j.kind.endsWith("-view") && !j.kind.endsWith("-check"));
+find("#lately-none").hidden = jobs.length > 0;
+find("#lately-list").append(...jobs.slice(0, 8).map((j) => make("li", {},
+  make("a", { href: `/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));

@@ -1,0 +1,181 @@
+// The cell in space: bodies carried by links, a path, poses, and a slider through time. Lengths in mm, z up.
+import * as THREE from "/static/three/three.module.min.js";
+import { Orbit } from "/static/orbit.js";
+import { make } from "/static/common.js";
+
+const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
+const LINES = { "measuring path": "#3c3c3c", "way to the start": "#8c8c8c" };
+
+function unpack(text, Type) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Type(bytes.buffer);
+}
+
+export class CellView {
+  constructor(stage, view) {
+    this.stage = stage;
+    this.view = view;
+    this.poses = unpack(view.poses, Float32Array);
+    this.layers = new Map();
+    this.carriers = Array.from({ length: view.carriers }, () => this.carrier());
+    this.scene = new THREE.Scene();
+    this.scene.add(...this.carriers);
+    this.build();
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
+    this.camera = new THREE.PerspectiveCamera(38, 1, 10, 60000);
+    this.camera.up.set(0, 0, 1);
+    const low = new THREE.Vector3(...view.low_mm), high = new THREE.Vector3(...view.high_mm);
+    this.orbit = new Orbit(stage, this.camera, low, high, () => this.draw());
+    stage.replaceChildren(this.renderer.domElement);
+    new ResizeObserver(() => this.resize()).observe(stage);
+    this.show(0);
+    this.resize();
+  }
+
+  carrier() {
+    const group = new THREE.Group();
+    group.matrixAutoUpdate = false;
+    return group;
+  }
+
+  layer(name, colour, node) {
+    if (!this.layers.has(name)) this.layers.set(name, { colour, nodes: [] });
+    this.layers.get(name).nodes.push(node);
+    return node;
+  }
+
+  build() {
+    const sun = new THREE.DirectionalLight("#ffffff", 2.0);
+    sun.position.set(3, 4, 9);
+    this.scene.add(new THREE.HemisphereLight("#ffffff", "#8a929a", 2.2), sun);
+    for (const part of this.view.parts) this.addPart(part);
+    for (const line of this.view.lines) this.addLine(line);
+    this.addSpots();
+    this.addFloor();
+  }
+
+  addPart(part) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(unpack(part.vertices, Float32Array), 3));
+    geometry.setIndex(new THREE.BufferAttribute(unpack(part.triangles, Uint32Array), 1));
+    const flat = geometry.toNonIndexed();
+    flat.computeVertexNormals();
+    const clear = part.opacity < 1;
+    const material = new THREE.MeshStandardMaterial({
+      color: part.colour, transparent: clear, opacity: part.opacity, depthWrite: !clear, roughness: 0.75,
+      side: THREE.DoubleSide, flatShading: false,
+    });
+    const mesh = new THREE.Mesh(flat, material);
+    (part.carrier < 0 ? this.scene : this.carriers[part.carrier]).add(this.layer(part.name, part.colour, mesh));
+  }
+
+  addLine(line) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(unpack(line.points, Float32Array), 3));
+    const colour = LINES[line.name] ?? "#3c3c3c";
+    this.scene.add(this.layer(line.name, colour, new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: colour }))));
+  }
+
+  addSpots() {
+    for (const [role, colour] of Object.entries(ROLES)) {
+      const spots = this.view.spots.filter((s) => s.role === role);
+      if (!spots.length) continue;
+      const mesh = new THREE.InstancedMesh(
+        new THREE.SphereGeometry(11, 12, 8), new THREE.MeshStandardMaterial({ color: colour }), spots.length);
+      const matrix = new THREE.Matrix4();
+      spots.forEach((s, k) => mesh.setMatrixAt(k, matrix.makeTranslation(...s.position_mm)));
+      this.scene.add(this.layer(`${role} (${spots.length})`, colour, mesh));
+    }
+  }
+
+  addFloor() {
+    if (this.view.floor_mm === null || this.view.floor_mm === undefined) return;
+    const [low, high] = [this.view.low_mm, this.view.high_mm];
+    const size = Math.ceil(Math.max(high[0] - low[0], high[1] - low[1]) / 500) * 500 + 500;
+    const grid = new THREE.GridHelper(size, size / 250, "#9aa5ae", "#d3dae0");
+    grid.rotation.x = Math.PI / 2;
+    grid.position.set((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, this.view.floor_mm);
+    this.scene.add(this.layer("floor", "#d3dae0", grid));
+  }
+
+  show(frame) {
+    this.frame = frame;
+    this.carriers.forEach((carrier, c) => {
+      const at = 12 * (frame * this.view.carriers + c), m = this.poses.subarray(at, at + 12);
+      carrier.matrix.set(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8], m[9], m[10], m[11], 0, 0, 0, 1);
+      carrier.matrixWorldNeedsUpdate = true;
+    });
+    this.draw();
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  draw() {
+    if (this.queued || !this.renderer) return;
+    this.queued = true;
+    requestAnimationFrame(() => {
+      this.queued = false;
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+
+  layerSwitches() {
+    return [...this.layers].map(([name, { colour, nodes }]) => {
+      const box = make("input", { type: "checkbox", checked: true });
+      box.addEventListener("change", () => {
+        nodes.forEach((n) => { n.visible = box.checked; });
+        this.draw();
+      });
+      const swatch = make("span", { className: "swatch" });
+      swatch.style.background = colour;
+      return make("label", {}, box, swatch, name);
+    });
+  }
+}
+
+// Shows a view in the page's stage, with its slider and the switches of what is shown.
+export function showView(view) {
+  const stage = document.querySelector("#view");
+  let shown;
+  try {
+    shown = new CellView(stage, view);
+  } catch (problem) {
+    stage.replaceChildren(make("p", { className: "hint waiting" }, "This browser shows no 3D (WebGL is off)."));
+    return null;
+  }
+  document.querySelector(".layers").append(...shown.layerSwitches());
+  const text = document.querySelector("#frame-text");
+  const tell = (k) => { text.textContent = view.labels[k] ?? ""; };
+  tell(0);
+  if (view.frames > 1) slide(shown, view.frames, tell);
+  return shown;
+}
+
+function slide(shown, frames, tell) {
+  const slider = document.querySelector("#time"), play = document.querySelector("#play");
+  document.querySelector(".slider").hidden = false;
+  slider.max = frames - 1;
+  const go = (k) => {
+    slider.value = k;
+    slider.setAttribute("aria-valuetext", shown.view.labels[k]);
+    tell(k);
+    shown.show(k);
+  };
+  slider.addEventListener("input", () => go(Number(slider.value)));
+  let timer = null;
+  play.addEventListener("click", () => {
+    if (timer) { clearInterval(timer); timer = null; } else {
+      timer = setInterval(() => go((Number(slider.value) + 1) % frames), 60);
+    }
+    play.textContent = timer ? "Pause" : "Play";
+  });
+  go(0);
+}
