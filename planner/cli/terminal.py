@@ -78,7 +78,9 @@ def give(work: Callable[[Stages], R], output: Path | None, as_json: bool) -> R:
     else:
         files = "" if output is None else result.files(output)
         written = f"\n  written to  {output}: {files}" if files else ""
-        errors.print(result.summary() + written, markup=False)
+        step = "" if output is None or result.problems else result.next_step(output)
+        then = f"\n  next        {step}" if step else ""
+        errors.print(result.summary() + written + then, markup=False)
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result

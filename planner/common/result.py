@@ -46,6 +46,10 @@ class Result(ABC):
         """Name the files that a person looks for in the folder once it is written."""
         return ""
 
+    def next_step(self, folder: Path) -> str:
+        """Say what a person does next with the folder once it is written; empty where nothing follows."""
+        return ""
+
     @property
     def problems(self) -> tuple[str, ...]:
         """Return why the result must not be used; empty where it may."""

@@ -45,6 +45,10 @@ class StudyResult(Result):
         """Return what is seen, with how many poses, and from where."""
         return self.findings.text()
 
+    def next_step(self, folder: Path) -> str:
+        """Say what to look at."""
+        return f"look at {folder / 'fixture_map.png'}; edbb plan CELL --fixtures 2 plans with the place that adds most"
+
     def content(self) -> Mapping[str, Any]:
         """Return what ``study.json`` says."""
         return self.findings.content()

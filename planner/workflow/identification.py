@@ -75,6 +75,12 @@ class CalibrationResult(Result):
         """Return what ``identification.json`` says."""
         return self.calibration.content()
 
+    def next_step(self, folder: Path) -> str:
+        """Say how findings are told apart and programs are corrected."""
+        model, rivals = folder / "robot.toml", any(f.rivals for f in self.calibration.findings)
+        apart = f"; edbb plan CELL --separate {folder / 'identification.json'} -o apart tells the rivals apart"
+        return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
+
     @property
     def problems(self) -> tuple[str, ...]:
         """Return why the robot must not be used."""

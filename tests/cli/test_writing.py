@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.common.errors import InputError
+from planner.cli.terminal import give
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import OVERWRITING, write_text
 from planner.common.reading import INPUTS, read_utf8
+from planner.common.result import Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
 from planner.workflow.writing import write_program_as
 from tests.command import edbb
@@ -186,3 +188,27 @@ def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):
         _killed(lambda k=k: write_program_as(plans[k % 2], tmp_path / "p.src"), rng.uniform(0.0, 2.0 * whole))
         heads = {(tmp_path / n).read_bytes()[:23] for n in ("p.src", "p.dat") if (tmp_path / n).exists()}
         assert len(heads) == 1 or not (tmp_path / "p.src").exists()
+
+
+def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_used_does_not(tmp_path, capfd):
+    class Written(Result):
+        problems = ()
+
+        def summary(self):
+            return "done"
+
+        def content(self):
+            return {}
+
+        def write(self, folder):
+            return []
+
+        def next_step(self, folder):
+            return f"look into {folder}"
+
+    give(lambda stages: Written(), tmp_path / "out", False)
+    assert f"next        look into {tmp_path / 'out'}" in capfd.readouterr().err
+    Written.problems = ("the fit failed",)
+    with pytest.raises(NoSolutionError, match="the fit failed"):
+        give(lambda stages: Written(), tmp_path / "out", False)
+    assert "next" not in capfd.readouterr().err
