@@ -219,7 +219,7 @@ class BaseFile(StrictModel):
 
 
 class ControllerFile(StrictModel):
-    """``[controller]``: numbers to select, signals to use, and whether the controller already corrects itself."""
+    """``[controller]``: numbers to select, signals to use, what a file and a block may be, its own correction."""
 
     tool: Number | None = None
     base: Number | None = None
@@ -227,6 +227,8 @@ class ControllerFile(StrictModel):
     sync_output: Signal | None = None
     gauge_input: Signal | None = None
     log_axes: bool = True
+    part_lines: Annotated[int, Field(ge=20, le=1_000_000)] | None = None
+    block_ms: Annotated[float, Field(gt=0, le=1000)] | None = None
     accuracy_model: Literal["off", "on"] = "off"
     dialects: tuple[str, ...] = ("din66025",)
 

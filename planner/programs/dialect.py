@@ -1,12 +1,12 @@
 """A controller's dialect as data: a folder ``g-code/<name>`` with two files and no line of Python.
 
 ``dialect.toml``
-    What the controller takes: names and number of its axes, decimals, line ends and limits, comment,
-    the kind and word of its blending (``none``, ``mm``, ``percent`` of half the leg, ``path_degrees``,
-    or ``dense``: only a path in small steps runs without stops), the kind and word of its speed
-    (``axis_percent``, ``tool_speed``, ``inverse_time``), dwell, the pulse at a pose standing still and in
-    passing, pause, wait, the log of its own axes, the words that select tool, base and load, the call of a
-    centring routine under ``[centre]``, and under
+    What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
+    file, ``block_ms`` to prepare a block), comment, the kind and word of its blending (``none``, ``mm``, ``percent``
+    of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
+    of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``), the circle of the tool where the language has
+    one (``[circle]``), dwell, the pulse at a pose standing still and in passing, pause, wait, the log of its own axes,
+    the words that select tool, base and load, the call of a centring routine under ``[centre]``, and under
     ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
@@ -23,6 +23,7 @@ To add one: copy the nearest folder, change both files, run the tests: they take
 
 import re
 import unicodedata
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -207,6 +208,39 @@ class ReaderWords(StrictModel):
     passive: tuple[Pattern, ...] = ()
 
 
+class CircleStyle(StrictModel):
+    """How a circle of the tool is said: its speed, and how a corner between two pieces of it is cut [mm].
+
+    ``passive``: what a program with circles may hold beside them, as in ``[reading]``.
+    """
+
+    unit: Literal["mm/s", "m/s"]
+    decimals: int = Field(ge=0, le=6)
+    blend_decimals: int = Field(default=1, ge=0, le=4)
+    n_joints: int = 6
+    passive: tuple[Pattern, ...] = ()
+
+    @property
+    def mm_s(self) -> float:
+        """Return the size of the unit [mm/s]."""
+        return 1000.0 if self.unit == "m/s" else 1.0
+
+
+@dataclass(frozen=True)
+class PathForm:
+    """How a controller wants a path that is measured while moving.
+
+    Attributes:
+        dense: in small steps, every corner already cut.
+        circles: circles of the tool as such, where they are.
+        block_s: time that the controller takes to prepare a block [s]: no small step is shorter.
+    """
+
+    dense: bool = False
+    circles: bool = False
+    block_s: float = 0.02
+
+
 class DialectOption(StrictModel):
     """A variant of the dialect, asked for as ``name+option``; only the tables given here differ."""
 
@@ -229,6 +263,7 @@ class Dialect(StrictModel):
     line_ending: Literal["lf", "crlf"] = "lf"
     max_line: int = Field(ge=40)
     part_lines: int | None = Field(default=None, ge=20)
+    block_ms: float = Field(gt=0, le=1000)
     number_step: int = Field(default=0, ge=0)
     output: str = "{number}"
     input: str = "{number}"
@@ -240,6 +275,7 @@ class Dialect(StrictModel):
     wait_note: str = ""
     comment: CommentStyle
     blend: BlendStyle
+    circle: CircleStyle | None = None
     speed: SpeedStyle
     dwell: DwellStyle
     sync: SyncStyle
@@ -275,6 +311,11 @@ class Dialect(StrictModel):
     def wants_dense_path(self) -> bool:
         """Return whether a blended path must be given in small steps to be driven without stops."""
         return self.blend.kind == "dense"
+
+    @property
+    def path_form(self) -> PathForm:
+        """Return how the controller wants a path that is measured while moving."""
+        return PathForm(self.wants_dense_path, self.circle is not None, self.block_ms / 1e3)
 
     @property
     def logs_axes(self) -> bool:

@@ -14,7 +14,7 @@ from planner.runs.run import Mounting
 
 @dataclass(frozen=True)
 class JointMove:
-    """Drive all axes together to ``q_deg`` (a straight line in joint space)."""
+    """Drive all axes together to ``q_deg``: straight in joint space, or with ``via_deg`` on a circle of the tool."""
 
     q_deg: tuple[float, ...]
     duration_s: float
@@ -34,6 +34,8 @@ class JointMove:
     """What the tool's speed must not exceed on the leg [mm/s]."""
     mounting: Mounting | None = None
     """Where a gauge is attached on the leg, counted from 0; its own rate is limited as well."""
+    via_deg: tuple[float, ...] | None = None
+    """Angles at a middle point of a circle that the tool runs on without turning, in controllers that know circles."""
 
     @property
     def travel_mm(self) -> float:
@@ -155,6 +157,10 @@ class Program:
     map_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mass_kg: float = 0.0
     com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    part_lines: int | None = None
+    """Most lines of a file of the program, in place of the dialect's own limit."""
+    block_ms: float | None = None
+    """Time that the controller takes to prepare a block [ms], in place of the dialect's own figure."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):
@@ -187,6 +193,11 @@ class Program:
         return tuple(i for i in self.instructions if isinstance(i, Entry))
 
     @property
+    def circles(self) -> tuple[tuple[int, tuple[float, ...]], ...]:
+        """Return which moves are circles, and the angles of the middle point of each [deg]."""
+        return tuple((k, m.via_deg) for k, m in enumerate(self.moves) if m.via_deg is not None)
+
+    @property
     def stretches(self) -> tuple[tuple[int, int], ...]:
         """Return ``until`` of every stretch and how many moves come before it."""
         out, moves = [], 0
@@ -211,6 +222,8 @@ def _check_angles(q_deg: tuple[float, ...], n_joints: int, where: str) -> None:
 
 def _check_move(move: JointMove, n_joints: int, where: str) -> None:
     _check_angles(move.q_deg, n_joints, where)
+    if move.via_deg is not None:
+        _check_angles(move.via_deg, n_joints, f"the middle of the circle of {where}")
     allowed = {
         "duration_s": (move.duration_s, 0.0 < move.duration_s < 1e5),
         "tool_speed_mm_s": (move.tool_speed_mm_s, 0.0 <= move.tool_speed_mm_s < 1e5),

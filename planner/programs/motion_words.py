@@ -40,6 +40,9 @@ def blend_values(home_deg: tuple[float, ...], moves: tuple[JointMove, ...], blen
 def _blend_value(before: Leg, after: Leg, blend: BlendStyle) -> float | None:
     """Return how far a corner may be cut so that neither the leg in nor the leg out is left too far off."""
     legs, cut_mm = (before, after), before[1].blend_mm
+    circles = [move.via_deg is not None for _, move in legs]
+    if any(circles):  # pieces of one circle go over into each other; to a leg of another kind it is a stop
+        return cut_mm if all(circles) else None
     match blend.kind:
         case "none":
             return None

@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
@@ -58,7 +59,7 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.wait_note if program.gauge_input is not None else "",
         dialect.select.note,
         dialect.speed.note,
-        _cycle_note(program),
+        _cycle_note(program, dialect),
         dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
     ]
     if dialect.resume is not None and program.entries:
@@ -72,15 +73,18 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     return tuple(n.replace("{map}", place) for n in told)
 
 
-def _cycle_note(program: Program) -> str:
-    """Say how quickly blocks follow one another, where there are many."""
-    quick = [m.duration_s for m in program.moves if m.blend_mm > 0.0]
-    if len(quick) < MANY_BLOCKS:
+def _cycle_note(program: Program, dialect: Dialect) -> str:
+    """Say how quickly blocks follow one another, where there are many or some are quicker than the controller."""
+    times = sorted(1e3 * m.duration_s for m in program.moves if m.blend_mm > 0.0)
+    block_ms = program.block_ms or dialect.block_ms
+    short = bisect_left(times, block_ms * (1.0 - 1e-9))
+    if len(times) < MANY_BLOCKS and not short:
         return ""
-    return (
-        f"{len(quick)} blocks without a stop, the shortest takes {1e3 * min(quick):.0f} ms: what the controller needs "
-        "to prepare a block must be less, or it brakes"
+    said = (
+        f"{len(times)} blocks without a stop, the shortest takes {times[0]:.0f} ms, half of them under "
+        f"{times[len(times) // 2]:.0f} ms: a block must be prepared in less, {block_ms:g} ms are reckoned with"
     )
+    return f"{said}; it brakes at {short} quicker ones, lower the measuring speed" if short else said
 
 
 def _needs_selection_by_hand(program: Program, dialect: Dialect, name: str) -> bool:
@@ -164,14 +168,16 @@ def _render_files(
         "overridden": any(s.kind == "override" for s in steps),
         "remarks": _remarks(program, dialect, steps),
         "resumed": bool(program.entries),
+        "circles": bool(program.circles),
     }
     module = template.make_module(context)
     blocks = _step_lines(module, program, dialect, steps)
-    if dialect.part_lines is not None and sum(map(len, blocks)) > dialect.part_lines:
+    limit = program.part_lines or dialect.part_lines
+    if limit is not None and sum(map(len, blocks)) > limit:
         name = program_name(stem, dialect, room=4)
         module = template.make_module({**context, "name": name})
         blocks = _step_lines(module, program, dialect, steps)
-    parts = _split(blocks, name, dialect.part_lines)
+    parts = _split(blocks, name, limit)
     files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
     if dialect.files.part is not None and len(parts) > 1:
         files += [(dialect.files.part.format(name=p.name), _lines(module, "part", p)) for p in parts]

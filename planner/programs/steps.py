@@ -1,12 +1,13 @@
 """From the neutral program to the steps that a template prints: words chosen, numbers rounded, poses marked."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, assert_never
 
 import planner.programs.instructions as ins
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text
-from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, speed_value
+from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, round_down, speed_value
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class MoveWords:
     """Whether the mark in passing pulses the output."""
     log: bool = False
     """Whether the mark in passing records the axes."""
+    via: tuple[tuple[str, str], ...] = ()
+    """(axis name, angle) pairs of the middle point of a circle of the tool."""
 
 
 Kind = Literal[
@@ -216,7 +219,7 @@ class _StepBuilder:
         self.steps.append(ProgramStep("move", move=move))
         self.moves += 1
         self.here, self.flying = item.q_deg, not move.exact
-        self.last_blend, self.last_speed = move.blend, move.speed
+        self.last_blend, self.last_speed = (None, "") if move.via else (move.blend, move.speed)
         if self.pulse_open:
             self.pulse_open = False
             self.steps.append(ProgramStep("sync_off"))
@@ -231,14 +234,17 @@ class _StepBuilder:
     def _print_move(self, item: ins.JointMove, value: float | None, mark: PoseMark) -> MoveWords:
         d = self.dialect
         blend = "" if value is None else format_fixed(value, d.blend.decimals)
+        points = [self.here, *([] if item.via_deg is None else [item.via_deg]), item.q_deg]
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
         speed = format_fixed(speed_value(item, self.override, d.speed), d.speed.decimals)
+        if item.via_deg is not None:
+            blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
         pulse, log = self._signals(mark) if value is not None else (False, False)
-        turned = sum(abs(b - a) for a, b in zip(self.here, item.q_deg, strict=True))
+        turned = sum(abs(b - a) for p, q in pairwise(points) for a, b in zip(p, q, strict=True))
         return MoveWords(
-            words=tuple(zip(d.axes, (format_fixed(q, d.decimals) for q in item.q_deg), strict=False)),
+            words=self._words(item.q_deg),
             exact=value is None,
             blend=blend,
             blend_changed=blend != self.last_blend,
@@ -250,7 +256,19 @@ class _StepBuilder:
             pose=item.pose,
             pulse=pulse,
             log=log,
+            via=() if item.via_deg is None else self._words(item.via_deg),
         )
+
+    def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:
+        return tuple(zip(self.dialect.axes, (format_fixed(q, self.dialect.decimals) for q in q_deg), strict=False))
+
+    def _circle_words(self, item: ins.JointMove) -> tuple[str, str]:
+        """Return rounding and speed of a piece of a circle."""
+        style = self.dialect.circle
+        if style is None or len(item.q_deg) != style.n_joints:
+            raise InputError(f"{self.dialect.title} cannot say a circle of the tool for {len(item.q_deg)} joints")
+        speed = format_fixed(round_down(item.tool_speed_mm_s / style.mm_s, style.decimals), style.decimals)
+        return ("" if item.blend_mm == 0.0 else format_fixed(item.blend_mm, style.blend_decimals)), speed
 
     def _signals(self, mark: PoseMark) -> tuple[bool, bool]:
         """Whether a mark in passing pulses the output, and whether it records the axes."""

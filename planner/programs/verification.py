@@ -57,6 +57,7 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
         yield f"it pulses {found.syncs} times, planned are {syncs}"
     if found.centrings != _centrings(program):
         yield "it centres other balls, or elsewhere, than planned"
+    yield from _other_circles(program, dialect, found)
     yield from _too_round(program, dialect, found)
     yield from _too_fast(dialect, program.moves, found.speeds, "move")
     yield from _wrong_starts(program, dialect, found)
@@ -83,9 +84,24 @@ def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[
             if leg >= len(program.moves):
                 yield f"move {index + 1} is the last and does not stop"
                 continue
-            cut = _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
+            round_leg = program.moves[leg].via_deg is not None
+            cut = (
+                value
+                if round_leg
+                else _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
+            )
             if allowed <= 0.0 or not cut <= allowed * _SLACK:
                 yield f"move {index + 1} rounds its corner by {cut:.2f} mm, planned are {allowed:.2f} mm"
+
+
+def _other_circles(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
+    """Compare which moves are circles of the tool, and their middle points."""
+    if [k for k, _ in found.circles] != [k for k, _ in program.circles]:
+        yield f"{len(found.circles)} of its moves are circles, planned are {len(program.circles)}, or they are others"
+        return
+    for (k, planned), (_, read) in zip(program.circles, found.circles, strict=True):
+        if np.abs(np.subtract(planned, read)).max() > 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9:
+            yield f"the circle of move {k + 1} leads through another point than planned"
 
 
 def _cut_mm(
@@ -124,6 +140,8 @@ def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterat
 def _too_fast(dialect: Dialect, moves: tuple[JointMove, ...], speeds: tuple[float, ...], what: str) -> Iterator[str]:
     for number, (move, value) in enumerate(zip(moves, speeds, strict=True), start=1):
         match dialect.speed.kind:
+            case _ if move.via_deg is not None:  # of a circle the speed word is that of the tool [mm/s]
+                ratio = value / move.tool_speed_mm_s
             case "axis_percent":
                 ratio = value / move.axis_percent
             case "tool_speed":

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.units import Array
+from planner.common.errors import InputError
+from planner.common.units import Array, to_mm
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
@@ -15,9 +16,9 @@ from planner.runs.run import Mounting
 from planner.session.course import TimedPath, is_continuous
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
+MOST_MERGED = 3  # small steps in one block, where a controller prepares blocks slowly
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
-SHORTEST = 0.02  # [s] between a step and a waypoint: a controller prepares no shorter ones in time
 SAME = 5e-3  # [s] between waypoints that are written as one
 EASY = 1.1  # times the shortest time, on ways that are driven once
 STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
@@ -101,13 +102,16 @@ def _leg_travel(cell: Cell, q: Array, mounting: Mounting | None, samples: int, m
     return LegTravel(point, np.abs(np.einsum("lsi,lsi->ls", velocity, along)).max(axis=1) * margin)
 
 
-def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> tuple[list[JointMove], dict[int, int]]:
+def dense_moves(
+    cell: Cell, path: TimedPath, mounting: Mounting, shortest: float
+) -> tuple[list[JointMove], dict[int, int]]:
     """Return the blended path in small steps, each with the time it takes; corners stay inside what was proven.
 
-    Beside them: which step begins at which of the path's points, for the points before the poses.
+    ``shortest`` time of a step [s]. Beside them: which step begins at which of the path's points, for the points before
+    the poses.
     """
     trajectory, ids = path.trajectory, path.visit
-    t = _dense_times(cell, trajectory)
+    t = _dense_times(cell, trajectory, shortest)
     motion = trajectory.at(t)
     marks = {
         int(np.argmin(np.abs(t[1:] - s))): int(i)
@@ -132,7 +136,7 @@ def dense_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> tuple[list[J
     return out, {int(np.argmin(np.abs(t[:-1] - trajectory.waypoint_time[w]))): int(w) for w in before}
 
 
-def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
+def _dense_times(cell: Cell, trajectory: Trajectory, shortest: float) -> Array:
     """Times at which the path is written: at every waypoint, and between them in steps that a controller prepares."""
     fine = np.unique(np.concatenate([trajectory.sample_times(0.02), trajectory.waypoint_time]))
     motion = trajectory.at(fine)
@@ -146,7 +150,23 @@ def _dense_times(cell: Cell, trajectory: Trajectory) -> Array:
     points = points[np.concatenate([[True], np.diff(points) > SAME])]
     after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
     gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
-    return np.unique(np.concatenate([even[gap >= SHORTEST], points]))
+    kept = _apart(even, shortest)
+    if not kept.all() and np.diff(np.flatnonzero(kept)).max(initial=1) > MOST_MERGED:
+        raise InputError(
+            f"the path is wanted in steps of {to_mm(DENSE_TRAVEL):g} mm, and blocks of {1e3 * shortest:g} ms make them "
+            f"more than {MOST_MERGED} times as long: lower controller.block_ms or motion.tool_speed_mm_min"
+        )
+    even, gap = even[kept], gap[kept]
+    return np.unique(np.concatenate([even[gap >= shortest], points]))
+
+
+def _apart(times: Array, shortest: float) -> np.ndarray:
+    """Tell which of ascending times (n,) [s] to keep so that none follows the one before sooner, (n,) bool."""
+    kept, last = np.zeros(len(times), dtype=bool), -np.inf
+    for k, time in enumerate(times):
+        if time - last >= shortest:
+            kept[k], last = True, time
+    return kept
 
 
 def degrees(q: Array) -> tuple[float, ...]:

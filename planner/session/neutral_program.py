@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array
-from planner.programs.dialect import load_dialect
+from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.instructions import (
     Centre,
     Comment,
@@ -26,6 +26,7 @@ from planner.programs.instructions import (
 from planner.programs.program_files import write_checked
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Mounting
+from planner.session.circle_moves import circle_moves
 from planner.session.course import Course, TimedPath, rests_at_poses
 from planner.session.driven_moves import degrees, dense_moves, joint_moves
 from planner.session.emitted_speeds import check_emitted_speeds
@@ -33,12 +34,14 @@ from planner.session.plan_types import Programs
 from planner.session.resumption import count_starts, cut_stretches
 
 
-def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, dense: bool) -> Program:
-    """Assemble the session; ``dense`` writes the blended path in small steps for controllers that cannot blend it."""
+def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, form: PathForm) -> Program:
+    """Assemble the session as a controller wants it: small steps where it cannot blend, circles where it knows them."""
+    if cell.controller.block_ms is not None:
+        form = replace(form, block_s=cell.controller.block_ms / 1e3)
     body: list[Instruction] = []
     first = 1
     for one in courses:
-        body += _course_instructions(cell, one, dense, first)
+        body += _course_instructions(cell, one, form, first)
         first += _count_starts(one)
     return build_program(cell, plan_id, body)
 
@@ -48,11 +51,12 @@ def _count_starts(course: Course) -> int:
     return count_starts(course.measuring) if course.is_of_poses else 1
 
 
-def assemble_programs(dialects: Sequence[str], assemble: Callable[[bool], Program]) -> dict[str, Program]:
-    """Return the neutral program for each dialect; ``assemble`` is told whether the path is wanted in small steps."""
-    dense = {name: load_dialect(name).wants_dense_path for name in dialects}
-    made = {kind: assemble(kind) for kind in sorted(set(dense.values()))}
-    return {name: made[kind] for name, kind in dense.items()}
+def assemble_programs(dialects: Sequence[str], assemble: Callable[[PathForm], Program]) -> dict[str, Program]:
+    """Return the neutral program for each dialect; ``assemble`` is told how the path is wanted."""
+    forms = {name: load_dialect(name).path_form for name in dialects}
+    forms = {name: form if form.dense else replace(form, block_s=PathForm.block_s) for name, form in forms.items()}
+    made = {form: assemble(form) for form in dict.fromkeys(forms.values())}
+    return {name: made[form] for name, form in forms.items()}
 
 
 def write_programs(cell: Cell, programs: Mapping[str, Program]) -> Programs:
@@ -69,7 +73,7 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
         ProgramMismatchError: the text does something else, or drives tool or gauge beyond their limits.
     """
     files, found = write_checked(program, dialect, stem)
-    check_emitted_speeds(cell, program, load_dialect(dialect), found.joint_path_deg, found.speeds)
+    check_emitted_speeds(cell, program, load_dialect(dialect), found)
     return files
 
 
@@ -90,10 +94,12 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         map_mm=_mm(cell.tool.p_FM),
         mass_kg=cell.tool.mass,
         com_mm=_mm(cell.tool.com_F),
+        part_lines=control.part_lines,
+        block_ms=control.block_ms,
     )
 
 
-def _course_instructions(cell: Cell, one: Course, dense: bool, first: int) -> list[Instruction]:
+def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) -> list[Instruction]:
     """The session of one mounting, from home and back home; ``first`` is the number of its first start."""
     cell = cell.at(one.mounting)
     bare, removal = cell.gauge.bare, cell.gauge.removal
@@ -106,18 +112,18 @@ def _course_instructions(cell: Cell, one: Course, dense: bool, first: int) -> li
     ]
     after = [Pause(removal)] if removal else []
     back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
-    dense = dense and not rests_at_poses(cell)
+    form = replace(form, dense=form.dense and not rests_at_poses(cell))
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
-        return [last, *there, *_pass_instructions(cell, one, dense), *back, StretchEnd()]
+        return [last, *there, *_pass_instructions(cell, one, form), *back, StretchEnd()]
     path = one.measuring
-    written = measured_moves(cell, path, one.mounting, dense)
+    written = measured_moves(cell, path, one.mounting, form)
     measuring = cut_stretches(cell, one.mounting, path, one.shortcuts, written, first)
     heading = Section(one.passes[0].heading)
     return [last, *there, StretchEnd(), heading, *measuring, last, *back, StretchEnd()]
 
 
-def _pass_instructions(cell: Cell, course: Course, dense: bool) -> list[Instruction]:
+def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> list[Instruction]:
     """Every pass with its heading; where the load changes, the operator sets it."""
     out: list[Instruction] = []
     written: dict[tuple[int, int], tuple[int, list[Instruction]]] = {}
@@ -129,7 +135,7 @@ def _pass_instructions(cell: Cell, course: Course, dense: bool) -> list[Instruct
         out.append(Section(one.heading))
         key, number = (id(one.trajectory), id(one.path.q)), min(one.marks, default=0)
         if key not in written:  # a repeat is the same path with other marks
-            written[key] = number, [item for _, item in measured_moves(cell, one.path, course.mounting, dense)]
+            written[key] = number, [item for _, item in measured_moves(cell, one.path, course.mounting, form)]
         first, moves = written[key]
         out += [_shift_mark(item, number - first) for item in moves] if number != first else moves
     return out
@@ -162,20 +168,21 @@ def move_home(cell: Cell) -> JointMove:
     return JointMove(degrees(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, dense: bool) -> list[tuple[int, Instruction]]:
+def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathForm) -> list[tuple[int, Instruction]]:
     """The measuring path with a mark at every pose; where the robot rests there, it settles and dwells.
 
-    A ball is centred before the mark: the axes are logged where the centring led them. ``dense``: in small steps.
+    A ball is centred before the mark: the axes are logged where the centring led them.
     Each instruction with the number of the path's point at which the way to a pose begins, or −1.
     """
     out: list[tuple[int, Instruction]] = []
-    if dense:
+    if form.dense:
         out.append((-1, Comment("the blended path in small steps: every corner is already cut")))
-        moves, begins = dense_moves(cell, path, mounting)
+        moves, begins = dense_moves(cell, path, mounting, form.block_s)
     else:
-        moves = joint_moves(cell, path, mounting)
+        rounds = circle_moves(cell, path, mounting) if form.circles else None
+        moves = joint_moves(cell, path, mounting) if rounds is None else rounds
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
-    rests = rests_at_poses(cell) and not dense
+    rests = rests_at_poses(cell) and not form.dense
     for k, move in enumerate(moves):
         out.append((begins.get(k, -1), move))
         if move.pose is None:

@@ -82,7 +82,7 @@ def plan_session(session: Session[P], options: PlanOptions, stages: Stages) -> P
 def with_programs(plan: P, dialects: tuple[str, ...]) -> P:
     """Return the plan with its program in each dialect, each read back and compared, and with what is to be known."""
     cell = plan.cell
-    programs = assemble_programs(dialects, lambda dense: session_program(cell, plan.courses, plan.plan_id, dense))
+    programs = assemble_programs(dialects, lambda form: session_program(cell, plan.courses, plan.plan_id, form))
     return replace(plan, programs=write_programs(cell, programs), notes=(*plan.notes, *shared_notes(programs)))
 
 

@@ -44,9 +44,9 @@ def export_plan(path: Path, dialect: str, stem: str) -> ExportResult:
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
-    dense = load_dialect(dialect).wants_dense_path
+    form = load_dialect(dialect).path_form
     plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
-    program = session_program(plan.cell, plan.courses, plan.plan_id, dense)
+    program = session_program(plan.cell, plan.courses, plan.plan_id, form)
     name = f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem
     return ExportResult(write_session(plan.cell, program, dialect, name), plan.notes)
 

@@ -148,9 +148,7 @@ def test_notes_that_programs_share_are_said_once():
     q = round_angles(np.array([cell.home, cell.home + 0.1, cell.home]))
     way = Waypoints(q, np.array([-1, 1, -1]), np.zeros(3))
     courses = [time_course(cell, FIRST_MOUNTING, way, way)]
-    programs = assemble_programs(
-        ("krl", "rapid", "pdl2"), lambda dense: session_program(cell, courses, "0" * 12, dense)
-    )
+    programs = assemble_programs(("krl", "rapid", "pdl2"), lambda form: session_program(cell, courses, "0" * 12, form))
     told = shared_notes(programs)
     assert sum("sync_output" in n for n in told) == sum("gauge_input" in n for n in told) == 1
     assert all(n.startswith("krl, rapid, pdl2: ") for n in told if "controller." in n)

@@ -4,6 +4,7 @@ import numpy as np
 
 from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
+from planner.common.circles_in_space import fit_circle_in_space
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.instruments.loaded.types import CentringOffset, DrivenCircle
@@ -28,12 +29,12 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
         InputError: the points do not lie on a circle.
     """
     on = np.ones(len(x), dtype=bool)
-    centre, normal, radius = _fit(x)
+    centre, axes, radius = fit_circle_in_space(x)
     for _ in range(CIRCLE_ROUNDS):
-        size = _off(x, centre, normal, radius)
+        size = _off(x, centre, axes[2], radius)
         on = size <= max(float(np.quantile(size, SHARE_ON_CIRCLE)), 1e-4 * radius) * 3.0
-        centre, normal, radius = _fit(x[on])
-    off = _off(x, centre, normal, radius)
+        centre, axes, radius = fit_circle_in_space(x[on])
+    off = _off(x, centre, axes[2], radius)
     if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SHARE_ON_CIRCLE:
         raise InputError(
             f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the "
@@ -42,22 +43,12 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
         )
     return DrivenCircle(
         read_only(centre),
-        read_only(_axes(normal)),
+        read_only(_axes(axes[2])),
         float(radius),
         read_only(setup.p_BX[place]),
         setup.place_names[place],
         place,
     )
-
-
-def _fit(x: Array) -> tuple[Array, Array, float]:
-    """Centre (3,), normal (3,) and radius of the circle through points, by plane (SVD) and algebraic circle."""
-    middle = x.mean(axis=0)
-    _, _, axes = np.linalg.svd(x - middle, full_matrices=False)
-    local = (x - middle) @ axes[:2].T
-    A = np.column_stack([2 * local, np.ones(len(x))])
-    a, b, c = np.linalg.lstsq(A, (local**2).sum(axis=1))[0]
-    return middle + a * axes[0] + b * axes[1], axes[2], float(np.sqrt(max(c + a * a + b * b, 1e-12)))
 
 
 def _off(x: Array, centre: Array, normal: Array, radius: float) -> Array:

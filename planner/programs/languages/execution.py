@@ -44,6 +44,8 @@ class ReadBack:
     """Stretches that a later start leaves out: up to which start, and how many moves come before."""
     entries: tuple[tuple[int, Array, tuple[float, ...]], ...] = ()
     """Ways to a start in the middle: which, the angles (k, N) of their exact stops [deg], and the speed words."""
+    circles: tuple[tuple[int, tuple[float, ...]], ...] = ()
+    """Moves that are circles of the tool, whose speed is in mm/s: which, and the angles of the middle point [deg]."""
     unknown: tuple[Statement, ...] = ()
     """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
 
@@ -105,6 +107,7 @@ class Execution(ABC):
         self.unknown: list[Statement] = []
         self.stretches: list[tuple[int, int]] = []
         self.entries: list[tuple[int, list[tuple[list[float], float | None, float]]]] = []
+        self.circles: list[tuple[int, tuple[float, ...]]] = []
         self.branches = Branches.of(dialect)
         self.entered: tuple[list[tuple[list[float], float | None, float]], float, int, int] | None = None
 
@@ -194,6 +197,13 @@ class Execution(ABC):
             raise InputError(f"move {len(self.moves) + 1} drives {len(angles_deg)} axes, those before {before}")
         self.moves.append((angles_deg, blend, speed))
 
+    def circle(self, via_deg: list[float], angles_deg: list[float], blend: float | None, speed: float) -> None:
+        """Note a circle of the tool through a middle point; ``speed`` in mm/s."""
+        if self.entered is not None or len(via_deg) != len(angles_deg):
+            raise InputError(f"move {len(self.moves) + 1} is a circle where none can be")
+        self.circles.append((len(self.moves), tuple(via_deg)))
+        self.move(angles_deg, blend, speed)
+
     def dwell(self, seconds: float) -> None:
         """Note a dwell; one of no time only empties the controller's look-ahead and is no dwell."""
         if seconds > 0.0:
@@ -210,5 +220,5 @@ class Execution(ABC):
         )
         return ReadBack(
             plan_id, path, blends, speeds, tuple(self.dwells), self.syncs, tuple(self.centrings),
-            tuple(self.stretches), entries, unknown,
+            tuple(self.stretches), entries, tuple(self.circles), unknown,
         )  # fmt: skip

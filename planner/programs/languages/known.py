@@ -24,7 +24,10 @@ def known_statements(
     """
     lines = (s.text for text in _own_lines(dialect, program) for s in parse((text,)))
     texts = [re.escape(_squeeze(line)) for line in lines]
-    texts += [p for text in dialect.reading.passive if (p := _with_numbers(text, dialect, program)) is not None]
+    circles = dialect.circle.passive if dialect.circle and (program is None or program.circles) else ()
+    texts += [
+        p for text in (*dialect.reading.passive, *circles) if (p := _with_numbers(text, dialect, program)) is not None
+    ]
     patterns = [re.compile(text.replace(ANY, r"\d+"), re.IGNORECASE) for text in dict.fromkeys(texts)]
 
     @cache

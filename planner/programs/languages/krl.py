@@ -146,7 +146,7 @@ def _value(text: str) -> float:
     return float(text)
 
 
-_WORDS = ("$OV_PRO", "$APO.CPTP")  # variables that say how a move is driven
+_WORDS, _CIRCLE_WORDS = ("$OV_PRO", "$APO.CPTP"), ("$APO.CDIS", "$VEL.CP")  # variables that say how a move is driven
 
 
 class KrlExecution(Execution):
@@ -155,6 +155,8 @@ class KrlExecution(Execution):
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0}  # and $OV_PRO where the program sets it
+        self.words = _WORDS if program is not None and not program.circles else (*_WORDS, *_CIRCLE_WORDS)
+        self.axes: dict[str, list[float]] = {}  # variables that hold angles, and places worked out of such
 
     def forget(self, stopped: bool) -> None:
         """Forget speed and rounding, and at a stop the override of a program that sets one."""
@@ -178,19 +180,47 @@ class KrlExecution(Execution):
         """Take in a move or what decides how it is driven; motions other than joint moves raise InputError."""
         centring = self.dialect.reading.centre
         match statement:
+            case KrlMove(word="CIRC"):
+                self._circle(statement)
+            case st.Assignment() if self._assign_axes(statement):
+                pass
             case KrlMove():
                 speed = self.values["VEL_PTP"] * self.overall_speed / 100.0
                 blended = statement.rest.upper() == "C_PTP"
                 self.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
             case Bas(what="VEL_PTP", value=value):
                 self.values["VEL_PTP"] = st.parse_fixed(value, statement.text)
-            case st.Assignment(name=name, part=part, value=value) if (key := f"{name}.{part}".rstrip(".")) in _WORDS:
+            case st.Assignment(name=name, part=part, value=value) if (
+                key := f"{name}.{part}".rstrip(".")
+            ) in self.words:
                 self.values[key] = _percentage(value, statement.text)
             case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
                 self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
             case _:
                 return False
         return True
+
+    def _assign_axes(self, given: st.Assignment) -> bool:
+        """Take in a variable with angles, or with the place of another's, and return whether it was one."""
+        if place := re.fullmatch(r"FORWARD\((\w+),\w+\)", given.value, re.IGNORECASE):
+            if place[1].upper() not in self.axes:
+                raise InputError(f"'{given.text}': nothing was given to {place[1]}")
+            self.axes[given.name] = list(self.axes[place[1].upper()])
+            return True
+        if given.value.startswith("{") and not given.part and given.kind == "" and given.name.startswith("AX_"):
+            self.axes[given.name] = _named_angles(aggregate(given.value, 0), given.text)
+            return True
+        return False
+
+    def _circle(self, move: KrlMove) -> None:
+        names = [t for t in move.targets if isinstance(t, str)]
+        blended = move.rest.upper() == "C_DIS"
+        said = len(names) == 2 and all(n in self.axes for n in names) and (blended or not move.rest)
+        if not said or move.relative or not {"$VEL.CP", "$APO.CDIS"} <= self.values.keys():
+            raise InputError(f"'{move.text}' is no circle as this family writes it")
+        speed = 1e3 * self.values["$VEL.CP"] * self.overall_speed / 100.0
+        via, end = (self.axes.pop(n) for n in names)
+        self.circle(via, end, self.values["$APO.CDIS"] if blended else None, speed)
 
 
 def _percentage(text: str, statement: str) -> float:
@@ -204,7 +234,11 @@ def _angles(move: KrlMove) -> list[float]:
     target = move.targets[0] if move.targets else ""
     if move.word != "PTP" or move.relative or isinstance(target, str) or move.rest.upper() not in ("", "C_PTP"):
         raise InputError(f"'{move.text}' is no joint move of this family")
+    return _named_angles(target, move.text)
+
+
+def _named_angles(target: Aggregate, where: str) -> list[float]:
     found = target.numbers or {}
     if not found or tuple(found) != AXES[: len(found)]:
         raise InputError(f"{target.text} does not name the axes in order, each once and with a number")
-    return [st.parse_fixed(number.text, move.text) for number in found.values()]
+    return [st.parse_fixed(number.text, where) for number in found.values()]

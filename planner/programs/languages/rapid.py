@@ -126,20 +126,46 @@ class RapidExecution(Execution):
         """Take in a move; motions other than joint moves raise InputError."""
         if not isinstance(statement, RapidMove):
             return False
-        self.move(*_joint_move(statement))
+        if statement.word == "movec":
+            self.circle(*_circle(statement))
+        else:
+            self.move(*_joint_move(statement))
         return True
 
 
 def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
     """Return angles [deg], the distance of the zone (None for an exact stop), and the speed."""
-    refusal = InputError(f"'{move.text}' is no joint move of this family")
     if not move.text.startswith("MoveAbsJ") or len(move.arguments) != 4:
-        raise refusal
-    target, speed, zone, tool = (argument.text for argument in move.arguments)
-    speeds, zones = re.fullmatch(r"\[([^],]*),[^]]*\]", speed), re.fullmatch(r"fine|\[FALSE,([^],]*),[^]]*\]", zone)
-    if not (JOINT_TARGET.fullmatch(target) and speeds and zones and re.fullmatch(r"\w+( \\WObj:=\w+)?", tool)):
-        raise refusal
+        raise _refusal(move)
+    target, *how = (argument.text for argument in move.arguments)
+    return _target_angles(move, target), *_manner(move, *how)
+
+
+def _circle(move: RapidMove) -> tuple[list[float], list[float], float | None, float]:
+    """Return the angles of middle and end [deg], whose places the controller works out for the move's own tool."""
+    if not move.text.startswith("MoveC") or len(move.arguments) != 5:
+        raise _refusal(move)
+    via, end, *how = (argument.text for argument in move.arguments)
+    places = [re.fullmatch(rf"CalcRobT\((.*\]\]), {re.escape(how[-1])}\)", place) for place in (via, end)]
+    targets = [_target_angles(move, "" if p is None else p[1]) for p in places]
+    return targets[0], targets[1], *_manner(move, *how)
+
+
+def _refusal(move: RapidMove) -> InputError:
+    return InputError(f"'{move.text}' is no joint move of this family")
+
+
+def _target_angles(move: RapidMove, target: str) -> list[float]:
+    if not JOINT_TARGET.fullmatch(target):
+        raise _refusal(move)
     numbers = st.placed_numbers(target, 0, EXPONENT_NUMBER)
     used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED)]
-    distance = None if zones[1] is None else st.parse_fixed(zones[1], move.text)
-    return [st.parse_fixed(n.text, move.text) for n in used], distance, st.parse_fixed(speeds[1], move.text)
+    return [st.parse_fixed(n.text, move.text) for n in used]
+
+
+def _manner(move: RapidMove, speed: str, zone: str, tool: str) -> tuple[float | None, float]:
+    """Return the distance of the zone (None for an exact stop), and the speed."""
+    speeds, zones = re.fullmatch(r"\[([^],]*),[^]]*\]", speed), re.fullmatch(r"fine|\[FALSE,([^],]*),[^]]*\]", zone)
+    if not (speeds and zones and re.fullmatch(r"\w+( \\WObj:=\w+)?", tool)):
+        raise _refusal(move)
+    return None if zones[1] is None else st.parse_fixed(zones[1], move.text), st.parse_fixed(speeds[1], move.text)

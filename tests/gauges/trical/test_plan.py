@@ -115,9 +115,7 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
     text = files[0].text
     call = text.index("\nCENTRE (")
     assert "$AXIS_ACT" in text[call : call + 80]  # the axes are logged where the centring led
-    program = session_program(
-        planned.cell, [planned.drives[0].course], planned.plan_id, load_dialect("krl").wants_dense_path
-    )
+    program = session_program(planned.cell, [planned.drives[0].course], planned.plan_id, load_dialect("krl").path_form)
     wrong = text[:call] + text[call:].replace("\nCENTRE (", "\nCENTRE (1", 1)
     with pytest.raises(ProgramMismatchError, match="centres other balls"):
         verify(program, "krl", [ProgramFile(files[0].name, wrong), *files[1:]])

@@ -6,6 +6,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.circular.planning import plan_circles
+from planner.programs.dialect import PathForm
 from planner.programs.instructions import Pause
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
@@ -52,7 +53,7 @@ def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):
 def test_the_operator_sets_every_load_once(loaded):
     said = [
         i.message
-        for i in session_program(loaded.cell, loaded.courses, loaded.plan_id, dense=False).instructions
+        for i in session_program(loaded.cell, loaded.courses, loaded.plan_id, PathForm()).instructions
         if isinstance(i, Pause)
     ]
     assert said[1:3] == ["set the load to 125 N", "set the load to 250 N"]

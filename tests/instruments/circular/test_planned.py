@@ -1,16 +1,24 @@
 """A planned circle really is one: held against pinocchio's forward kinematics, not against ours."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from planner.cell.reading import load_cell
+from planner.instruments.circular.planning import plan_circles
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
-from planner.programs.program_files import read_back
+from planner.programs.program_files import read_back, verify
+from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import axis_limits
 from planner.session.neutral_program import session_program
+from planner.session.options import PlanOptions
+from tests.instruments.circular.conftest import cell_file, quiet
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 
@@ -95,12 +103,69 @@ def test_passes_follow_each_other_and_measure_both_directions(planned):
     assert marks == list(range(8))
 
 
-@pytest.mark.parametrize("dialect", ["krl", "rapid", "din66025", "bnr"])
+@pytest.mark.parametrize("dialect", ["krl", "rapid"])
+def test_where_a_controller_knows_circles_it_drives_them_itself(planned, dialect):
+    files = dict(planned.programs)[dialect]
+    read = read_back(dialect, files)
+    start = np.vstack([read.joint_path_deg[:1], read.joint_path_deg[:-1]])
+    assert len(read.joint_path_deg) < 60
+    assert sum(len(f.text) for f in files) < 30_000
+    covered = {"round": 0.0, "arc": 0.0}
+    for k, via in read.circles:
+        x, R = tools(planned.cell, np.deg2rad([start[k], via, read.joint_path_deg[k]]))
+        assert np.abs(R - R[0]).max() < 1e-5, "the tool does not turn, so that tool and base do not matter"
+        radii = np.linalg.norm(x - CENTRE, axis=1)
+        assert np.abs(radii - 0.350).max() < 20e-6
+        a, b = x[0] - CENTRE, x[2] - CENTRE
+        half = np.arccos(a @ (x[1] - CENTRE) / 0.35**2) + np.arccos((x[1] - CENTRE) @ b / 0.35**2)
+        assert half < np.deg2rad(121)
+        covered["round" if np.abs(x[:, 2] - CENTRE[2]).max() < 20e-6 else "arc"] += half
+        assert read.speeds[k] <= (100.0 if covered["arc"] == 0.0 else 100.001)
+        assert abs(read.blends[k] or 0.0) <= 1.0
+    assert covered["round"] == pytest.approx(2 * np.deg2rad(380), abs=1e-3)
+    assert covered["arc"] == pytest.approx(2 * np.deg2rad(70), abs=1e-3)
+
+
+SPOILT = {  # dialect: what stands before a place of a circle, its word, and a quicker speed
+    "krl": (r"=\{A1 ", ("CIRC ", "LIN "), (r"\$VEL\.CP=0\.", "$VEL.CP=9.")),
+    "rapid": (r"CalcRobT\(\[\[", ("MoveC ", "MoveL "), (r"\n +\[", "\n  [9")),
+}
+
+
+@pytest.mark.parametrize("dialect", SPOILT)
+@pytest.mark.parametrize("what", ["through", "end", "word", "speed"])
+def test_a_circle_that_is_not_the_planned_one_is_not_released(planned, dialect, what):
+    files = dict(planned.programs)[dialect]
+    program = session_program(planned.cell, planned.courses, planned.plan_id, load_dialect(dialect).path_form)
+    text, (place, word, (slow, quick)) = files[0].text, SPOILT[dialect]
+    circles = text.index(word[0])
+    if what in ("through", "end"):
+        first = [m.end() for m in re.finditer(place, text)][what == "end"]
+        text = f"{text[:first]}1{text[first:].lstrip('-')}"
+    elif what == "word":
+        text = text.replace(*word, 1)
+    else:
+        before = text.rindex("AX_", 0, circles) if dialect == "krl" else circles
+        text = text[:before] + re.sub(slow, quick, text[before:], count=1)
+    assert text != files[0].text
+    with pytest.raises(ProgramMismatchError):
+        verify(program, dialect, (replace(files[0], text=text), *files[1:]))
+
+
+def test_a_tool_that_turns_with_the_bar_is_driven_in_joints(tmp_path):
+    circle = '\n[[circles]]\nname = "f"\nradius_mm = 350\nstart_deg = 180\nsweep_deg = 60\nspeed_mm_s = 100\n'
+    for how, circles in (("constant", 2), ("follow", 0)):
+        path = cell_file(tmp_path, circle + f'orientation = "{how}"\ndirections = ["ccw"]\n')
+        plan = plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl",)), quiet())
+        assert (len(read_back("krl", plan.programs[0][1]).circles) > 0) == (circles > 0)
+
+
+@pytest.mark.parametrize("dialect", ["din66025", "bnr"])
 def test_what_a_program_says_is_the_circle(planned, dialect):
     files = dict(planned.programs)[dialect]
     read = read_back(dialect, files)
     assert read.plan_id == planned.plan_id
-    program = session_program(planned.cell, planned.courses, planned.plan_id, load_dialect(dialect).wants_dense_path)
+    program = session_program(planned.cell, planned.courses, planned.plan_id, load_dialect(dialect).path_form)
     assert len(read.joint_path_deg) == len(program.moves)
     assert read.syncs == 8
     x, _ = tools(planned.cell, np.deg2rad(read.joint_path_deg))
