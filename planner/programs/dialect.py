@@ -38,7 +38,7 @@ SpeedKind = Literal["axis_percent", "tool_speed", "inverse_time"]
 
 
 def _file_name(text: str) -> str:
-    if text.replace("{name}", "").strip(".").isalnum() and text.count("{name}") == 1:
+    if re.fullmatch(r"\{name\}\w*\.\w+", text, re.ASCII):
         return text
     raise ValueError("a file is called {name} and an extension")
 

@@ -179,6 +179,11 @@ def _render_files(
         blocks = _step_lines(module, program, dialect, steps)
     parts = _split(blocks, name, limit)
     files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
+    if dialect.part_lines is None and len(parts) > 1:
+        raise InputError(
+            f"the program has {sum(map(len, blocks))} lines, controller.part_lines allows {limit}, and a program of "
+            f"{dialect.title} has no parts: take another dialect, or fewer poses"
+        )
     if dialect.files.part is not None and len(parts) > 1:
         files += [(dialect.files.part.format(name=p.name), _lines(module, "part", p)) for p in parts]
     if dialect.files.data is not None:

@@ -1,6 +1,6 @@
 """The whole measuring session as a neutral program: travel, attach or prepare the gauge, measure, travel back."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -115,7 +115,8 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
     form = replace(form, dense=form.dense and not rests_at_poses(cell))
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
-        return [last, *there, *_pass_instructions(cell, one, form), *back, StretchEnd()]
+        passes = (item for p in _pass_instructions(cell, one, form) for item in (last, *p, StretchEnd()))
+        return [last, *there, StretchEnd(), *passes, last, *back, StretchEnd()]
     path = one.measuring
     written = measured_moves(cell, path, one.mounting, form)
     measuring = cut_stretches(cell, one.mounting, path, one.shortcuts, written, first)
@@ -123,12 +124,12 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
     return [last, *there, StretchEnd(), heading, *measuring, last, *back, StretchEnd()]
 
 
-def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> list[Instruction]:
-    """Every pass with its heading; where the load changes, the operator sets it."""
-    out: list[Instruction] = []
+def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> Iterator[list[Instruction]]:
+    """Yield every pass with its heading; where the load changes, the operator sets it."""
     written: dict[tuple[int, int], tuple[int, list[Instruction]]] = {}
     load: float | None = None
     for one in course.passes:
+        out: list[Instruction] = []
         if one.load is not None and one.load != load:
             load = one.load
             out.append(Pause(f"set the load to {load:g} N"))
@@ -137,8 +138,7 @@ def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> list[Instr
         if key not in written:  # a repeat is the same path with other marks
             written[key] = number, [item for _, item in measured_moves(cell, one.path, course.mounting, form)]
         first, moves = written[key]
-        out += [_shift_mark(item, number - first) for item in moves] if number != first else moves
-    return out
+        yield out + ([_shift_mark(item, number - first) for item in moves] if number != first else moves)
 
 
 def _shift_mark(item: Instruction, shift: int) -> Instruction:

@@ -1,14 +1,17 @@
 """Every dialect that is on disk: what is written is what is read back, and it is the plan."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import tests.programs.sessions as sessions
+from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
-from planner.programs.program_files import read_back, write_program
+from planner.programs.program_files import read_back, verify, write_program
+from planner.programs.verification import ProgramMismatchError
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {
@@ -95,7 +98,8 @@ def test_long_legs_stop_where_millimetres_cannot_be_said(name: str) -> None:
 
 @pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
 def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
-    program = sessions.dense(6, 9000)
+    limit = 300
+    program = replace(sessions.dense(6, 1500), part_lines=limit)
     files = write_program(program, name, "a_name_that_is_longer_than_a_controller_takes")
     dialect = load_dialect(name)
     found = read_back(name, files)
@@ -103,4 +107,33 @@ def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
     if dialect.files.part:
         assert len(files) > 5
         assert len({f.name for f in files}) == len(files)
-        assert all(f.text.count("\n") <= dialect.part_lines + 20 for f in files)  # type: ignore[operator]
+        assert all(f.text.count("\n") <= limit + 25 for f in files[1:])
+
+
+@pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
+@pytest.mark.parametrize("rounded", [False, True])
+def test_a_program_in_parts_can_be_started_at_a_later_pose(name: str, rounded: bool) -> None:
+    program = replace(sessions.resumable(6, 6, rounded), part_lines=20)
+    files = write_program(program, name, "s")
+    found = read_back(name, files)
+    assert found.stretches == program.stretches
+    assert [at for at, _, _ in found.entries] == [e.at for e in program.entries]
+    verify(program, name, files)
+    if load_dialect(name).files.part:
+        assert len(files) > 3
+        with pytest.raises(ProgramMismatchError):
+            verify(program, name, (files[0], *files[2:]))
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if not load_dialect(n).part_lines])
+def test_a_file_beyond_the_limit_of_a_controller_without_parts_is_refused(name: str) -> None:
+    program = replace(sessions.dense(6, 300), part_lines=100)
+    with pytest.raises(InputError, match=r"part_lines allows 100"):
+        write_program(program, name, "a")
+
+
+def test_blocks_that_are_quicker_than_the_controller_are_told() -> None:
+    program = sessions.dense(6, 100)
+    slow = write_program(replace(program, block_ms=200.0), "krl", "a")[0].text
+    assert "it brakes at" in slow.replace("\r\n; ", " ")
+    assert "brakes" not in write_program(program, "krl", "a")[0].text

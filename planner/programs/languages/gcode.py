@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.statements import PlacedNumber, Statement, parse_fixed
+from planner.programs.languages.statements import Call, PlacedNumber, Routine, RoutineEnd, Statement, parse_fixed
 from planner.programs.languages.text import NUMBER, Lines, mask_comments
 
 _WORD = re.compile(rf"([A-Z]+\d*=|[A-Z])\s*({NUMBER})")
@@ -73,13 +73,47 @@ class GcodeExecution(Execution):
         self.feed, self.blend = None, math.nan
 
     def parse(self, texts: Sequence[str]) -> Iterator[Statement]:
-        """Yield the blocks of the one file."""
-        return parse(texts[0], self.dialect)
+        """Yield the blocks of all files; beginning, end and calls of parts where the dialect has any."""
+        blocks = [block for text in texts for block in parse(text, self.dialect)]
+        names = {m[1] for b in blocks if (m := re.fullmatch(r"PROC (\w+)", b.text))}
+        for block in blocks:
+            place = block.line, block.start, block.text
+            if self.dialect.files.part is None:
+                yield block
+            elif match := re.fullmatch(r"PROC (\w+)", block.text):
+                yield Routine(*place, match[1])
+            elif block.text == "M17":
+                yield RoutineEnd(*place)
+            else:
+                yield Call(*place, block.text) if block.text in names else block
 
     def order(self, statements: Sequence[Statement]) -> Iterator[Statement]:
-        """Yield the blocks one after the other, to the end of the program."""
+        """Yield the blocks one after the other, to the end of the program, those of a part where it is called.
+
+        Raises:
+            InputError: something stands behind the end, or there is none; a part calls another.
+        """
+        bodies: dict[str, list[Statement]] = {}
+        main: list[Statement] = []
+        here = main
+        for statement in statements:
+            match statement:
+                case Routine(name=name):
+                    here = bodies.setdefault(name, [])
+                case RoutineEnd():
+                    here = main
+                case Call() if here is not main:
+                    raise InputError(f"line {statement.line}: the part {statement.text} is called by another")
+                case _:
+                    here.append(statement)
+        called = [c.name for c in main if isinstance(c, Call)]
+        if here is not main or sorted(called) != sorted(bodies):
+            raise InputError("a part has no end (M17), or is not called once")
+        yield from self._to_the_end(b for s in main for b in (bodies[s.name] if isinstance(s, Call) else (s,)))
+
+    def _to_the_end(self, blocks: Iterable[Statement]) -> Iterator[Statement]:
         ended = False
-        for block in statements:
+        for block in blocks:
             if ended:
                 raise InputError(f"line {block.line}: '{block.text}' stands behind the end of the program")
             ended = re.fullmatch("M0?2|M30", block.text) is not None

@@ -115,8 +115,8 @@ class RapidExecution(Execution):
     """Every MoveAbsJ says its own speed and zone; nothing is remembered."""
 
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the statements of the one file."""
-        return parse(texts[0])
+        """Yield the statements of all modules."""
+        return (statement for text in texts for statement in parse(text))
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements from PROC main on."""
