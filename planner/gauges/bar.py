@@ -44,6 +44,17 @@ class BarKeys(StrictModel):
     stop_margin_mm: NonNegativeFloat | None = None
 
 
+ROUGHLY = 1.25  # times that lengths may lie beyond what is expected of the gauge
+UNITS = {  # what a column of lengths may hold instead of what it says, and how large one of it comes out
+    "millimetres": 1.0,
+    "metres in a column of millimetres": 1e-3,
+    "millimetres in a column of metres": 1e3,
+    "inches in a column of millimetres": 1 / 25.4,
+    "half inches in a column of millimetres": 1 / 12.7,
+    "centimetres in a column of millimetres": 0.1,
+}
+
+
 def choose_stop_margin(file: CellFile, keys: BarKeys) -> float:
     """Return what a plan keeps from the bar's ends [m]: by default how far off fixture and tool point may stand."""
     if file.gauge.length_mm is None:
@@ -278,16 +289,26 @@ class LengthGauge(LineGauge):
         super().check_run(cell, run)
         length = run.readings.length
         assert length is not None
-        if not np.isfinite(self.length_max):
-            return
-        low, high = self.length_min, self.length_max
-        middle, typical = float(np.sqrt(max(low, 1e-3) * high)), float(np.median(np.abs(length)))
-        for factor, words in ((1e-3, "metres in a column of millimetres"), (1e3, "millimetres in a column of metres")):
-            if 0.2 < typical / (middle * factor) < 5:
-                raise InputError(
-                    f"{run.name}: the lengths are about {typical / MM:.4g} mm, but the bar reaches from {low / MM:g} "
-                    f"to {high / MM:g} mm: these look like {words}"
-                )
+        typical = float(np.median(np.abs(length)))
+        low, high, reach = self._expected_lengths(cell, run)
+        fits = {w: f for w, f in UNITS.items() if low / ROUGHLY <= typical / f <= high * ROUGHLY}
+        if fits and 1.0 not in fits.values():
+            words = min(fits, key=lambda w: abs(np.log(typical / fits[w] / np.sqrt(low * high))))
+            raise InputError(
+                f"{run.name}: the lengths are about {typical / MM:.4g} mm, but {reach}: these look like {words}"
+            )
+
+    def _expected_lengths(self, cell: Cell, run: Run) -> tuple[float, float, str]:
+        """Shortest and longest that the gauge may read in a run [m], and in words why."""
+        if np.isfinite(self.length_max):
+            low, high = max(self.length_min, 1e-3), self.length_max
+            return low, high, f"the bar reaches from {self.length_min / MM:g} to {high / MM:g} mm"
+        if not cell.fixtures:
+            return 1e-6, 1e6, ""
+        away = cell.map_position(run.samples.q)[:, None] - np.array([f.p_BX for f in cell.fixtures])[None]
+        far = np.linalg.norm(away, axis=2)
+        low, high = max(float(far.min()), 1e-3), float(far.max())
+        return low, high, f"by the cell the tool is {low / MM:.4g} to {high / MM:.4g} mm from where it begins"
 
     def bodies(self, cell: Cell) -> list[GaugeBody]:
         """Housing along z from the fixture's ball, rod along −z from the tool's ball, together always the whole bar."""

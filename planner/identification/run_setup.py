@@ -14,6 +14,7 @@ from planner.runs.run import Run, Samples
 
 REVERSAL_SAMPLES = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
 LEAST_READABLE = 0.25  # share of the readings at a place that lie within the range of the gauge that stands there
+LIMIT_SLACK = np.deg2rad(2.0)  # that an arm may stand beyond a limit of its file
 JOINT_MOVED = 1e-3  # [rad] from pose to pose that tell a joint's way
 DIRECT_SHARE = 0.98  # share of the logged approaches that agree with the ways from pose to pose
 
@@ -25,6 +26,7 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
         InputError: the run names a place, a ball or a robot that the cell does not have, or another kind of reading.
     """
     cell.gauge.check_run(cell, run)
+    _check_limits(cell, run)
     if run.robot is not None and run.robot != cell.robot.name:
         raise InputError(
             f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
@@ -40,6 +42,27 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
         p_FM=setup.p_FM[which],
         R_FM=np.broadcast_to(np.eye(3), (many, 3, 3)),
         tool_prior=setup.tool_prior if known else LOCATED_SIGMA,
+    )
+
+
+def _check_limits(cell: Cell, run: Run) -> None:
+    """Refuse angles that the robot cannot have had.
+
+    Raises:
+        InputError: naming the row, the joint and its limits.
+    """
+    robot, q = cell.robot, run.samples.q
+    beyond = np.maximum(robot.q_lower - q, q - robot.q_upper)
+    rows = np.flatnonzero(beyond.max(axis=1) > LIMIT_SLACK)
+    if not len(rows):
+        return
+    k = int(rows[0])
+    j = int(beyond[k].argmax())
+    low, high, found = np.rad2deg([robot.q_lower[j], robot.q_upper[j], q[k, j]])
+    raise InputError(
+        f"{run.where(k)}: joint {j + 1} stands at {found:.6g} degrees, its limit_deg in {robot.path} is "
+        f"[{low:.6g}, {high:.6g}] ({len(rows)} of {len(q)} rows have such a joint): are the angles the controller's, "
+        "in its order, sense and zero, and are the limits this robot's?"
     )
 
 

@@ -16,6 +16,7 @@ from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
 
+STANDING, MOVED = 3, 1e-3  # rows that share a time, and the movement [rad] that they cannot have made in it
 MEASURES = ("static", "continuous")
 UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joined run without a word
 T = TypeVar("T", Samples, Readings)
@@ -39,6 +40,7 @@ def run_of(table: RunTable, n_joints: int) -> Run:
         InputError: joints or reading are missing, the clock is wrong, or the arm never rests.
     """
     run = _logged_run(table, n_joints)
+    _check_clock(table, run)
     said = table.notes.get("measure")
     if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
         return average_rests(run)
@@ -47,6 +49,21 @@ def run_of(table: RunTable, n_joints: int) -> Run:
         check_order(table.source, run.samples.t, session if table.has("session") else np.zeros_like(session))
         check_jumps(table, n_joints)
     return run
+
+
+def _check_clock(table: RunTable, run: Run) -> None:
+    """Refuse a clock that stands while the arm moves.
+
+    Raises:
+        InputError: one time for poses far from each other.
+    """
+    t, q = run.samples.t, run.samples.q
+    if t is None or len(t) < STANDING or np.ptp(t) > 0.0 or np.ptp(q, axis=0).max() < MOVED:
+        return
+    raise table.source.error(
+        0, "t", f"all {len(t)} rows have the time {t[0]:g} s, but the arm moves between them; leave the column out, or "
+        "log the clock"
+    )  # fmt: skip
 
 
 def _logged_run(table: RunTable, n_joints: int) -> Run:
