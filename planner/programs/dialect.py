@@ -6,7 +6,7 @@
     of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``), the circle of the tool where the language has
     one (``[circle]``), dwell, the pulse at a pose standing still and in passing, pause, wait, the log of its own axes,
-    the words that select tool, base and load, the call of a centring routine under ``[centre]``, and under
+    what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine under ``[centre]``, and under
     ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
@@ -268,6 +268,7 @@ class Dialect(StrictModel):
     output: str = "{number}"
     input: str = "{number}"
     trace: str = Field(min_length=1)
+    abort: str = Field(min_length=1)
     header: tuple[str, ...] = ()
     footer: tuple[str, ...] = ()
     pause: tuple[str, ...]

@@ -59,6 +59,7 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         dialect.wait_note if program.gauge_input is not None else "",
         dialect.select.note,
         dialect.speed.note,
+        dialect.abort,
         _cycle_note(program, dialect),
         dialect.centre.note if dialect.centre and any(isinstance(i, Centre) for i in program.instructions) else "",
     ]
