@@ -6,8 +6,8 @@
     of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``), the circle of the tool where the language has
     one (``[circle]``), dwell, the pulse at a pose standing still and in passing, pause, wait, the log of its own axes,
-    what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine under ``[centre]``, and under
-    ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
+    what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine
+    under ``[centre]``, and under ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
     sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override; the branches
