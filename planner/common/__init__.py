@@ -2,6 +2,7 @@
 
 __all__ = [
     "choices",
+    "circles_in_space",
     "determinism",
     "errors",
     "files",
