@@ -10,7 +10,7 @@ from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import register
 from planner.effects.compliance import LoadTorque
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Place, Role, joint_place
+from planner.effects.effect import Background, Effect, NonlinearParameter, Place, Role, joint_place
 from planner.effects.excitation import CONTINUOUS_RUN, Excitation
 from planner.effects.parameters import Parameter, ParameterMove, transform_move
 
@@ -145,7 +145,7 @@ def backlash(run: Excitation) -> Iterator[Effect]:
             yield _of_joint(run, "backlash", i, phi(i), BACKLASH, sentence)
 
 
-@register("backlash by load")
+@register("backlash by load", background=Background.BY_PLACE)
 def backlash_by_load(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side on which the load lies."""
     for i in run.joints:

@@ -12,7 +12,7 @@ from importlib import import_module
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError, did_you_mean
-from planner.effects.effect import Effect
+from planner.effects.effect import Background, Effect
 from planner.effects.excitation import Excitation
 from planner.runs.run import Samples
 
@@ -29,12 +29,16 @@ class Registration:
         generator: yields those of them that a run can show.
         needs: what a run needs to show them.
         by_gauge: whether a gauge names the generator among its own errors, see ``Gauge.errors``.
+        background: how effects that were not found enter the posterior.
+        pool: name under which kinds share one size there, empty: each has its own.
     """
 
     kinds: tuple[str, ...]
     generator: EffectGenerator
     needs: str
     by_gauge: bool
+    background: Background
+    pool: str
 
     @property
     def order(self) -> int:
@@ -47,12 +51,16 @@ _REGISTRY: list[Registration] = []
 
 
 def register(
-    *kinds: str, needs: str = "another kind of run", by_gauge: bool = False
+    *kinds: str,
+    needs: str = "another kind of run",
+    by_gauge: bool = False,
+    background: Background = Background.BY_KIND,
+    pool: str = "",
 ) -> Callable[[EffectGenerator], EffectGenerator]:
     """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`."""
 
     def enter(generator: EffectGenerator) -> EffectGenerator:
-        _REGISTRY.append(Registration(kinds, generator, needs, by_gauge))
+        _REGISTRY.append(Registration(kinds, generator, needs, by_gauge, background, pool))
         return generator
 
     return enter
@@ -68,6 +76,11 @@ def registrations() -> list[Registration]:
 def effect_kinds() -> tuple[str, ...]:
     """Return the names of all kinds of effects."""
     return tuple(dict.fromkeys(kind for r in registrations() for kind in r.kinds))
+
+
+def registration_of(kind: str) -> Registration:
+    """Return the entry of a kind."""
+    return next(r for r in registrations() if kind in r.kinds)
 
 
 def needs_of(kind: str) -> str:

@@ -10,7 +10,7 @@ from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable, Times
 from planner.effects.catalogue import register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Place, Role, joint_place
+from planner.effects.effect import Background, Effect, Place, Role, joint_place
 from planner.effects.excitation import Excitation
 from planner.effects.parameters import Parameter, ParameterMove, transform_move
 
@@ -152,7 +152,7 @@ def is_joint_compliance(parameter: Parameter) -> bool:
     return isinstance(parameter.main.phi, LoadTorque)
 
 
-@register(JOINT_COMPLIANCE)
+@register(JOINT_COMPLIANCE, background=Background.BY_PLACE)
 def joint_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
     unknown = [k for k, m in enumerate(run.setup.robot.masses) if m is None]
@@ -169,7 +169,11 @@ def joint_compliance(run: Excitation) -> Iterator[Effect]:
         yield from _effect(JOINT_COMPLIANCE, joint_place(i), parameters, sentence, TRICAL, Role.COMPLIANCE)
 
 
-@register("compliance under drive torque", needs="the drives' torques in the run (torque1_Nm ...)")
+@register(
+    "compliance under drive torque",
+    needs="the drives' torques in the run (torque1_Nm ...)",
+    background=Background.BY_PLACE,
+)
 def drive_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the torque that its drive reports."""
     kind = "compliance under drive torque"
@@ -180,7 +184,11 @@ def drive_compliance(run: Excitation) -> Iterator[Effect]:
         yield from _effect(kind, joint_place(i), parameters, sentence, TRICAL)
 
 
-@register("payload compliance", needs="the same poses with another payload (payload_kg in the run)")
+@register(
+    "payload compliance",
+    needs="the same poses with another payload (payload_kg in the run)",
+    background=Background.BY_PLACE,
+)
 def payload_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the payload alone: a counterweight or the controller takes care of the rest."""
     for i in run.joints if run.varies("payload") else ():
@@ -190,7 +198,7 @@ def payload_compliance(run: Excitation) -> Iterator[Effect]:
         yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL)
 
 
-@register("link bending")
+@register("link bending", background=Background.BY_PLACE)
 def link_bending(run: Excitation) -> Iterator[Effect]:
     """A link, or the bearing at its end, bends about the two axes across the next joint's."""
     for link in run.joints[:-1]:
@@ -226,7 +234,7 @@ def tool_compliance(run: Excitation) -> Iterator[Effect]:
     yield from _effect("tool compliance", Place("tool"), parameters, sentence, "estimated")
 
 
-@register("link mass", "payload mass")
+@register("link mass", "payload mass", background=Background.NAMED_ONLY)
 def wrong_mass(run: Excitation) -> Iterator[Effect]:
     """Payload or a link heavier or lighter than stated, as seen through the joints that it loads most."""
     for i in run.joints:

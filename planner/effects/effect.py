@@ -3,7 +3,8 @@
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from enum import Flag, auto
+from enum import Enum, Flag, auto
+from functools import cached_property
 
 from planner.common.units import Array
 from planner.effects.parameters import Parameter
@@ -31,6 +32,21 @@ class Role(Flag):
     """A smooth correction without a physical cause."""
     CHANGE = auto()
     """Something that stood otherwise before a sample that the search found, or a single wrong row."""
+
+
+class Background(Enum):
+    """How effects of a kind that were not found enter the posterior."""
+
+    BY_KIND = auto()
+    """With one size for all places, since a run says little of each."""
+    BY_PLACE = auto()
+    """With a size at each place."""
+    KNOWN = auto()
+    """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
+    OF_SHAPE = auto()
+    """Not at all, nor as findings: errors of the gauge of any shape stand for them."""
+    NAMED_ONLY = auto()
+    """Not at all, unless found: what hardly any arm has, or other columns stand for."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +135,12 @@ class Effect:
     repeat: int = 1
     scanned: int = 1
 
-    @property
+    @cached_property
     def family(self) -> str:
         """``gear ripple, joint 3``: the group of its parameters, and its name unless it comes again."""
         return f"{self.kind}, {self.place}"
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Name, for instance ``gear ripple, joint 3``, or ``gear ripple (2), joint 3`` for the second one."""
         return self.family if self.repeat == 1 else f"{self.kind} ({self.repeat}), {self.place}"

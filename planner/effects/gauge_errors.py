@@ -11,7 +11,7 @@ from planner.common.units import Array, to_mm
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Place
+from planner.effects.effect import Background, Effect, NonlinearParameter, Place
 from planner.effects.excitation import CONTINUOUS_RUN, Excitation
 from planner.effects.parameters import Parameter, ParameterMove, reading_move
 from planner.effects.thermal import against_temperature
@@ -218,14 +218,20 @@ def own_errors(run: Excitation) -> Iterator[Effect]:
     yield from run.setup.gauge.errors(run)
 
 
-@register("gauge scale", by_gauge=True)
+@register("gauge scale", by_gauge=True, background=Background.KNOWN)
 def length_scale(run: Excitation) -> Iterator[Effect]:
     """Scale of a bar or wire."""
     sentence = "the gauge's scale is off, {size} of its length"
     yield _of_gauge("gauge scale", "1", reading_move(BarLength()), 1e-4, 5e-3, sentence, KAKINO)
 
 
-@register("gauge nonlinearity", "gauge cubic nonlinearity", "gauge sag", by_gauge=True)
+@register(
+    "gauge nonlinearity",
+    "gauge cubic nonlinearity",
+    "gauge sag",
+    by_gauge=True,
+    background=Background.OF_SHAPE,
+)
 def length_nonlinearity(run: Excitation) -> Iterator[Effect]:
     """A bent scale, and the sag of a bar or wire."""
     length = run.context.length
@@ -294,7 +300,7 @@ def scale_interpolation(run: Excitation) -> Iterator[Effect]:
     )  # fmt: skip
 
 
-@register("gauge scale", by_gauge=True)
+@register("gauge scale", by_gauge=True, background=Background.KNOWN)
 def position_scale(run: Excitation) -> Iterator[Effect]:
     """Scale of a tracker, or of the distances in a plate of balls."""
     what = "the plate's distances are" if _in_sockets(run) else "the tracker's scale is"

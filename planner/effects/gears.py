@@ -12,7 +12,7 @@ from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import register
 from planner.effects.compliance import twist_moves
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Role, joint_place
+from planner.effects.effect import Background, Effect, NonlinearParameter, Role, joint_place
 from planner.effects.excitation import Excitation
 from planner.effects.parameters import Parameter, transform_move
 
@@ -20,6 +20,8 @@ USUAL_WAVE, LARGEST_WAVE = 1e-4, 5e-3  # [rad]: one sigma, 20 arc seconds, and t
 LARGEST_RATIO = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2
 LOWEST, HIGHEST = 2.5, 400.0  # waves in a turn of the joint that are scanned
 SCAN_STEP = 0.25  # of a wave over the range of the joint between neighbours of the scan
+OF_GEARS = Background.NAMED_ONLY  # the posterior has harmonics and a band of ripple for every gear
+GROWING = Background.NAMED_ONLY  # hardly any arm has it, and its errors grow beyond the angles measured
 FULL_TURN = 2 * np.pi
 WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 TIMES = ((1.0, "once"), (2.0, "twice"), (3.0, "three times"))
@@ -64,7 +66,7 @@ class JointAngle(BasisFunction, key="angle:JOINT:NUMBER"):
         return EffectVariable(f"joint {self.joint + 1} (deg)", to_deg(c.samples.q[:, self.joint]))
 
 
-@register("encoder once a turn", "encoder twice a turn")
+@register("encoder once a turn", "encoder twice a turn", background=OF_GEARS)
 def encoder_eccentricity(run: Excitation) -> Iterator[Effect]:
     """Encoder out of centre (once a turn) or out of round (twice a turn)."""
     for i in run.moving_joints:
@@ -88,7 +90,7 @@ def stated_gear_ripple(run: Excitation) -> Iterator[Effect]:
             yield _wave(run, kind, i, often, sentence, STRAIN)
 
 
-@register("gear ripple")
+@register("gear ripple", background=OF_GEARS)
 def gear_ripple(run: Excitation) -> Iterator[Effect]:
     """Gear error at any number of waves a turn."""
     for i in run.moving_joints:
@@ -100,7 +102,7 @@ def gear_ripple(run: Excitation) -> Iterator[Effect]:
         yield _wave(run, "gear ripple", i, frequency, sentence, SLAMANI, Role.GEAR_WAVE | Role.REPEATABLE)
 
 
-@register("reduction ratio")
+@register("reduction ratio", background=GROWING)
 def reduction_ratio(run: Excitation) -> Iterator[Effect]:
     """A reduction ratio that is not what the controller thinks."""
     for i in run.moving_joints:
@@ -108,7 +110,7 @@ def reduction_ratio(run: Excitation) -> Iterator[Effect]:
         yield _proportional(run, "reduction ratio", i, i, sentence, "estimated")
 
 
-@register("coupling")
+@register("coupling", background=GROWING)
 def coupling(run: Excitation) -> Iterator[Effect]:
     """A joint that another one's drive moves along; neighbours first, as in wrists and behind parallelograms."""
     pairs = [(i, k) for i in run.joints for k in run.moving_joints if i != k]
@@ -117,7 +119,7 @@ def coupling(run: Excitation) -> Iterator[Effect]:
         yield _proportional(run, "coupling", i, k, sentence, NUBIOLA)
 
 
-@register(*(f"axis wobble {word} a turn" for _, word in TIMES))
+@register(*(f"axis wobble {word} a turn" for _, word in TIMES), pool="axis wobble")
 def axis_wobble(run: Excitation) -> Iterator[Effect]:
     """A joint's axis wobbles as it turns: its bearing runs out, or is squeezed out of round."""
     for i in run.moving_joints:

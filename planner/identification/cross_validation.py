@@ -150,9 +150,14 @@ class HeldOutPrediction:
     refitted: tuple[str, ...]
 
 
-def predict_held_out(fit: Fit, split: Split) -> HeldOutPrediction:
-    """Predict every sample by the fit without its fold."""
-    return _predict_all(fit, split, _grams(fit.problem, fit.errors, split), np.full(len(fit.errors), np.nan))
+def predict_held_out(fit: Fit, split: Split, sizes: Array | None = None) -> HeldOutPrediction:
+    """Predict every sample by the fit without its fold.
+
+    With ``sizes`` (d, P) it is the mean over fits with these prior sizes over the fit's own; at 0 a parameter is out.
+    """
+    every = np.ones((1, len(fit.errors))) if sizes is None else sizes
+    grams, z = _grams(fit.problem, fit.errors, split), fit.errors / fit.problem.prior
+    return _predict_all(fit, split, grams, np.where(every > 0, np.nan, -z), every)
 
 
 def predict_held_out_without(
@@ -168,22 +173,29 @@ def predict_held_out_without(
     """
     grams = _grams(fit.problem, fit.errors, split)
     for which in effects:
-        step = np.full(len(fit.errors), np.nan)
-        step[list(known)] = 0.0
-        step[list(which)] = -(fit.errors / fit.problem.prior)[list(which)]
-        yield _predict_all(fit, split, grams, step)
+        step = np.full((1, len(fit.errors)), np.nan)
+        step[:, list(known)] = 0.0
+        step[:, list(which)] = -(fit.errors / fit.problem.prior)[list(which)]
+        yield _predict_all(fit, split, grams, step, np.ones_like(step))
 
 
-def _predict_all(fit: Fit, split: Split, grams: Array, step: Array) -> HeldOutPrediction:
-    """Predict every sample; ``step`` (P,): given steps in prior sizes, NaN where the step is to be solved for."""
+def _predict_all(fit: Fit, split: Split, grams: Array, steps: Array, sizes: Array) -> HeldOutPrediction:
+    """Predict every sample by the mean over fits, (d, P) each.
+
+    ``steps``: given steps in prior sizes, NaN where the step is to be solved for; ``sizes``: prior sizes over the
+    fit's own, used where they are not 0.
+    """
     problem, errors = fit.problem, fit.errors
     total = grams.sum(axis=0)
     z = errors / problem.prior
     shift = np.zeros((split.folds, len(errors)))
     own = np.zeros(shift.shape, dtype=bool)
     for f, gram in enumerate(grams):
-        own[f] = np.isnan(step) & (np.diag(gram)[:-1] > (1 - NO_INFORMATION) * np.diag(total)[:-1])
-        shift[f] = problem.prior * _without(total - gram, gram, z, own[f], step)
+        alone = np.diag(gram)[:-1] > (1 - NO_INFORMATION) * np.diag(total)[:-1]
+        for step, size in zip(steps, sizes, strict=True):
+            mine = np.isnan(step) & alone
+            shift[f] += problem.prior * _without(total - gram, gram, z, mine, step, size) / len(steps)
+            own[f] |= mine
     names = fit.model.names
     return HeldOutPrediction(
         _shift_residual(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
@@ -205,19 +217,19 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
     return np.asarray(sum(problem.over_pieces(one)))
 
 
-def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array) -> Array:
+def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:
     """Step in prior sizes from the whole fit to the fit by the ``train`` information.
 
     Parameters that only the fold knows (where its plate lies) are then fitted on the fold itself.
     """
     move = np.where(np.isnan(step), 0.0, step)
-    common = np.flatnonzero(~own & np.isnan(step))
-    H = train[np.ix_(common, common)] + np.eye(len(common))
-    move[common] = np.linalg.solve(H, train[common, -1] - z[common] - train[common, :-1] @ move)
-    if own.any():
-        mine = np.flatnonzero(own)
-        H = fold[np.ix_(mine, mine)] + np.eye(len(mine))
-        move[mine] = np.linalg.solve(H, fold[mine, -1] - fold[mine, :-1] @ move - z[mine])
+    for which, gram in ((~own & np.isnan(step), train), (own, fold)):
+        at = np.flatnonzero(which)
+        if len(at):
+            scale = size[at]
+            H = scale[:, None] * gram[np.ix_(at, at)] * scale + np.eye(len(at))
+            right = scale * (gram[at, -1] - gram[at, :-1] @ move) - z[at] / scale
+            move[at] = scale * np.linalg.solve(H, right)
     return move
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import Array
-from planner.effects.catalogue import catalogue
-from planner.effects.effect import Effect, Role
+from planner.effects.catalogue import catalogue, effect_kinds, registration_of
+from planner.effects.effect import Background, Effect, Role
 from planner.effects.excitation import Excitation
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
@@ -26,20 +26,8 @@ USUAL_HARMONIC = 1.5e-4  # [rad] of the first one, the k-th by √k smaller
 RIPPLES, SLOWEST, QUICKEST = 24, 8.0, 170.0  # frequencies of a gear's ripple in the band, 1/turn
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
-NAMED_ONLY = ("reduction ratio", "coupling", "payload mass")
-OF_SHAPE = ("gauge nonlinearity", "gauge cubic nonlinearity", "gauge sag")  # the gauge of any shape stands for them
-GAUGE_SCALE = "gauge scale"
-USUAL_SCALE = 1e-5  # one sigma: a run says nothing of it, for all lengths of the arm grow and shrink with the gauge
-OF_GEARS = ("encoder once a turn", "encoder twice a turn", "gear ripple")  # the harmonics and the band stand for them
-AT_EACH_JOINT = ("joint compliance", "backlash by load", "compliance under drive torque", "payload compliance")
-POOLED = {
-    "axis wobble once a turn": "axis wobble",
-    "axis wobble twice a turn": "axis wobble",
-    "axis wobble three times a turn": "axis wobble",
-    "link bending": "bending",
-    "soft base": "bending",
-    "tool compliance": "bending",
-}
+USUAL_SCALE = 1e-5  # one sigma of a gauge's scale: all lengths of the arm grow and shrink with it
+ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
 
 
 @dataclass(frozen=True)
@@ -48,13 +36,11 @@ class EffectFamily:
 
     Attributes:
         name, parameters: of the family.
-        of_robot: whether they are the robot's; families of the robot tell of each other what arm it is.
         known: whether the prior sizes stand as they are.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
-    of_robot: bool
     known: bool = False
 
 
@@ -69,30 +55,38 @@ def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
 def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[EffectFamily, ...]:
     """Return the families of the background that the samples can tell of."""
     out: dict[str, list[Parameter]] = {}
+    known = set[str]()
     for effect in catalogue(setup, samples):
-        if effect.kind not in (*NAMED_ONLY, *OF_GEARS, *OF_SHAPE) and not effect.has(Role.UNTRACED):
-            label = effect.family if effect.kind in AT_EACH_JOINT else POOLED.get(effect.kind, effect.kind)
-            out.setdefault(label, []).extend(_band(effect))
+        entry = registration_of(effect.kind)
+        if entry.background in ABSENT or effect.has(Role.UNTRACED):
+            continue
+        label = effect.family if entry.background is Background.BY_PLACE else entry.pool or effect.kind
+        is_known = entry.background is Background.KNOWN
+        known |= {label} if is_known else set()
+        out.setdefault(label, []).extend(_band(effect, is_known))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
     return tuple(
-        EffectFamily(
-            name,
-            tuple(replace(p, group=BACKGROUND) for p in parameters),
-            all(acts_on_robot(p, setup) for p in parameters),
-            known=name == GAUGE_SCALE,
-        )
+        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters), known=name in known)
         for name, parameters in out.items()
     )
 
 
-def _band(effect: Effect) -> Iterator[Parameter]:
+def is_left_to_background(group: str) -> bool:
+    """Tell whether a finding, by the group of its parameters, stays out of the released robot.
+
+    A gauge's error of a shape that only seems right would move all lengths of the arm.
+    """
+    kind = group.partition(", ")[0]
+    return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
+
+
+def _band(effect: Effect, known: bool) -> Iterator[Parameter]:
     """Yield the effect's parameters at some values of its inner number, together as large as at one of them."""
     grid = [v for v in effect.grid if v is not None]
     if not grid:
-        scale = effect.kind == GAUGE_SCALE
-        yield from (replace(p, prior=USUAL_SCALE) if scale else p for p in effect.make())
+        yield from (replace(p, prior=USUAL_SCALE) if known else p for p in effect.make())
         return
     few = grid[:: -(-len(grid) // BAND)]
     for value in few:

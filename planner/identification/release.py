@@ -4,14 +4,12 @@ from collections.abc import Sequence
 
 from planner.cell.cell import Cell
 from planner.identification.cross_validation import predict_held_out
-from planner.identification.posterior_background import BACKGROUND, background_families
+from planner.identification.posterior_background import background_families
 from planner.identification.posterior_fit import fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
 from planner.model.model import Model
-
-PLAIN = ("gauge", "geometry", BACKGROUND)  # groups of parameters that are no findings
 
 
 def release_robot(
@@ -39,7 +37,8 @@ def release_robot(
     maps, plain = tool_maps(cell, context.run, posterior.fit), geometry_stage(stages)
     if geometry_alone:
         return ReleasedRobot(plain.fit, plain.fit, posterior, *maps, plain.stage.held_out, plain.stage.validation)
-    metrics = Metrics.of(predict_held_out(posterior.fit, split).residual, split.fold)
+    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled)
+    metrics = Metrics.of(held.residual, split.fold)
     return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, metrics, context.judge(posterior.fit))
 
 
@@ -51,17 +50,18 @@ def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
 def describe_release(released: ReleasedRobot) -> Release:
     """Return what the document says of the released robot."""
     posterior, work = released.posterior, released.work_tool
-    groups = dict.fromkeys(p.group for p in posterior.fit.model.parameters if p.group not in PLAIN)
     return Release(
         basis="posterior" if released.fit is posterior.fit else "geometry",
-        findings=tuple(groups),
+        findings=posterior.findings,
         held_out=released.held_out,
         validation=released.validation,
         nominal_anywhere=released.anywhere_with(None),
         geometry_anywhere=released.anywhere_with(released.geometry),
         other_tool=released.other_tool_anywhere,
         work_tool=None if work is None else _describe_work_tool(released, work),
-        families=tuple(SizeOfFamily(name=f.name, factor=f.factor) for f in posterior.families),
+        families=tuple(
+            SizeOfFamily(name=f.name, factor=f.factor, probability=f.probability) for f in posterior.families
+        ),
     )
 
 

@@ -241,10 +241,14 @@ class GaugeFrames(DocumentSection):
 
 
 class SizeOfFamily(DocumentSection):
-    """How large effects of one family are: factor on the sizes that the catalogue expects."""
+    """How large effects of one family are: rms factor on the sizes that the catalogue expects.
+
+    ``probability``: how likely it acts at all.
+    """
 
     name: str
     factor: float
+    probability: float = 1.0
 
 
 class WorkToolError(DocumentSection):

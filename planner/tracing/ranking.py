@@ -25,15 +25,17 @@ def scores_beside(
     Compliances are scored beside the masses of links, as likely to be off as they are: without them a compliance whose
     torques are a tenth off would lose against effects with more freedom.
     """
-    scores = [s for s in test.score(dictionary) if may_join(s.effect, effects) and _is_distinct(s, effects)]
+    joining = {item.effect.name: may_join(item.effect, effects) for item in dictionary.items}
+    scores = [s for s in test.score(dictionary) if joining[s.effect.name] and _is_distinct(s, effects)]
     return [with_link_masses(test, s) for s in scores]
 
 
 def with_link_masses(test: ScoreTest, score: EffectScore) -> EffectScore:
     """Score a compliance again, beside the parts by which each mass on it may be off (ridge regression)."""
-    parameters, joint = score.effect.make(score.value), score.effect.place.joint
+    joint = score.effect.place.joint
     if not score.effect.has(Role.COMPLIANCE) or score.gain <= 0 or joint is None or score.effect.unit != "rad/Nm":
         return score
+    parameters = score.effect.make(score.value)
     size = float(score.along[0] / score.information[0, 0]) * parameters[0].prior
     masses = link_mass_parameters(test.problem.model, [(joint, size)])
     both = (*parameters, *(replace(p, prior=MASS_PRIOR) for p in masses))

@@ -1,0 +1,85 @@
+"""Drawn sizes of random effects against enumeration, dense covariances and drawn data; the mixture over them."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import cholesky
+from scipy.stats import multivariate_normal
+
+import planner.identification.posterior_draws as draws
+from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.identification.posterior_mixture import SizeMixture
+
+LEVELS = SizePrior(np.array([0.0, 0.5, 1.5]), np.array([0.6, 0.3, 0.1]))
+
+
+def model_of(y_scale=1.0, m=20, p=9, fixed_noise=True):
+    """Two families and one wide column of known size; noise of two components."""
+    rng = np.random.default_rng(2)
+    family = np.append(np.arange(p - 1) % 2, -1)
+    columns = rng.normal(size=(m, p)) * np.where(family < 0, 1e4, 0.4)
+    noise = np.stack([np.ones(m), rng.uniform(0.0, 4.0, m)], axis=1)
+    y = rng.normal(size=m) * y_scale + columns[:, family == 0].sum(axis=1)
+    return RandomEffects(columns, y, family, noise, (LEVELS, LEVELS), (1e12 if fixed_noise else 1.0) * np.eye(2))
+
+
+def density(model, factors, logs):
+    """Log density of the readings under their dense covariance."""
+    size = model.sizes(np.array(factors))
+    covariance = np.diag(model.variance(logs)) + (model.columns * size**2) @ model.columns.T
+    return multivariate_normal(np.zeros(len(model.y)), covariance).logpdf(model.y)
+
+
+@pytest.mark.parametrize(("m", "p"), [(20, 9), (6, 13)])
+def test_the_deviance_is_that_of_the_dense_covariance(m, p):
+    model, logs = model_of(m=m, p=p, fixed_noise=False), np.array([0.2, -0.3])
+    one, other = (model.deviance(SizeDraw(np.array(f), logs)) for f in ((0.0, 1.5), (0.5, 0.0)))
+    dense = -2 * (density(model, (0.0, 1.5), logs) - density(model, (0.5, 0.0), logs))
+    assert one - other == pytest.approx(dense, rel=1e-5)
+
+
+def test_shares_of_the_draws_are_the_probabilities(monkeypatch):
+    """All nine pairs of factors, by enumeration; 4000 sweeps."""
+    monkeypatch.setattr(draws, "SWEEPS", 4000)
+    monkeypatch.setattr(draws, "NOISE_EVERY", 200)
+    model = model_of(y_scale=1.7)
+    pairs = list(product(LEVELS.factors, LEVELS.factors))
+    prior = [np.log(a * b) for a, b in product(LEVELS.probability, LEVELS.probability)]
+    log = np.array([density(model, f, np.zeros(2)) + q for f, q in zip(pairs, prior, strict=True)])
+    chance = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
+    drawn = [tuple(d.factors) for d in draw_sizes(model, SizeDraw(np.ones(2) * 0.5, np.zeros(2)))]
+    share = np.array([drawn.count(f) for f in pairs]) / len(drawn)
+    assert (chance > 0.05).sum() >= 3  # else it would say nothing
+    assert np.abs(share - chance).max() < 0.04
+
+
+def test_what_acts_is_found_and_what_does_not_is_absent():
+    rng = np.random.default_rng(3)
+    columns, family = rng.normal(size=(200, 60)), np.repeat([0, 1], 30)
+    y = columns[:, :30] @ rng.normal(size=30) * 1.5 + rng.normal(size=200) * 2.0
+    model = RandomEffects(columns, y, family, np.ones((200, 1)), (LEVELS, LEVELS), np.eye(1))
+    drawn = draw_sizes(model, SizeDraw(np.zeros(2), np.zeros(1)))
+    assert np.mean([d.factors[0] == 1.5 for d in drawn]) > 0.9
+    assert np.mean([d.factors[1] > 0 for d in drawn]) < 0.2
+    assert np.mean([d.noise_logs[0] for d in drawn]) == pytest.approx(np.log(2.0), abs=0.15)
+
+
+def test_mean_and_covariance_are_those_of_the_mixture():
+    """Against draws of the parameters themselves: two sizes, once with another noise, the third absent in one."""
+    rng = np.random.default_rng(4)
+    rows, y, z = rng.normal(size=(15, 3)), rng.normal(size=15), rng.normal(size=3)
+    gram = np.column_stack([rows, y - rows @ z]).T @ np.column_stack([rows, y - rows @ z])
+    mixture = SizeMixture(np.array([[1.0, 0.5, 2.0], [2.0, 1.0, 0.0]]), np.array([1.0, 4.0]))
+    means, seconds = [], []
+    for size, ease in zip(mixture.size, mixture.ease, strict=True):
+        X = rows * size
+        C = np.linalg.inv(X.T @ X / ease + np.eye(3)) * np.outer(size, size)
+        means.append(C @ rows.T @ y / ease)
+        seconds.append(C + np.outer(means[-1], means[-1]))
+    mean = np.mean(means, axis=0)
+    assert np.allclose(mixture.mean(gram, z), mean)
+    R = mixture.information_root(gram, z)
+    assert np.allclose(R, np.triu(R))
+    assert np.allclose(np.linalg.inv(R.T @ R), np.mean(seconds, axis=0) - np.outer(mean, mean))
+    assert np.all(np.isfinite(cholesky(R.T @ R)))
