@@ -125,3 +125,13 @@ def dense(n_joints: int = 6, n_steps: int = 200) -> Program:
         if index % 50 == 25:
             tour += [Sync(index), LogAxes(index)]
     return _frame(n_joints, tour)
+
+
+def with_circle() -> Program:
+    """Three pieces of a circle of the tool, marked at the end of the second."""
+    tour: list[Instruction] = [JointMove((30.0, -20.0, -60.0, 0.0, 45.0, 1.0), 4.0, 16.0, 5.0)]
+    for k in range(3):
+        via, end = ((30.0 + 10.0 * k + x, -20.0 + k, -60.0, 0.5 * k, 45.0, 1.0) for x in (5.0, 10.0))
+        tour.append(JointMove(end, 9.0, 16.6, 100.0, 1.0 if k < 2 else 0.0, 7 if k == 1 else None, 150.0, via_deg=via))
+        tour += [Sync(7), LogAxes(7)] if k == 1 else []
+    return _frame(6, tour)

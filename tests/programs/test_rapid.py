@@ -49,6 +49,13 @@ def test_module_in_parts_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert code == 0, message
 
 
+def test_circles_are_accepted(tmp_path: Path) -> None:
+    (file,) = write_program(sessions.with_circle(), "rapid", "edbb")
+    assert file.text.count("MoveC CalcRobT(") == 3
+    code, message = _check(file.text, tmp_path)
+    assert code == 0, message
+
+
 @pytest.mark.parametrize(("old", "new"), [("fine,", "fine"), ("ENDPROC", "ENDPRO"), ("    Stop;", "   Stop;")])
 def test_the_checker_would_notice(old: str, new: str, tmp_path: Path) -> None:
     (file,) = write_program(sessions.static(6, 1), "rapid", "edbb")

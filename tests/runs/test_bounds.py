@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from planner.identification.run_setup import setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_run
 from planner.runs.run import Readings
+from planner.workflow.identification import _check_angles
 
 CELL = load_cell("comau-nj130/edbb")
 Q = "q1_deg,q2_deg,length_mm"
@@ -133,3 +135,17 @@ def test_a_robot_that_cannot_be_is_told(tmp_path, case):
     (tmp_path / "robot.toml").write_text(spoilt)
     with pytest.raises(InputError, match=old.partition(" ")[0]):
         load_robot(tmp_path / "robot.toml")
+
+
+@pytest.mark.parametrize("spoil", ["one pose for all rows", "a pose beside another", "nothing"])
+def test_rows_are_held_against_the_poses_of_their_plan(tmp_path, spoil):
+    run = _bar_run(tmp_path)
+    poses = np.arange(len(run))
+    plan = SimpleNamespace(poses=[SimpleNamespace(id=k, q_deg=np.rad2deg(q)) for k, q in enumerate(run.samples.q)])
+    said = {"one pose for all rows": np.full(len(run), 5), "a pose beside another": poses ^ 1}.get(spoil, poses)
+    run = replace(run, samples=replace(run.samples, pose=said))
+    if spoil == "nothing":
+        _check_angles(run, tmp_path / "plan.json", plan)
+        return
+    with pytest.raises(InputError, match=r"run.csv, line 2: pose \d was measured with axis .* deg off, by .*plan.json"):
+        _check_angles(run, tmp_path / "plan.json", plan)

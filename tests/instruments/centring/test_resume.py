@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from planner.common.errors import InputError
+from planner.instruments.centring.journal import journal_path
 from planner.instruments.centring.session import open_session
 from planner.instruments.centring.stop import LinkError, StoppedError
 from planner.runs.loader import load_run
@@ -70,6 +71,27 @@ def test_a_ball_that_is_measured_is_not_touched_again(cell):
     measured = [made.content["poses"][k]["q_deg"] for k in (1, 2)]
     assert len(ptp) > 6
     assert not any(abs(axes[f"A{j + 1}"] - q[j]) < 1e-3 for axes in ptp for q in measured for j in [1])
+
+
+SPOILT_ROWS = {
+    "twice": (lambda row, other: other, "measured twice"),
+    "negative": (lambda row, other: row | {"pose": -3}, "no journal"),
+    "of no pose": (lambda row, other: row | {"pose": 400}, "none of the plan's"),
+    "of another ball": (lambda row, other: row | {"ball": "elsewhere"}, "none of the plan's"),
+    "short": (lambda row, other: row | {"q_deg": row["q_deg"][:5]}, "6 joint angles"),
+}
+
+
+def test_rows_of_a_journal_that_no_session_wrote_are_told(cell):
+    made = interrupted(cell)
+    path = journal_path(made.output)
+    head, first, second = path.read_text().splitlines()
+    for spoil, said in SPOILT_ROWS.values():
+        row = spoil(json.loads(second), json.loads(first))
+        path.write_text("\n".join([head, first, json.dumps(row)]) + "\n")
+        made.revive()
+        with pytest.raises(InputError, match=said):
+            made.run()
 
 
 def test_a_finished_session_does_nothing(cell):
