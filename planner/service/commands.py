@@ -11,6 +11,7 @@ from planner.service.job_requests import (
     CellCheckRequest,
     CellRequest,
     CompensationRequest,
+    ErrorMapRequest,
     ExportRequest,
     FileReference,
     IdentificationRequest,
@@ -52,6 +53,7 @@ class CommandBuilder:
             ExportRequest: self._export,
             RunCheckRequest: self._run_check,
             IdentificationRequest: self._identification,
+            ErrorMapRequest: self._error_map,
             ValidationRequest: self._validation,
             CompensationRequest: self._compensation,
         }
@@ -79,6 +81,8 @@ class CommandBuilder:
             return ", ".join(r.name for r in request.runs) or "simulated run"
         if isinstance(request, CompensationRequest):
             return request.program.name
+        if isinstance(request, ErrorMapRequest):
+            return self._jobs.get(request.identification).title
         return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
 
     def _plan(self, r: PlanRequest) -> JobCommand:
@@ -148,6 +152,15 @@ class CommandBuilder:
         if r.validate_with:
             words, inputs = [*words, "--validate", r.validate_with.name], [*inputs, self._file(r.validate_with)]
         return JobCommand(tuple(words), tuple(inputs))
+
+    def _error_map(self, r: ErrorMapRequest) -> JobCommand:
+        results = self._results(r.identification, "identification", "calibrated")
+        table = [i for i in results if i.name == "calibrated/expected_error.csv"]
+        if not table:
+            raise InputError(f"the identification {r.identification} has no expected errors")
+        done = self._jobs.get(r.identification).command
+        cell = done.words[done.words.index("--cell") + 1]
+        return JobCommand(("error-map", cell), (*table, *done.inputs), task=True)
 
     def _validation(self, r: ValidationRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r)

@@ -26,7 +26,7 @@ TOML: Mapping[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/toml": {
+            "text/plain": {
                 "schema": {"type": "string"},
                 "example": 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n',
             }

@@ -15,6 +15,7 @@ from planner.service.job_requests import (
     EXAMPLES,
     CellCheckRequest,
     CompensationRequest,
+    ErrorMapRequest,
     ExportRequest,
     IdentificationRequest,
     JobId,
@@ -39,12 +40,13 @@ ROUTES: dict[str, type[JobRequest]] = {
     "exports": ExportRequest,
     "studies": StudyRequest,
     "identifications": IdentificationRequest,
+    "error-maps": ErrorMapRequest,
     "validations": ValidationRequest,
     "compensations": CompensationRequest,
 }
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
-    "compensation",
+    "compensation", "error-map",
 ]  # fmt: skip
 RESULTS = {
     "plan": "plan.json",
@@ -53,6 +55,7 @@ RESULTS = {
     "cell-check": "view.json",
     "plan-view": "view.json",
     "run-check": "view.json",
+    "error-map": "view.json",
 }
 
 

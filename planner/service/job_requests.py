@@ -147,6 +147,13 @@ class IdentificationRequest(MeasuredRequest):
     seed: Seed = 0
 
 
+class ErrorMapRequest(JobRequest):
+    """Make the map of the error to be expected over the workspace, around the robot of the cell."""
+
+    kind: ClassVar[str] = "error-map"
+    identification: JobId
+
+
 class ValidationRequest(MeasuredRequest):
     """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
 
@@ -176,6 +183,7 @@ EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
     ExportRequest: {"plan": "0123456789abcdef01234567", "dialect": "rapid"},
     RunCheckRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
     IdentificationRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
+    ErrorMapRequest: {"identification": "0123456789abcdef01234567"},
     ValidationRequest: {"runs": [{"id": "0" * 64, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"},
     CompensationRequest: {"program": {"id": "0" * 64, "name": "p.src"}, "model": "0123456789abcdef01234567"},
 }

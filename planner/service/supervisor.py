@@ -29,8 +29,9 @@ class Supervisor:
         """Remove what earlier servers left, and begin to take jobs."""
         self._folder.mkdir(parents=True, exist_ok=True)
         self._files.clear_drafts()
-        alive = self._jobs.running()
-        for left in self._folder.iterdir():
+        there = list(self._folder.iterdir())
+        alive = self._jobs.running()  # after the look: another server may begin one meanwhile
+        for left in there:
             if left.name not in alive:
                 shutil.rmtree(left, ignore_errors=True)
         self._thread.start()

@@ -26,6 +26,8 @@ def run_task(words: list[str]) -> BaseModel:
         from planner.service.plan_views import plan_view
 
         return plan_view(Path("plan/plan.json"))
+    if name == "error-map":
+        return _map_errors(rest[0])
     if name == "run-check":
         return _check_run(rest)
     raise InputError(f"there is no task '{name}'")
@@ -39,6 +41,13 @@ def _check_cell(reference: str) -> BaseModel:
     cell = load_cell(reference)
     check_surroundings(cell)
     return check_view(cell)
+
+
+def _map_errors(reference: str) -> BaseModel:
+    from planner import load_cell
+    from planner.service.error_views import map_errors
+
+    return map_errors(load_cell(reference), Path("calibrated/expected_error.csv"))
 
 
 def _check_run(words: list[str]) -> BaseModel:

@@ -39,8 +39,28 @@ class ViewSpot(ServiceModel):
     label: str
 
 
+class ViewLayer(ServiceModel):
+    """One value at each point of a cloud, packed float32."""
+
+    name: str
+    values: str
+    rms: float
+
+
+class ViewCloud(ServiceModel):
+    """Points in space, packed float32 (x, y, z) in mm, coloured by one of several values up to ``most``."""
+
+    what: str
+    unit: str
+    points: str
+    layers: list[ViewLayer]
+    most: float
+
+
 class SceneView(ServiceModel):
     """A cell in space, in mm; ``poses`` holds of every frame and carrier twelve float32, rows of (R | p)."""
+
+    cloud: ViewCloud | None = None
 
     parts: list[ViewPart]
     lines: list[ViewLine]
@@ -99,8 +119,8 @@ def pack_scene(view: CellView) -> SceneView:
     if view.standing is not None:
         parts.append(_part("obstacles", -1, STANDING, view.standing))
     parts += [_part("reach of the gauge", -1, "#56B4E9", s, 0.12) for s in view.shells]
-    lines = [ViewLine(name="measuring path", points=_pack(p)) for p in view.paths]
-    lines += [ViewLine(name="way to the start", points=_pack(p)) for p in view.ways]
+    lines = [ViewLine(name="measuring path", points=pack_numbers(p)) for p in view.paths]
+    lines += [ViewLine(name="way to the start", points=pack_numbers(p)) for p in view.ways]
     poses = view.frames.poses
     return SceneView(
         parts=parts,
@@ -108,7 +128,7 @@ def pack_scene(view: CellView) -> SceneView:
         spots=[ViewSpot(position_mm=_triple(s.position), role=s.role, label=s.label) for s in view.spots],
         carriers=poses.shape[1],
         frames=len(poses),
-        poses=_pack(poses),
+        poses=pack_numbers(poses),
         labels=list(view.frames.labels),
         low_mm=_triple(view.low),
         high_mm=_triple(view.high),
@@ -124,12 +144,13 @@ def _part(name: str, carrier: int, colour: str, mesh: Mesh, opacity: float = 1.0
         carrier=carrier,
         colour=colour,
         opacity=opacity,
-        vertices=_pack(mesh.vertices[used]),
+        vertices=pack_numbers(mesh.vertices[used]),
         triangles=packed,
     )
 
 
-def _pack(values: Array) -> str:
+def pack_numbers(values: Array) -> str:
+    """Return numbers as 32-bit floats in base64: in a cell of metres that is 0.1 µm."""
     return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 

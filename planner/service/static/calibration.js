@@ -1,10 +1,32 @@
 import { find, finished, get, make, post, say, upload } from "/static/common.js";
 import { watchJob } from "/static/progress.js";
+import { showView } from "/static/view3d.js";
 
 const { job, state } = document.body.dataset;
 watchJob();
 
+function showLegend(view, shown) {
+  const { what, unit, layers, most } = view.cloud, choice = find("#layer");
+  choice.append(...layers.map((l, k) => make("option", { value: k }, `${l.name}: ${l.rms.toPrecision(3)} ${unit} rms`)));
+  choice.addEventListener("change", () => shown.colour(Number(choice.value)));
+  find("#scale-text").textContent = `${what}: from 0 (blue) to ${most.toPrecision(2)} ${unit} and more (red)`;
+  find("#map-choice").hidden = false;
+}
+
+async function showMap() {
+  try {
+    const made = await post("/api/error-maps", { identification: job });
+    if (made.state !== "done") await finished(made.id);
+    const view = await get(`/api/jobs/${made.id}/result`);
+    const shown = showView(view);
+    if (shown) showLegend(view, shown);
+  } catch (problem) {
+    find("#view").replaceChildren(make("p", { className: "hint waiting" }, problem.message));
+  }
+}
+
 if (state === "done") {
+  showMap();
   find("#correct-form").addEventListener("submit", async (event) => {
     event.preventDefault();
     const message = find("#correct-message"), result = find("#correct-result");
