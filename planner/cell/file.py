@@ -230,7 +230,7 @@ class ControllerFile(StrictModel):
     part_lines: Annotated[int, Field(ge=20, le=1_000_000)] | None = None
     block_ms: Annotated[float, Field(gt=0, le=1000)] | None = None
     accuracy_model: Literal["off", "on"] = "off"
-    dialects: tuple[str, ...] = ("din66025",)
+    dialects: tuple[str, ...] = ()  # none: the language of the robot's maker
 
 
 class PlanSettingsFile(OptionalKeys):

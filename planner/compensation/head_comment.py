@@ -17,6 +17,8 @@ _BEHIND = {  # the lines that must stay first
     "gcode": re.compile(r"\s*(%|;\$PATH)", re.IGNORECASE),
     "csv": re.compile(r"(?!)"),
     "pdl2": re.compile(r"(?!)"),
+    "urscript": re.compile(r"\s*(#|def\b)"),
+    "fanuc": re.compile(r"(?!\s*\d*\s*:)"),
 }
 
 

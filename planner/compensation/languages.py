@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from planner.common.errors import InputError, did_you_mean
-from planner.compensation.formats import csv, gcode, krl, pdl2, rapid
+from planner.compensation.formats import csv, fanuc, gcode, krl, pdl2, rapid, urscript
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect
 
@@ -16,7 +16,10 @@ READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
     "krl": krl.read,
     "rapid": rapid.read,
     "pdl2": pdl2.read,
+    "urscript": urscript.read,
+    "fanuc": fanuc.read,
 }
+TP_REMARK = CommentStyle(start="   :  !", end=" ;", forbid=";[]", max_length=31)  # a statement of its own, unnumbered
 HALVES = {".src": ".dat", ".dat": ".src"}
 MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
@@ -34,7 +37,8 @@ def detect_dialect(path: Path, text: str) -> str:
         InputError: neither suffix nor content tells.
     """
     suffix = path.suffix.lower()
-    own = {end.lower(): name for name in dialect_names() for end in load_dialect(name).extensions}
+    read = (d for d in map(load_dialect, dialect_names()) if d.reading.family in READERS)
+    own = {end.lower(): d.name for d in read for end in d.extensions}
     known = own | MORE_SUFFIXES
     if suffix in known:
         return known[suffix]
@@ -54,7 +58,10 @@ def family_of(name: str) -> str:
 
 def comment_style(name: str) -> CommentStyle:
     """Return how a remark is written in a dialect, or in a table."""
-    return CommentStyle(start="# ") if name == TABLE else load_dialect(name).comment
+    if name == TABLE:
+        return CommentStyle(start="# ")
+    style = load_dialect(name).comment
+    return TP_REMARK if family_of(name) == "fanuc" else style
 
 
 def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
@@ -81,6 +88,8 @@ def read_targets(name: str, text: str, reading: TargetReading) -> None:
         known = dialect_names()
         raise InputError(f"no dialect '{name}'{did_you_mean(name, known)} (known: {TABLE}, {', '.join(known)})")
     dialect, n = load_dialect(name), reading.robot.n_joints
+    if dialect.reading.family not in READERS:
+        raise InputError(f"{reading.name}: {name} is a list of a session's moves; give the targets as a table (csv)")
     if dialect.max_joints < n:
         raise InputError(f"{reading.name}: {name} has words for {dialect.max_joints} axes, the robot has {n}")
     reading.axes = dialect.axes[:n]

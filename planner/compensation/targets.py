@@ -169,8 +169,14 @@ class TargetReading:
 
     def add_joints(self, line: int, found: Sequence[PlacedNumber], index: int | None = None) -> int:
         """Note a joint target with its angles in degrees."""
-        slots = tuple(number.slot(DEG, DEG_DECIMALS) for number in found)
-        q = read_only(np.array([number.value for number in found]) * DEG)
+        return self.add_angles(line, found, DEG, DEG_DECIMALS, index)
+
+    def add_angles(
+        self, line: int, found: Sequence[PlacedNumber], unit: float, decimals: int, index: int | None = None
+    ) -> int:
+        """Note a joint target with its angles in ``unit`` [rad]."""
+        slots = tuple(number.slot(unit, decimals) for number in found)
+        q = read_only(np.array([number.value for number in found]) * unit)
         return self.add(Target(line, slots, q=q), index)
 
     def take_targets(self) -> list[Target]:

@@ -98,6 +98,8 @@ class Robot:
         sources: topic → where the numbers come from.
         path: the file it was read from.
         tip: last link, where the chain comes from a URDF; ``srdf`` the file that says which of its links may touch.
+        joint_names: as the arm's own software calls them, empty where they have no names.
+        dialect: language of its maker's controller.
         effects: what a calibration found beyond geometry; ``loads`` those that it was found under.
         priors: how large its errors usually are.
         nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
@@ -126,6 +128,8 @@ class Robot:
     path: Path
     tip: str | None = None
     srdf: Path | None = None
+    joint_names: tuple[str, ...] = ()
+    dialect: str | None = None
     effects: tuple[RobotEffect, ...] = ()
     loads: Loads | None = None
     priors: Priors = Priors()

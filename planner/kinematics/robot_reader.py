@@ -29,8 +29,9 @@ SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a
 
 
 class JointTable(StrictModel):
-    """One ``[[joints]]`` table, from base to flange."""
+    """One ``[[joints]]`` table, from base to flange; ``name`` as the arm's own software calls the joint."""
 
+    name: Annotated[str, Field(pattern=r"[A-Za-z][\w/.-]*")] = ""
     alpha_deg: Coordinate | None = None
     a_mm: Coordinate | None = None
     d_mm: Coordinate | None = None
@@ -68,6 +69,7 @@ class JointTable(StrictModel):
             speed_deg_s=speed,
             acceleration_deg_s2=speed / SPEED_TIME,
             jerk_deg_s3=speed / SPEED_TIME**2,
+            name=joint.name,
         )
 
     @property
@@ -108,6 +110,7 @@ class RobotDescription(StrictModel):
     srdf: str | None = None
     tip: str | None = None
     repeatability_mm: Annotated[float, Field(ge=0)] = 0.05
+    dialect: str | None = None
     payload_kg: PositiveFloat | None = None
     reach_mm: PositiveFloat | None = None
     sources: dict[str, str] = {}
@@ -287,6 +290,8 @@ def _build_robot(
         path=path,
         tip=None if urdf is None else urdf.tip,
         srdf=None if file.srdf is None else path.parent / file.srdf,
+        joint_names=tuple(j.name for j in joints) if all(j.name for j in joints) else (),
+        dialect=file.dialect,
         effects=effects_from_tables(path, file.effects, whole),
         loads=loads_from_table(file.loads),
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),

@@ -32,8 +32,9 @@ MOST_NUMBER = 1e3  # m, rad, or a scale
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """Sense, limits [rad] and largest speed [rad/s] of a revolute joint, and the mass of the link that it carries."""
+    """Name, sense, limits [rad] and largest speed [rad/s] of a revolute joint, and the mass of the link it carries."""
 
+    name: str
     sense: int
     lower: float
     upper: float
@@ -137,7 +138,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
                 f"the upper one, and {MOST_TURNS} turns are enough"
             )
         speed = 0.0 if limit is None else _number(limit, "velocity", 1e6)
-        revolute.append(UrdfJoint(sign, lower, upper, speed, _read_mass(child)))
+        revolute.append(UrdfJoint(name, sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
     return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named))
 

@@ -4,7 +4,7 @@
     What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
     file, ``block_ms`` to prepare a block), comment, the kind and word of its blending (``none``, ``mm``, ``percent``
     of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
-    of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``), the circle of the tool where the language has
+    of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest, ``duration``), the circle of the tool where the language has
     one (``[circle]``), dwell, the pulse at a pose standing still and in passing, pause, wait, the log of its own axes,
     what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine
     under ``[centre]``, and under ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
@@ -34,7 +34,7 @@ from planner.common.files import data_folder
 from planner.common.schema import StrictModel, check_pattern, read_toml
 
 BlendKind = Literal["none", "mm", "percent", "path_degrees", "dense"]
-SpeedKind = Literal["axis_percent", "tool_speed", "inverse_time"]
+SpeedKind = Literal["axis_percent", "tool_speed", "inverse_time", "leading_axis", "duration"]
 
 
 def _file_name(text: str) -> str:
@@ -48,9 +48,13 @@ Pattern = Annotated[str, AfterValidator(check_pattern)]
 
 
 class FileNaming(StrictModel):
-    """Names of the files, ``{name}`` being the program's own, or the part's."""
+    """Names of the files, ``{name}`` being the program's own, or the part's.
+
+    ``cut``: a language that cannot wait for the operator has a file for each stretch between two pauses.
+    """
 
     main: FileName
+    cut: Literal["", "pause"] = ""
     part: FileName | None = None
     data: FileName | None = None
 
@@ -97,13 +101,19 @@ class BlendStyle(StrictModel):
 
 
 class SpeedStyle(StrictModel):
-    """How a leg's speed is said. ``overrides``: coarse percentages, set at stops, that scale ``percent``."""
+    """How a leg's speed is said. ``overrides``: coarse percentages, set at stops, that scale ``percent``.
+
+    A ``duration`` is that of the leg times ``ease``, the peak over the mean of the controller's own profile between
+    two stops, and ``ramp_s`` longer, so that the peak speed stays within what was planned.
+    """
 
     kind: SpeedKind
     word: str = ""
-    unit: Literal["%", "mm/s", "mm/min", "1/min"]
-    decimals: int = Field(ge=0, le=4)
+    unit: Literal["%", "mm/s", "mm/min", "1/min", "deg/s", "s"]
+    decimals: int = Field(ge=0, le=6)
     overrides: tuple[int, ...] = (100,)
+    ease: float = Field(default=1.0, ge=1.0)
+    ramp_s: float = Field(default=0.0, ge=0.0)
     approach: str = ""
     note: str = ""
 
@@ -196,7 +206,7 @@ class ReaderWords(StrictModel):
     ``{output}`` and ``{input}`` in it are the cell's own; remarks and quoted text are blank when it is compared.
     """
 
-    family: Literal["gcode", "krl", "rapid", "pdl2"]
+    family: Literal["gcode", "krl", "rapid", "pdl2", "urscript", "fanuc", "list", "trajectory", "frames"]
     motion: Pattern = ""
     dwell: Pattern = ""
     sync: Pattern = ""

@@ -161,6 +161,7 @@ class Program:
     """Most lines of a file of the program, in place of the dialect's own limit."""
     block_ms: float | None = None
     """Time that the controller takes to prepare a block [ms], in place of the dialect's own figure."""
+    joint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):

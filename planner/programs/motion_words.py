@@ -61,8 +61,12 @@ def _blend_value(before: Leg, after: Leg, blend: BlendStyle) -> float | None:
     return round_down(value, blend.decimals) or None
 
 
-def speed_value(move: JointMove, override: int, speed: SpeedStyle) -> float:
-    """Return the number of the speed word, rounded down to what is printed.
+def speed_value(
+    move: JointMove, override: int, speed: SpeedStyle, start_deg: tuple[float, ...] = (), exact: bool = True
+) -> float:
+    """Return the number of the speed word of a move from ``start_deg``, rounded to the slower of what can be printed.
+
+    ``exact``: the move ends at rest.
 
     Raises:
         InputError: the leg is slower than the smallest number of the dialect.
@@ -74,6 +78,11 @@ def speed_value(move: JointMove, override: int, speed: SpeedStyle) -> float:
             value = max(move.tool_speed_mm_s, 0.1) * (60.0 if speed.unit == "mm/min" else 1.0)
         case "inverse_time":  # the move takes 1/F minutes
             value = 60.0 / move.duration_s
+        case "leading_axis":
+            value = leading_speed(move, start_deg) or 1.0  # a leg of no length has no speed
+        case "duration":
+            seconds = move.duration_s * (speed.ease if exact else 1.0) + speed.ramp_s
+            return -round_down(-seconds, speed.decimals)
     value = round_down(value, speed.decimals)
     if value <= 0.0:
         raise InputError(
@@ -81,6 +90,11 @@ def speed_value(move: JointMove, override: int, speed: SpeedStyle) -> float:
             "dialect can say; raise the measuring speed"
         )
     return value
+
+
+def leading_speed(move: JointMove, start_deg: tuple[float, ...]) -> float:
+    """Return the planned speed of the axis that turns furthest [deg/s]."""
+    return max(abs(b - a) for a, b in zip(start_deg, move.q_deg, strict=True)) / move.duration_s
 
 
 def choose_overrides(moves: tuple[JointMove, ...], speed: SpeedStyle) -> list[int]:

@@ -5,7 +5,7 @@ import re
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
-from planner.programs.languages import gcode, krl, pdl2, rapid
+from planner.programs.languages import fanuc, frames, gcode, krl, listing, pdl2, rapid, trajectory, urscript
 from planner.programs.languages.execution import Execution, ReadBack
 
 EXECUTIONS: dict[str, type[Execution]] = {
@@ -13,6 +13,11 @@ EXECUTIONS: dict[str, type[Execution]] = {
     "krl": krl.KrlExecution,
     "rapid": rapid.RapidExecution,
     "pdl2": pdl2.Pdl2Execution,
+    "urscript": urscript.UrScriptExecution,
+    "fanuc": fanuc.FanucExecution,
+    "list": listing.ListExecution,
+    "trajectory": trajectory.TrajectoryExecution,
+    "frames": frames.FramesExecution,
 }
 
 
@@ -40,8 +45,8 @@ def read_texts(
 
 def _plan_id_of(texts: tuple[str, ...]) -> str:
     """Return the plan_id that every one of the files names in a comment."""
-    found: set[str] = {m for text in texts for m in re.findall(r"plan_id:\s*([0-9a-f]{12})\b", text)}
-    unnamed = [n for n, text in enumerate(texts, start=1) if "plan_id:" not in text]
+    found: set[str] = {m for text in texts for m in re.findall(r'plan_id"?:\s*"?([0-9a-f]{12})\b', text)}
+    unnamed = [n for n, text in enumerate(texts, start=1) if not re.search('plan_id"?:', text)]
     if len(found) != 1 or unnamed:
         raise InputError(f"every file must name the same plan_id, found {sorted(found) or 'none'}")
     return found.pop()

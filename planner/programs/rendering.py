@@ -31,6 +31,8 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
     found = []
     if program.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
         found.append("no output marks the poses and none is touched, the cell names no controller.sync_output")
+    if program.sync_output is not None and not dialect.sync.rest:
+        found.append("this format switches no output: where the arm comes to rest tells the poses")
     if program.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
         found.append(
             "no input says that the gauge is ready, the operator alone goes on, "
@@ -170,6 +172,7 @@ def _render_files(
         "remarks": _remarks(program, dialect, steps),
         "resumed": bool(program.entries),
         "circles": bool(program.circles),
+        "moves": [s.move for s in steps if s.move is not None],
     }
     module = template.make_module(context)
     blocks = _step_lines(module, program, dialect, steps)
@@ -178,6 +181,10 @@ def _render_files(
         name = program_name(stem, dialect, room=4)
         module = template.make_module({**context, "name": name})
         blocks = _step_lines(module, program, dialect, steps)
+    if dialect.files.cut == "pause":
+        cut = [ProgramPart(f"{name}_{i:03d}", i, lines) for i, lines in enumerate(_cut_at_pauses(blocks, steps), 1)]
+        parts_of = [(dialect.files.main.format(name=p.name), _lines(module, "main", p)) for p in cut]
+        return tuple(_finish(file_name, lines, dialect) for file_name, lines in parts_of)
     parts = _split(blocks, name, limit)
     files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
     if dialect.part_lines is None and len(parts) > 1:
@@ -242,6 +249,21 @@ def _split(blocks: list[list[str]], name: str, limit: int | None) -> list[Progra
             cut.append([])
         cut[-1].extend(lines)
     return [ProgramPart(f"{name}_{i:03d}", i, tuple(lines)) for i, lines in enumerate(cut, start=1)]
+
+
+def _cut_at_pauses(blocks: list[list[str]], steps: tuple[ProgramStep, ...]) -> list[tuple[str, ...]]:
+    """Return the lines of each stretch that moves; what stands before it tells what the operator does first."""
+    cut: list[list[str]] = [[]]
+    moved = False
+    for step, lines in zip(steps, blocks, strict=True):
+        if step.kind == "pause" and moved:
+            cut.append([])
+            moved = False
+        cut[-1] += lines
+        moved = moved or step.kind == "move"
+    if not moved and len(cut) > 1:
+        cut[-2:] = [cut[-2] + cut[-1]]
+    return [tuple(lines) for lines in cut]
 
 
 def _finish(name: str, lines: list[str], dialect: Dialect) -> ProgramFile:

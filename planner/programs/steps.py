@@ -1,5 +1,6 @@
 """From the neutral program to the steps that a template prints: words chosen, numbers rounded, poses marked."""
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, assert_never
@@ -60,6 +61,16 @@ class MoveWords:
     """Whether the mark in passing records the axes."""
     via: tuple[tuple[str, str], ...] = ()
     """(axis name, angle) pairs of the middle point of a circle of the tool."""
+    radians: tuple[str, ...] = ()
+    start: tuple[str, ...] = ()
+    """Where the leg begins [deg]."""
+    number: int = 0
+    """Counts the moves from 1, ways to later starts among them."""
+
+    def between(self, share: float, decimals: int) -> str:
+        """Return the angles at a share of the leg, separated by commas [deg]."""
+        pairs = ((float(a), float(b)) for a, (_, b) in zip(self.start, self.words, strict=True))
+        return ",".join(format_fixed(a + (b - a) * share, decimals) for a, b in pairs)
 
 
 Kind = Literal[
@@ -84,6 +95,7 @@ class ProgramStep:
     until: int = 0
 
 
+RADIAN_DECIMALS = 7
 UNKNOWN = 0  # an override that depends on where the operator has started
 
 
@@ -106,11 +118,12 @@ class _StepBuilder:
 
     def __init__(self, program: ins.Program, dialect: Dialect) -> None:
         self.dialect = dialect
-        self.pulses, self.waits = program.sync_output is not None, program.gauge_input is not None
+        self.pulses = program.sync_output is not None and bool(dialect.sync.rest)
+        self.waits = program.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
         self.overrides = choose_overrides(program.moves, dialect.speed)
         self.steps: list[ProgramStep] = []
-        self.moves = self.rows = 0
+        self.moves = self.rows = self.printed = 0
         self.override = 100
         self.here = program.home_deg
         self.last_blend: str | None = None
@@ -237,12 +250,13 @@ class _StepBuilder:
         points = [self.here, *([] if item.via_deg is None else [item.via_deg]), item.q_deg]
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
-        speed = format_fixed(speed_value(item, self.override, d.speed), d.speed.decimals)
+        speed = format_fixed(speed_value(item, self.override, d.speed, self.here, value is None), d.speed.decimals)
         if item.via_deg is not None:
             blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
         pulse, log = self._signals(mark) if value is not None else (False, False)
         turned = sum(abs(b - a) for p, q in pairwise(points) for a, b in zip(p, q, strict=True))
+        self.printed += 1
         return MoveWords(
             words=self._words(item.q_deg),
             exact=value is None,
@@ -257,6 +271,9 @@ class _StepBuilder:
             pulse=pulse,
             log=log,
             via=() if item.via_deg is None else self._words(item.via_deg),
+            radians=tuple(format_fixed(math.radians(q), RADIAN_DECIMALS) for q in item.q_deg),
+            start=tuple(format_fixed(q, d.decimals) for q in self.here),
+            number=self.printed,
         )
 
     def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:

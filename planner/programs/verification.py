@@ -9,6 +9,7 @@ from planner.common.errors import InputError, PlannerError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
 from planner.programs.languages.execution import ReadBack
+from planner.programs.motion_words import leading_speed
 from planner.programs.readback import read_texts
 
 _SLACK = 1.0 + 1e-6
@@ -52,14 +53,14 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     if len(dwells) != len(found.dwells_s) or not np.allclose(dwells, found.dwells_s, rtol=0.0, atol=1e-3):
         yield f"it dwells {len(found.dwells_s)} times, planned are {len(dwells)}, or the times differ"
     marked = sum(isinstance(i, Sync) for i in program.instructions)
-    syncs = marked if program.sync_output is not None else 0
+    syncs = marked if program.sync_output is not None and dialect.sync.rest else 0
     if syncs != found.syncs:
         yield f"it pulses {found.syncs} times, planned are {syncs}"
     if found.centrings != _centrings(program):
         yield "it centres other balls, or elsewhere, than planned"
     yield from _other_circles(program, dialect, found)
     yield from _too_round(program, dialect, found)
-    yield from _too_fast(dialect, program.moves, found.speeds, "move")
+    yield from _too_fast(dialect, program.home_deg, program.moves, found.speeds, "move")
     yield from _wrong_starts(program, dialect, found)
 
 
@@ -134,11 +135,16 @@ def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterat
         if path_deg.shape != planned.shape or np.abs(path_deg - planned).max() > 10.0**-dialect.decimals:
             yield f"the way to start {entry.at} is another than planned"
             continue
-        yield from _too_fast(dialect, entry.moves, speeds, f"on the way to start {entry.at} move")
+        way = f"on the way to start {entry.at} move"
+        yield from _too_fast(dialect, entry.origin_deg, entry.moves, speeds, way)
 
 
-def _too_fast(dialect: Dialect, moves: tuple[JointMove, ...], speeds: tuple[float, ...], what: str) -> Iterator[str]:
-    for number, (move, value) in enumerate(zip(moves, speeds, strict=True), start=1):
+def _too_fast(
+    dialect: Dialect, origin_deg: tuple[float, ...], moves: tuple[JointMove, ...], speeds: tuple[float, ...], what: str
+) -> Iterator[str]:
+    starts = (origin_deg, *(m.q_deg for m in moves))
+    for number, (move, start, value) in enumerate(zip(moves, starts, speeds, strict=False), start=1):
+        first = number == 1 and what == "move"  # it begins wherever the robot stands, at a speed of its own
         match dialect.speed.kind:
             case _ if move.via_deg is not None:  # of a circle the speed word is that of the tool [mm/s]
                 ratio = value / move.tool_speed_mm_s
@@ -148,7 +154,11 @@ def _too_fast(dialect: Dialect, moves: tuple[JointMove, ...], speeds: tuple[floa
                 per_second = value / (60.0 if dialect.speed.unit == "mm/min" else 1.0)
                 ratio = per_second / max(move.tool_speed_mm_s, 0.1)
             case "inverse_time":
-                first = number == 1 and what == "move"
                 ratio = 0.0 if first else value / 60.0 * move.duration_s
+            case "leading_axis":
+                planned = leading_speed(move, start)
+                ratio = value / planned if planned and not first else 0.0
+            case "duration":
+                ratio = 0.0 if first else move.duration_s / value
         if not ratio <= _SLACK:
             yield f"{what} {number} is driven at {100.0 * ratio:.1f} % of the planned speed"

@@ -80,6 +80,10 @@ def _leg_seconds(
             return np.asarray(quickest / (said / 100.0))
         case "inverse_time":
             return np.asarray(60.0 / said)
+        case "duration":
+            return np.asarray(said)
+        case "leading_axis":
+            return np.asarray(np.rad2deg(np.abs(q[rows + 1] - q[rows])).max(axis=1) / said)
         case "tool_speed":
             per_second = said / (60.0 if dialect.speed.unit == "mm/min" else 1.0) / 1e3
             return np.asarray(travel / per_second)

@@ -96,6 +96,7 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         com_mm=_mm(cell.tool.com_F),
         part_lines=control.part_lines,
         block_ms=control.block_ms,
+        joint_names=cell.robot.joint_names,
     )
 
 

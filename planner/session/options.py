@@ -10,6 +10,9 @@ from planner.motion.tour.solve import Method, require_concorde
 from planner.programs.dialect import load_dialect
 from planner.session.first_checks import check_cell
 
+ANY_ROBOT = "poses-csv"
+"""Written where neither the cell nor the robot names a language: a list that anybody can read."""
+
 
 @dataclass(frozen=True)
 class PlanOptions:
@@ -47,7 +50,7 @@ class PlanOptions:
         """
         if self.tsp == "concorde":
             _ = require_concorde()
-        dialects = self.dialects or cell.controller.dialects
+        dialects = self.dialects or cell.controller.dialects or (cell.robot.dialect or ANY_ROBOT,)
         for name in dialects:
             _ = load_dialect(name)
         check_cell(cell, dialects)

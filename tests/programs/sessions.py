@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.programs.dialect import dialects
 from planner.programs.instructions import (
     Comment,
     Dwell,
@@ -21,6 +22,8 @@ from planner.programs.instructions import (
 )
 
 PLAN_ID = "0123456789ab"
+# languages of controllers that say a move with its angles in one line; the others have tests of their own
+BY_LINES = [d.name for d in dialects() if d.reading.family not in ("fanuc", "list", "trajectory", "frames")]
 
 
 def angles(n_joints: int, n_poses: int, seed: int = 0) -> list[tuple[float, ...]]:

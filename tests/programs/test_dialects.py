@@ -12,7 +12,10 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects
 from planner.programs.program_files import import_map, read_back, verify, write_program
 
-SHIPPED = {"bnr", "din66025", "krl", "linuxcnc", "pdl2", "rapid", "sinumerik"}
+SHIPPED = {
+    "bnr", "din66025", "fanuc-tp", "krl", "lerobot", "linuxcnc", "pdl2", "poses-csv", "poses-json", "rapid",
+    "ros2-trajectory", "sinumerik", "urscript",
+}  # fmt: skip
 
 
 @pytest.fixture

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import tests.programs.sessions as sessions
-from planner.programs.dialect import dialects, load_dialect
+from planner.programs.dialect import load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program, Sync, WaitInput
 from planner.programs.program_files import program_notes, read_back, verify, write_program
 
-NAMES = [d.name for d in dialects()]
+NAMES = sessions.BY_LINES
 PASSING = [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")]
 SESSIONS = [sessions.static, sessions.continuous, sessions.mixed, sessions.dense]
 # every word by which one of the languages switches an output or waits for an input
 TOUCHES = re.compile(
-    r"\$A?_?D?OUT\b|\$A_OUT|\$D?IN\[|\$A_IN|PulseDO|SetDO|WaitDI|PULSE|^M10[01]$|\bM8[01]$|\bM6[2-6]\b|CONDITION",
+    r"\$A?_?D?OUT\b|\$A_OUT|\$D?IN\[|\$A_IN|PulseDO|SetDO|WaitDI|PULSE|^M10[01]$|\bM8[01]$|\bM6[2-6]\b|CONDITION|standard_digital",
     re.MULTILINE,
 )
 
@@ -25,7 +25,7 @@ def _code(program: Program, name: str) -> str:
     """Return the program without its comments."""
     texts = (f.text for f in write_program(program, name, "s"))
     lines = (line for text in texts for line in text.splitlines())
-    return "\n".join(re.sub(r"^N\d+ ", "", line) for line in lines if not re.match(r"\s*(;|!|--|\()", line))
+    return "\n".join(re.sub(r"^N\d+ ", "", line) for line in lines if not re.match(r"\s*(;|!|#|--|\()", line))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -52,7 +52,7 @@ def test_without_an_input_the_operator_says_when(name):
     program = replace(sessions.static(), gauge_input=None)
     asked = sum(isinstance(i, WaitInput) for i in program.instructions)
     alone = replace(program, instructions=tuple(i for i in program.instructions if type(i).__name__ != "Pause"))
-    pause = re.compile(r"^HALT$|^M0?0$|^ *Stop;$|^ *PAUSE$", re.MULTILINE)
+    pause = re.compile(r"^HALT$|^M0?0$|^ *Stop;$|^ *PAUSE$|^ *popup", re.MULTILINE)
     assert len(pause.findall(_code(alone, name))) == asked == 1
     assert len(pause.findall(_code(program, name))) == 2
 
