@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
 from planner.programs.languages.text import NUMBER
 
+MARK = "a row of the kind mark"
 HEAD = re.compile(r"kind,pose,(?P<axes>(?:q\d+_deg,)+)duration_s,blend_mm,seconds_s,text")
 ALLOWED = {
     "move": {"kind", "pose", "q_deg", "duration_s", "blend_mm"},
@@ -81,7 +82,7 @@ def _step(place: tuple[int, int, str], found: dict[str, object]) -> st.Statement
     if kind == "dwell" and isinstance(seconds := found.get("seconds_s"), float):
         return st.Waiting(*place, f"{seconds:.6f}")
     known = {"mark": st.Pulse, "comment": st.Passive, "pause": st.Passive, "wait": st.Passive}.get(kind, st.Statement)
-    return known(place[0], place[1], {"pause": "pause", "wait": "wait", "mark": "mark"}.get(kind, kind))
+    return known(place[0], place[1], {"pause": "pause", "wait": "wait", "mark": MARK}.get(kind, kind))
 
 
 def _parse_json(text: str) -> Iterator[st.Statement]:
