@@ -46,9 +46,10 @@ IIWA14 = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "origins", "micrometres"), [("so101", SO101, 5), ("ur5e", UR5E, 0.01), ("panda", PANDA, 0.01), ("iiwa14", IIWA14, 0.01)]
-)  # fmt: skip
+ARMS = [("so101", SO101, 5), ("ur5e", UR5E, 0.01), ("panda", PANDA, 0.01), ("iiwa14", IIWA14, 0.01)]
+
+
+@pytest.mark.parametrize(("name", "origins", "micrometres"), ARMS)
 def test_the_flange_is_where_the_makers_urdf_has_it(name: str, origins: list, micrometres: float) -> None:
     robot = load_robot(name)
     q = np.random.default_rng(0).uniform(
