@@ -1,4 +1,4 @@
-"""Programs of two controllers whose joints are not in plain degrees, or stand behind the moves, are corrected in place."""
+"""URScript and FANUC TP, whose joints are not plain degrees or stand behind the moves, are corrected in place."""
 
 import re
 from pathlib import Path
