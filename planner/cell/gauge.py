@@ -61,6 +61,7 @@ class Gauge(ABC):
     head: "IndicatorHead | None" = None
 
     kind: ClassVar[str]
+    noun: ClassVar[str] = "gauge"  # what reports and messages call it
     default_noise_um: ClassVar[float]
     columns: ClassVar[str]  # of a run that hold its readings
     plural: ClassVar[str]  # what its readings are called
@@ -105,8 +106,7 @@ class Gauge(ABC):
             length_max=longest * MM,
             cone_fixture=float(from_deg(g.cone_deg.fixture)),
             cone_map=float(from_deg(g.cone_deg.map)),
-            trim=g.body.trim_mm * MM,
-            **cls.read_own(path, file, planning),
+            **({"trim": g.body.trim_mm * MM} | cls.read_own(path, file, planning)),
         )
 
     @classmethod
@@ -128,6 +128,11 @@ class Gauge(ABC):
     def planned_range(self) -> tuple[float, float]:
         """Return the shortest and the longest length that a plan uses: the range less the margin at its ends [m]."""
         return self.length_min + self.stop_margin, self.length_max - self.stop_margin
+
+    @property
+    def unchecked_length(self) -> float:
+        """Return how much of what it holds between fixture and tool no body stands for, at most [m]."""
+        return 0.0
 
     # ---- one reading
 

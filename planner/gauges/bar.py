@@ -157,13 +157,13 @@ class LengthGauge(LineGauge):
         names = ", ".join(f.name for f in cell.fixtures)
         several = len(cell.tool.points) > 1
         points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if several else ""
-        return f"bar {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
+        return f"{self.noun} {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
 
     def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """The bar is attached."""
         fixture, point = cell.names_of(mounting)
         tool = f"tool point {point}" if point else "tool"
-        return "", f"attach the bar (fixture {fixture} to {tool}), set its zero"
+        return "", f"attach the {self.noun} (fixture {fixture} to {tool}), set its zero"
 
     def session_names(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """Name the fixture, and the tool point where there are more."""
@@ -182,7 +182,7 @@ class LengthGauge(LineGauge):
 
     def plan_error_text(self, pose: int, error: float) -> str:
         """Say how much longer the bar would be."""
-        return f"the bar at pose {pose} would be {error:+.3f} mm longer than planned"
+        return f"the {self.noun} at pose {pose} would be {error:+.3f} mm longer than planned"
 
     def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
         """Return fixture and length."""
@@ -199,7 +199,7 @@ class LengthGauge(LineGauge):
     def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
         """Say the range of lengths, and the bar's own."""
         length = f"{float(to_mm(shortest)):.1f} – {float(to_mm(longest)):.1f} mm"
-        return (("bar length", f"{length} of {self._range_text}"),)
+        return ((f"{self.noun} length", f"{length} of {self._range_text}"),)
 
     def reach_surfaces(self, cell: Cell) -> tuple[tuple[Array, Array, float, float], ...]:
         """Return both shells about each fixture, as far as its cone is open."""
@@ -280,7 +280,7 @@ class LengthGauge(LineGauge):
             return ()
         low, high = self.length_min * 1e3, self.length_max * 1e3
         return (
-            f"{out.sum()} of {len(length)} lengths lie outside the bar's {low:g} … {high:g} mm: with these errors it "
+            f"{out.sum()} of {len(length)} lengths lie outside the {self.noun}'s {low:g} … {high:g} mm: with these errors it "
             "would be pulled off there",
         )
 
@@ -302,7 +302,7 @@ class LengthGauge(LineGauge):
         """Shortest and longest that the gauge may read in a run [m], and in words why."""
         if np.isfinite(self.length_max):
             low, high = max(self.length_min, 1e-3), self.length_max
-            return low, high, f"the bar reaches from {self.length_min / MM:g} to {high / MM:g} mm"
+            return low, high, f"the {self.noun} reaches from {self.length_min / MM:g} to {high / MM:g} mm"
         if not cell.fixtures:
             return 1e-6, 1e6, ""
         away = cell.map_position(run.samples.q)[:, None] - np.array([f.p_BX for f in cell.fixtures])[None]
@@ -355,7 +355,7 @@ def _zero_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
     """One zero, or where a loaded bar stands beside another one for each of the two."""
     under = [name in setup.loaded for name in setup.place_names]
     if all(under) or not any(under):
-        yield Parameter("zero", "m", PRIOR_ZERO, "zero of the bar", reading_move(), "gauge")
+        yield Parameter("zero", "m", PRIOR_ZERO, f"zero of the {setup.gauge.noun}", reading_move(), "gauge")
         return
     for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
         moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))

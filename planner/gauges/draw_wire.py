@@ -1,16 +1,63 @@
 """A draw-wire encoder: its wire reads the distance of the tool point as a bar does, a hundred times less finely."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge_types import GaugeBody
+from planner.common.units import MM
 from planner.gauges.bar import LengthGauge
+from planner.kinematics.bodies import capsule_between
+
+EYELET = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum
+WIRE = 1.0  # [mm] radius of the wire
+HOOK = 10.0  # [mm] that the hook at the tool is let free
 
 
 @register_gauge
 @dataclass(frozen=True)
 class DrawWire(LengthGauge):
-    """A draw-wire encoder at a fixture, its wire's end on the tool."""
+    """A draw-wire encoder at a fixture, its wire's end on the tool.
+
+    Its body is a wire: nothing of it is stiff, so ``[gauge.body]`` needs no housing; the drum is an obstacle of the cell.
+    """
 
     kind: ClassVar[str] = "draw-wire"
+    noun: ClassVar[str] = "wire"
     default_noise_um: ClassVar[float] = 100.0
+    pose_columns: ClassVar[tuple[str, str]] = ("fixture", "wire (mm)")
+    travel_name: ClassVar[str] = "way without the wire"
+    bare: ClassVar[str] = ", without the wire"
+    removal: ClassVar[str] = "unhook the wire and let it run in slowly"
+
+    @classmethod
+    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+        """Return what a bar has, with a wire's body where the file gives none."""
+        usual = {"radius_mm": EYELET, "rod_radius_mm": WIRE, "housing_mm": 2 * EYELET, "trim_mm": HOOK}
+        given = {key: getattr(file.gauge.body, key) for key in file.gauge.body.model_fields_set}
+        body = file.gauge.body.model_copy(update=usual | given)
+        return super().read_own(
+            path, file.model_copy(update={"gauge": file.gauge.model_copy(update={"body": body})}), planning
+        ) | {"trim": body.trim_mm * MM}
+
+    def bodies(self, cell: Cell) -> list[GaugeBody]:
+        """The eyelet, and the wire from both its ends, as far as it reaches at its shortest.
+
+        What lies between them at a longer wire is checked as far as both ends reach: see ``unchecked_length``.
+        """
+        reach, z = self.length_min - self.trim, np.array([0.0, 0.0, 1.0])
+        thin = self.rod_radius
+        eyelet = capsule_between("wire's eyelet", z * self.radius, z * max(self.housing, self.radius), self.radius)
+        out = capsule_between("wire at the fixture", z * self.housing, z * max(reach - thin, self.housing), thin)
+        end = capsule_between("wire at the tool", -z * (self.trim + thin), -z * max(reach, self.trim + thin), thin)
+        return [GaugeBody(eyelet, "housing"), GaugeBody(out, "housing"), GaugeBody(end, "rod")]
+
+    @property
+    def unchecked_length(self) -> float:
+        """Length in the middle of the longest wire that no body stands for [m]."""
+        return max(self.length_max - 2.0 * (self.length_min - self.trim), 0.0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from planner.runs.run import Mounting
 class LineGauge(Gauge):
     """A gauge whose workspace is a spherical shell about a place, narrowed by a cone at either end."""
 
+    noun: ClassVar[str] = "bar"
+
     def joint_sampler(self, cell: Cell, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Draw states whose first joint brings the tool point into the shell."""
         draw = shell_points(cell, seed)
@@ -27,8 +30,8 @@ class LineGauge(Gauge):
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
         """Both ends of the range, then both cones."""
         return (
-            ("workspace", "shortest bar length"),
-            ("workspace", "longest bar length"),
+            ("workspace", f"shortest {self.noun} length"),
+            ("workspace", f"longest {self.noun} length"),
             ("cones", "tilt at the fixture"),
             ("cones", "tilt at the tool"),
         )

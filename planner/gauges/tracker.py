@@ -42,6 +42,7 @@ class Tracker(FrameGauge):
     beam_radius: float = 0.0
 
     kind: ClassVar[str] = "tracker"
+    noun: ClassVar[str] = "beam"
     calibrates_unasked: ClassVar[bool] = False
     validates_unasked: ClassVar[int | None] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0

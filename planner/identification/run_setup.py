@@ -84,7 +84,7 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     if share.max() < LEAST_READABLE:
         raise InputError(
             f"{run.name}: {beyond} of the gauge in {cell.path}: it cannot have read them; check gauge.length_mm, and "
-            "whether the bar was pulled off its ball or its zero was set"
+            f"whether the {cell.gauge.noun} was pulled off or its zero was set"
         )
     kept = good | (share[run.samples.place] < LEAST_READABLE)
     if kept.all():

@@ -102,12 +102,12 @@ class CalibrationFacts:
                 PlotVariable("gauge", f"position {axis} (mm)", to_mm(v)) for axis, v in zip("xyz", p.T, strict=True)
             ]
         motion = setup.chain.forward(setup.robot.theta(samples.q), setup.offsets(samples))
-        bar = bar_state(motion.x.T, setup.p_BX[samples.place])
+        bar, noun = bar_state(motion.x.T, setup.p_BX[samples.place]), setup.gauge.noun
         x, y, z = bar.direction.T
         return [
             PlotVariable("gauge", "length read (mm)", to_mm(c.run.readings.length[which])),
-            PlotVariable("gauge", "direction of the bar about z (deg)", to_deg(np.arctan2(y, x))),
-            PlotVariable("gauge", "elevation of the bar (deg)", to_deg(np.arcsin(np.clip(z, -1.0, 1.0)))),
+            PlotVariable("gauge", f"direction of the {noun} about z (deg)", to_deg(np.arctan2(y, x))),
+            PlotVariable("gauge", f"elevation of the {noun} (deg)", to_deg(np.arcsin(np.clip(z, -1.0, 1.0)))),
         ]
 
     def _circumstances(self) -> list[PlotVariable]:

@@ -162,7 +162,7 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
         what = f"tool point {point.name}" if len(f.tool) > 1 else "tool point"
         rows.append((what, f"{_triple(to_mm(point.p_FM))} mm in the flange frame"))
     if f.zero is not None:
-        rows.append(("zero of the bar", f"{float(to_mm(f.zero)):.4f} mm"))
+        rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f} mm"))
     return tuple(rows)
 
 

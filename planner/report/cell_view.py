@@ -122,6 +122,7 @@ class CellView:
     Attributes:
         moving: robot, tool and the two parts of the bar.
         standing: bodies that stand, with the base.
+        noun: what the gauge is called.
         shells: inner and outer limit of the bar's reach within the fixture's cone, of every fixture.
         cloud: candidates' tool points, (c, 3).
         paths, ways: tool point along each measuring path, and along the way to it without the bar.
@@ -132,6 +133,7 @@ class CellView:
 
     moving: tuple[MovingBodies, ...]
     standing: Mesh | None
+    noun: str
     shells: tuple[Mesh, ...]
     cloud: Array
     paths: tuple[Array, ...]
@@ -181,6 +183,7 @@ def compose_cell_view(
     return CellView(
         moving=moving,
         standing=_mm(join_meshes(standing)) if standing else None,
+        noun=cell.gauge.noun,
         shells=shells,
         cloud=cloud,
         paths=paths,
@@ -197,13 +200,13 @@ def compose_cell_view(
 
 def _moving(cell: Cell, pieces: tuple[SceneBody, ...]) -> tuple[MovingBodies, ...]:
     """Group the moving pieces by look; carriers are links 0 … N, then the housing, then the rod."""
-    robot = [p for p in pieces if p.of_robot]
+    noun, robot = cell.gauge.noun, [p for p in pieces if p.of_robot]
     tool = [p for p in pieces if p.carrier == "link" and not p.of_robot]
     bar = [p for p in pieces if p.of_bar]
     groups = (
         ("robot", robot, [LINKS[p.link % 2] for p in robot]),
         ("tool", tool, [TOOL] * len(tool)),
-        ("bar", bar, [HOUSING if p.carrier == "housing" else ROD for p in bar]),
+        (noun, bar, [HOUSING if p.carrier == "housing" else ROD for p in bar]),
     )
     carrier = {"housing": cell.robot.n_joints + 1, "rod": cell.robot.n_joints + 2}
     return tuple(_group(name, parts, colours, carrier) for name, parts, colours in groups if parts)
@@ -223,7 +226,7 @@ def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
     labels = tuple(
         f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
-        + (f"bar {text}   " if (text := cell.gauge.length_text(length)) else "")
+        + (f"{cell.gauge.noun} {text}   " if (text := cell.gauge.length_text(length)) else "")
         + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
         for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
     )

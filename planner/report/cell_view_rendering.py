@@ -84,7 +84,7 @@ def _bodies(view: CellView) -> list[go.Mesh3d]:
     if view.standing is not None:
         out.append(_mesh(view.standing, "obstacles", color=STAND))
     for k, shell in enumerate(view.shells):
-        name = "outer limit of the bar" if k % 2 else "inner limit of the bar"
+        name = f"{'outer' if k % 2 else 'inner'} limit of the {view.noun}"
         out.append(_mesh(shell, name, color="#56B4E9", opacity=0.10, showlegend=False))
     if view.floor is not None:
         (x0, y0, _), (x1, y1, _) = view.low, view.high
@@ -99,7 +99,7 @@ def _lines(view: CellView) -> list[go.Scatter3d]:
     if len(view.cloud):
         look = {"size": 1.4, "color": "#9A9A9A", "opacity": 0.45}
         out.append(_scatter(view.cloud, f"candidates ({len(view.cloud)} shown)", "markers", marker=look))
-    way = "way without the bar" if view.shells else "way to the start"
+    way = f"way without the {view.noun}" if view.shells else "way to the start"
     for name, lines, look in (
         ("measuring path", view.paths, {"width": 3, "color": "#444444"}),
         (way, view.ways, {"width": 3, "color": "#999999", "dash": "dash"}),
@@ -154,7 +154,7 @@ def _draw(ax: Axes3D, view: CellView, low: Array, high: Array, near: bool) -> No
     bodies = [
         (m.at(view.frames.poses[0]), m.mesh.triangles, m.colours)
         for m in view.moving
-        if not near or (view.shells and m.name == "bar")
+        if not near or (view.shells and m.name == view.noun)
     ]
     if view.standing is not None and not (near and view.shells):
         bodies.append((view.standing.vertices, view.standing.triangles, (STAND,) * len(view.standing.triangles)))

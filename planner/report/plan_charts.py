@@ -147,9 +147,9 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
     low, high = float(to_mm(g.length_min)), float(to_mm(g.length_max))
     pad = 0.12 * (high - low)
     length = Panel(
-        "Length of the bar",
+        f"Length of the {g.noun}",
         TIME_LABEL,
-        "bar length (mm)",
+        f"{g.noun} length (mm)",
         (Series("", t, to_mm(way.length), "#555555"), *_visits(way, drive)),
         limits=(ReferenceLine(low, f"shortest, {low:g} mm", below=True), ReferenceLine(high, f"longest, {high:g} mm")),
         x_range=_time(way),
@@ -158,7 +158,7 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
     cones = sorted({float(to_deg(c)) for c in (g.cone_fixture, g.cone_map)})
     at_fixture, at_tool = to_deg(way.tilt).T
     tilt = Panel(
-        "Tilt of the bar in its ball joints",
+        f"Tilt of the {g.noun} at its ends",
         TIME_LABEL,
         "tilt (deg)",
         (Series("at the fixture", t, at_fixture, BLUE), Series("at the tool", t, at_tool, ORANGE)),
@@ -166,7 +166,7 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
         x_range=_time(way),
         y_range=(0.0, cones[-1] * 1.15),
     )
-    return Chart(f"bar{suffix}", "The bar along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
+    return Chart(f"bar{suffix}", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
 
 
 def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:

@@ -100,7 +100,7 @@ class BarPoses(PoseSession):
             if count:
                 self.notes.append(f"{count} chosen poses that no path joins to the mount pose were replaced")
             if not cell.robot.bodies:
-                checked = "only the bar and the tool were checked against the surroundings"
+                checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
 

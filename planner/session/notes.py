@@ -29,7 +29,13 @@ def session_notes(cell: Cell) -> tuple[str, ...]:
 
 def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
     """Return what is to be told of poses nearer to the bar's ends than is known where it hangs."""
-    low, high, out = cell.gauge.length_min, cell.gauge.length_max, []
+    low, high, noun = cell.gauge.length_min, cell.gauge.length_max, cell.gauge.noun
+    out = []
+    if free := cell.gauge.unchecked_length:
+        out.append(
+            f"up to {to_mm(free):.0f} mm in the middle of the {noun} are not checked for collisions: a gauge.length_mm "
+            "whose longest is at most twice the shortest checks all of it"
+        )
     for drive in drives:
         prior = float(np.hypot(cell.fixtures[drive.mounting.fixture].prior, cell.tool.prior))
         room = [min(v.length - low, high - v.length) for v in drive.visits if v.role != "mount"]
@@ -37,8 +43,8 @@ def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
         if near:
             out.append(
                 f"{near} of {len(room)} poses at fixture {cell.place_name(drive.mounting)} come within "
-                f"{to_mm(prior):.2g} mm of the bar's ends, and it is known no better where fixture and tool point are "
-                "(their prior_mm): measure both first, or narrow gauge.length_mm, so that the bar meets no stop"
+                f"{to_mm(prior):.2g} mm of the {noun}'s ends, and it is known no better where fixture and tool point are "
+                f"(their prior_mm): measure both first, or narrow gauge.length_mm, so that the {noun} meets no stop"
             )
     return tuple(out)
 

@@ -49,7 +49,7 @@ class Funnel:
     titles: ClassVar[tuple[str, ...]] = (
         "sampled",
         "within joint limits",
-        "bar length in range",
+        "length in range",
         "within both cones",
         "within cable budget",
         "collision-free",
@@ -214,7 +214,7 @@ def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
     if funnel.workspace == 0:
         return f"{head} {_explain_out_of_reach(cell, mounting)}"
     if funnel.cones == 0:
-        turn = "turn fixtures.axis or tool.map_axis towards the bar, or widen gauge.cone_deg"
+        turn = f"turn fixtures.axis or tool.map_axis towards the {cell.gauge.noun}, or widen gauge.cone_deg"
         return f"{head} The ball joints' cones reject all: {turn}."
     if funnel.cable == 0:
         return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
@@ -244,10 +244,10 @@ def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:
         gap = distance[k] - cell.gauge.length_max
         move = (x[k] - f) / distance[k] * gap * 1e3
         return (
-            f"The fixture is about {gap * 1e3:.0f} mm out of reach of the longest bar: "
-            f"move it by about [{move[0]:.0f}, {move[1]:.0f}, {move[2]:.0f}] mm, or take a longer bar."
+            f"The fixture is about {gap * 1e3:.0f} mm out of reach of the longest {cell.gauge.noun}: "
+            f"move it by about [{move[0]:.0f}, {move[1]:.0f}, {move[2]:.0f}] mm, or take a longer {cell.gauge.noun}."
         )
-    return "The bar's range and the reachable distances do not meet: check gauge.length_mm."
+    return f"The {cell.gauge.noun}'s range and the reachable distances do not meet: check gauge.length_mm."
 
 
 def _limits(cell: Cell) -> tuple[Array, Array]:

@@ -89,7 +89,7 @@ def propose_measurements(
         longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)
         if samples:
-            yield OtherMeasurement("a longer bar", PredictedReadings.of(few.model, samples, scale))
+            yield OtherMeasurement(f"a longer {cell.gauge.noun}", PredictedReadings.of(few.model, samples, scale))
 
 
 def _second_fixture(

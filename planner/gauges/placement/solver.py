@@ -131,7 +131,7 @@ _ERROR = 1e-3  # [m] the least that a nominal robot is taken to be wrong by
 _NAMES: dict[UnknownKind, str] = {
     "point": "tool point {}",
     "fixture": "position of fixture {}",
-    "zero": "zero of the bar",
+    "zero": "zero of the gauge",
     "position": "position of gauge frame {}",
     "rotation": "rotation of gauge frame {}",
     "turn": "orientation of probe {}",
@@ -194,7 +194,7 @@ def advice(missing: tuple[PlacementUnknown, ...], stand: FlangePoses) -> str:
         axes = "about no axis" if turns[0] < 0.1 else "about one axis only"
         return f"poses that turn the flange about two axes or more (now it turns {axes}), or a measured tool point,"
     if "zero" in kinds:
-        return "a wider range of lengths, or a bar with a known zero,"
+        return "a wider range of lengths, or a gauge with a known zero,"
     return "more poses, spread over all three directions,"
 
 
