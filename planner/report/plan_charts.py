@@ -166,7 +166,9 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
         x_range=_time(way),
         y_range=(0.0, cones[-1] * 1.15),
     )
-    return Chart(f"bar{suffix}", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
+    return Chart(
+        f"bar{suffix}", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt)
+    )
 
 
 def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:

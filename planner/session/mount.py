@@ -55,7 +55,9 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     for m in cell.mountings:
         reason = Constraints(cell, m).reason(np.asarray(cell.mount(m)))
         if reason is not None:
-            raise InputError(f"{cell.path}: mount_deg of fixture {cell.place_name(m)} cannot hold the {cell.gauge.noun}: {reason}")
+            raise InputError(
+                f"{cell.path}: mount_deg of fixture {cell.place_name(m)} cannot hold the {cell.gauge.noun}: {reason}"
+            )
     return cell
 
 
