@@ -43,8 +43,8 @@ def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:
         if near:
             out.append(
                 f"{near} of {len(room)} poses at fixture {cell.place_name(drive.mounting)} come within "
-                f"{to_mm(prior):.2g} mm of the {noun}'s ends, and it is known no better where fixture and tool point are "
-                f"(their prior_mm): measure both first, or narrow gauge.length_mm, so that the {noun} meets no stop"
+                f"{to_mm(prior):.2g} mm of the {noun}'s ends, and it is known no better where fixture and tool point "
+                f"are (their prior_mm): measure both first, or narrow gauge.length_mm, so that the {noun} meets no stop"
             )
     return tuple(out)
 
