@@ -280,8 +280,8 @@ class LengthGauge(LineGauge):
             return ()
         low, high = self.length_min * 1e3, self.length_max * 1e3
         return (
-            f"{out.sum()} of {len(length)} lengths lie outside the {self.noun}'s {low:g} … {high:g} mm: with these errors it "
-            "would be pulled off there",
+            f"{out.sum()} of {len(length)} lengths lie outside the {self.noun}'s {low:g} … {high:g} mm: with these "
+            "errors it would be pulled off there",
         )
 
     def check_run(self, cell: Cell, run: Run) -> None:

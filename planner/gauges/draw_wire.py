@@ -24,7 +24,7 @@ HOOK = 10.0  # [mm] that the hook at the tool is let free
 class DrawWire(LengthGauge):
     """A draw-wire encoder at a fixture, its wire's end on the tool.
 
-    Its body is a wire: nothing of it is stiff, so ``[gauge.body]`` needs no housing; the drum is an obstacle of the cell.
+    Its body is a wire: nothing is stiff, so ``[gauge.body]`` needs no housing; the drum is an obstacle of the cell.
     """
 
     kind: ClassVar[str] = "draw-wire"

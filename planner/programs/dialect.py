@@ -4,8 +4,9 @@
     What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
     file, ``block_ms`` to prepare a block), comment, the kind and word of its blending (``none``, ``mm``, ``percent``
     of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
-    of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest, ``duration``), the circle of the tool where the language has
-    one (``[circle]``), dwell, the pulse at a pose standing still and in passing, pause, wait, the log of its own axes,
+    of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
+    ``duration`` of the leg), the circle of the tool where the language has one (``[circle]``), dwell, the pulse at
+    a pose standing still and in passing, pause, wait, the log of its own axes,
     what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine
     under ``[centre]``, and under ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
