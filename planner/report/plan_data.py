@@ -57,7 +57,7 @@ def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> Drive
         tilt=cones - workspace.stage("cones", motion.q),
         share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
         passed=passed,
-        passed_length=cell.bar_length(trajectory.at(passed).q, drive.mounting),
+        passed_length=cell.bar_length(trajectory.angles(passed), drive.mounting),
         ends=ends,
         returns=returns,
     )

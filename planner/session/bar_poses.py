@@ -147,7 +147,7 @@ class BarPoses(PoseSession):
         rows = []
         for d in drives:
             if is_continuous(self.cell):
-                q = d.trajectory.at(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES)).q
+                q = d.trajectory.angles(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES))
             else:
                 q = np.array([v.q for v in d.visits if v.role == "calibrate"])
             rows.append(choice.model.rows(Samples.at(q, d.mounting)))

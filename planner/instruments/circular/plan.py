@@ -91,7 +91,7 @@ def circle_deviation(cell: Cell, circle: Circle, trajectory: Trajectory) -> floa
     """Largest distance of a trajectory from its circle [m], seen several times between any two of its points."""
     t = trajectory.waypoint_time
     between = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0.0, 1.0, 5)
-    out = cell.map_position(trajectory.at(between.ravel()).q) - circle.p_BC
+    out = cell.map_position(trajectory.angles(between.ravel())) - circle.p_BC
     across = out @ circle.normal
     radial = np.linalg.norm(out - across[:, None] * circle.normal, axis=1) - circle.radius
     return float(np.hypot(across, radial).max())

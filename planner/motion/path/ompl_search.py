@@ -1,4 +1,4 @@
-"""OMPL as this planner uses it: a probabilistic roadmap over a pool of valid states, and RRT-Connect for single legs.
+"""OMPL as this planner uses it: RRT-Connect for single legs.
 
 States are controller angles divided by the axis speeds [s], so that OMPL's distances are times. OMPL is silenced,
 seeded, and stopped by counting, never by the clock.
@@ -17,34 +17,6 @@ from planner.motion.path.constraints import Constraints
 
 SPACING = 0.12  # [rad] of the fastest joint between the states that RRT-Connect looks at along a motion
 RANGE = 1.0  # [s] longest motion of RRT-Connect
-
-
-def roadmap_edges(points: Array, neighbours: int, seed: int) -> np.ndarray:
-    """Return the edges (E, 2) of OMPL's PRM over points (V, N), each joined to its nearest; their proof comes later.
-
-    Args:
-        points: states in the planning metric, every one becomes a milestone, in this order.
-        neighbours: how many of the earlier milestones each is joined to.
-        seed: of OMPL's generator.
-    """
-    info = _space(points.min(axis=0), points.max(axis=0), seed)
-    number = {row.tobytes(): k for k, row in enumerate(points)}
-    edges: list[tuple[int, int]] = []
-
-    def is_wanted(a: Array, b: Array) -> bool:
-        edges.append((number[a.tobytes()], number[b.tobytes()]))
-        return True
-
-    validator = _Validator(info, is_wanted, points.shape[1])
-    info.setMotionValidator(validator)
-    info.setValidStateSamplerAllocator(lambda i: _PoolSampler(i, points))
-    info.setup()
-    planner = og.PRM(info)
-    planner.setProblemDefinition(ob.ProblemDefinition(info))
-    planner.setMaxNearestNeighbors(neighbours)
-    planner.setup()
-    planner.growRoadmapPtc(ob.PlannerTerminationCondition(lambda: bool(planner.milestoneCount() >= len(points))))
-    return np.array(edges, dtype=int).reshape(-1, 2)
 
 
 def rrt_connect(
@@ -131,22 +103,3 @@ class _Validator(ob.MotionValidator):  # type: ignore[misc]
     def checkMotion(self, a: Any, b: Any, *_: Any) -> bool:
         """Tell whether the motion from state a to state b is good."""
         return self._good(np.array([a[i] for i in self._range]), np.array([b[i] for i in self._range]))
-
-
-class _PoolSampler(ob.ValidStateSampler):  # type: ignore[misc]
-    """Hands out the rows of a pool, one after the other."""
-
-    def __init__(self, info: Any, points: Array) -> None:
-        super().__init__(info)
-        self._rows = iter(points.tolist())
-
-    def sample(self, state: Any) -> bool:
-        """Write the next row to ``state``; ``False`` when there is none."""
-        row = next(self._rows, None)
-        for i, value in enumerate(row or ()):
-            state[i] = value
-        return row is not None
-
-    def sampleNear(self, state: Any, _near: Any, _distance: float) -> bool:
-        """Do as :meth:`sample` does; PRM asks for it only when it expands, which it is never told to."""
-        return self.sample(state)

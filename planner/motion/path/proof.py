@@ -86,7 +86,7 @@ class Proof:
         length_min, length_max: of the bar, as seen, (m,) [m].
         failed_at: where along the motion (0 … 1) a constraint fails or could not be proven, (m,), NaN where proven.
         failed: which, (m,): a column of the workspace, or their number plus a pair; −1 where proven.
-        evaluations: states looked at.
+        looks: states looked at on each, (m,).
     """
 
     proven: np.ndarray
@@ -95,7 +95,12 @@ class Proof:
     length_max: Array
     failed_at: Array
     failed: np.ndarray
-    evaluations: int
+    looks: np.ndarray
+
+    @property
+    def evaluations(self) -> int:
+        """States looked at."""
+        return int(self.looks.sum())
 
 
 @dataclass(frozen=True)
@@ -136,7 +141,7 @@ class Prover:
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
-        record.evaluations += len(alive)
+        record.looks += np.bincount(cells.motion[alive], minlength=len(record.looks))
         record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
         spare[alive] = found - self.clearance
@@ -158,7 +163,7 @@ class _Record:
     def __init__(self, m: int) -> None:
         self.clearance, self.shortest, self.longest = np.full(m, np.inf), np.full(m, np.inf), np.zeros(m)
         self.failed, self.failed_at = np.full(m, -1), np.full(m, np.nan)
-        self.evaluations = 0
+        self.looks = np.zeros(m, dtype=int)
 
     def see_length(self, motion: np.ndarray, length: Array) -> None:
         """Note bar lengths (n,) [m]."""
@@ -180,7 +185,7 @@ class _Record:
     def proof(self) -> Proof:
         """Return what is known."""
         parts = self.failed < 0, self.clearance, self.shortest, self.longest, self.failed_at, self.failed
-        return Proof(*parts, evaluations=self.evaluations)
+        return Proof(*parts, looks=self.looks)
 
 
 EXTREME_LEVELS = 18  # of bisection at most

@@ -6,10 +6,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.ompl_search import roadmap_edges, rrt_connect
+from planner.motion.path.ompl_search import rrt_connect
 
 UNKNOWN, PROVEN, BROKEN = 0, 1, 2
 SUPPORT_COST = 0.1  # [s] what a support pose costs beyond its way: each is a corner to blend
@@ -135,7 +136,8 @@ def _trace_back(before: np.ndarray, goal: int) -> list[int] | None:
 
 
 MILESTONES = 2000  # states of the pool that a roadmap uses
-NEIGHBOURS = 10
+NEIGHBOURS = 10  # earlier states that each is joined to
+BLOCK = 512  # states whose distances are computed together
 SEARCH_ROUNDS = 200
 BRIDGES = 3  # legs between the same two parts that RRT-Connect tries
 RRT_ITERATIONS = 300
@@ -144,7 +146,7 @@ PAD = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap spans
 
 @dataclass
 class Roadmap:
-    """OMPL's roadmap with proofs on demand.
+    """A probabilistic roadmap (Kavraki et al. 1996) with proofs on demand (Bohlin and Kavraki 2000).
 
     Attributes:
         constraints: what its edges keep.
@@ -166,7 +168,7 @@ class Roadmap:
         states, place = np.unique(np.concatenate([q, pool[rows]]), axis=0, return_inverse=True)
         order = rng.permutation(len(states))  # the first milestones are sparse, and give the roadmap its long edges
         states, place = states[order], np.argsort(order)[place]
-        edges = roadmap_edges(states / constraints.cell.robot.speed, NEIGHBOURS, seed)
+        edges = join_to_earlier(states / constraints.cell.robot.speed, NEIGHBOURS)
         return cls(constraints, LazyGraph(constraints, states, edges), place[: len(q)], seed)
 
     def parts(self) -> np.ndarray:
@@ -207,6 +209,19 @@ class Roadmap:
         return rrt_connect(self.constraints, q_from, q_to, low, high, RRT_ITERATIONS, self.seed)
 
 
+def join_to_earlier(points: Array, count: int) -> np.ndarray:
+    """Join each of the points (V, N), in their order, to the nearest ``count`` of those before it; edges (E, 2)."""
+    edges = [np.zeros((0, 2), dtype=int)]
+    for start in range(0, len(points), BLOCK):
+        own = np.arange(start, min(start + BLOCK, len(points)))
+        away = cdist(points[own], points[: own[-1]]) if own[-1] else np.zeros((1, 0))
+        away[np.arange(away.shape[1]) >= own[:, None]] = np.inf
+        near = np.argpartition(away, min(count, away.shape[1]) - 1, axis=1)[:, :count] if away.shape[1] else away[:, :0]
+        joined = np.stack([np.broadcast_to(own[:, None], near.shape), near.astype(int)], axis=2).reshape(-1, 2)
+        edges.append(joined[joined[:, 1] < joined[:, 0]])
+    return np.concatenate(edges)
+
+
 def connected_parts(constraints: Constraints, q: Array, seed: int = 0, certain: int = 1) -> np.ndarray:
     """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
 
@@ -222,5 +237,5 @@ def connected_parts(constraints: Constraints, q: Array, seed: int = 0, certain: 
     roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
     part = roadmap.graph.parts()
     speed = constraints.cell.robot.speed
-    _, nearest = cKDTree(roadmap.graph.q / speed).query(q / speed)
+    _, nearest = cKDTree(roadmap.graph.q / speed).query(q / speed, workers=-1)
     return np.asarray(part[nearest])

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from planner.common.units import Array
 from planner.motion.path.connection import cut_corners, pull_supports
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.ompl_search import roadmap_edges, rrt_connect
-from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, leg_time
+from planner.motion.path.ompl_search import rrt_connect
+from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, join_to_earlier, leg_time
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 
 
@@ -82,12 +82,11 @@ def test_parts_are_those_of_the_true_graph() -> None:
 
 def test_roadmap_joins_every_state_to_its_nearest_earlier_ones() -> None:
     points = np.random.default_rng(1).random((200, 3))
-    edges = roadmap_edges(points, 5, seed=3)
+    edges = join_to_earlier(points, 5)
     joined = {frozenset(e) for e in edges.tolist()}
     for k in range(10, 200):
         nearest = np.argsort(np.linalg.norm(points[:k] - points[k], axis=1))[:5]
         assert {frozenset((k, int(n))) for n in nearest} <= joined
-    np.testing.assert_array_equal(roadmap_edges(points, 5, seed=3), edges)
 
 
 def test_rrt_connect_goes_round_discs_and_stops_when_told() -> None:
@@ -109,7 +108,7 @@ def test_bridges_of_rrt_connect_join_parts_of_the_roadmap() -> None:
     left, right = rng.random((30, 2)) * [0.25, 1.0], rng.random((30, 2)) * [0.25, 1.0] + [0.75, 0.0]
     left, right = left[discs.valid(left)], right[discs.valid(right)]
     q = np.stack([left[0], right[0]])
-    edges = np.vstack([roadmap_edges(left, 4, 1), len(left) + roadmap_edges(right, 4, 1)])
+    edges = np.vstack([join_to_earlier(left, 4), len(left) + join_to_earlier(right, 4)])
     graph = LazyGraph(discs, np.concatenate([left, right]), edges)  # type: ignore[arg-type]
     roadmap = Roadmap(discs, graph, np.array([0, len(left)]), seed=5)  # type: ignore[arg-type]
     assert roadmap.parts()[0] != roadmap.parts()[1]
