@@ -91,3 +91,11 @@ def file_unit(unit: str) -> str:
 def _split(unit: str) -> tuple[str, str]:
     first = re.split("[/·]", unit)[0]
     return first, unit[len(first) :]
+
+
+PLAN_DIGITS = 9  # of degrees and millimetres in plan.json
+
+
+def round_angles(angles: Array) -> Array:
+    """Round angles [rad] to what ``plan.json`` keeps of them, so that reading it back gives the same bits."""
+    return read_only(np.deg2rad(np.round(np.rad2deg(angles), PLAN_DIGITS)))

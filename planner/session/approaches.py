@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.common.units import DEG, Array, read_only
+from planner.common.units import DEG, Array, read_only, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathLeg, ProvenPath, SeparateMotions, judge_path
-from planner.session.course import Role, round_angles
+from planner.session.course import Role
 from planner.session.plan_types import motion_signs
 
 REACHES = (3.0 * DEG, 1.5 * DEG, 0.75 * DEG)  # [rad] past the pose, the first that keeps every constraint

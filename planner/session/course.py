@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.units import Array, read_only
+from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.motion.timing.limits import Limits, ReadingLimits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
@@ -17,7 +17,6 @@ from planner.runs.run import Mounting
 
 Role = Literal["calibrate", "repeat", "validate", "mount"]
 """What a pose is for."""
-DIGITS = 9  # of degrees and millimetres in plan.json
 
 
 @dataclass(frozen=True)
@@ -112,11 +111,6 @@ class Course:
     def duration(self) -> float:
         """Time of all passes [s]."""
         return sum(p.trajectory.duration_s for p in self.passes)
-
-
-def round_angles(angles: Array) -> Array:
-    """Round angles [rad] to what ``plan.json`` keeps of them, so that reading it back gives the same bits."""
-    return read_only(np.deg2rad(np.round(np.rad2deg(angles), DIGITS)))
 
 
 def axis_limits(cell: Cell, bar: bool) -> Limits:

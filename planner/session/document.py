@@ -9,8 +9,9 @@ from pydantic import Field, NonNegativeInt, field_validator
 
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, read_json, validate
+from planner.common.units import round_angles
 from planner.runs.run import Run
-from planner.session.course import Role, Waypoints, round_angles
+from planner.session.course import Role, Waypoints
 
 SCHEMA = "edbb-plan/1"
 

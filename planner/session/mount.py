@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.time_limit import ROADMAP, must_stop
-from planner.common.units import Array
+from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
@@ -16,7 +16,6 @@ from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import FIRST_MOUNTING, Mounting
-from planner.session.course import round_angles
 
 POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
 CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves

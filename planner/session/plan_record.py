@@ -8,13 +8,14 @@ from dataclasses import asdict
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.units import PLAN_DIGITS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice
 from planner.design.undeclared_errors import ASSUMED
 from planner.motion.path.verdict import Verdict
-from planner.session.course import DIGITS, Waypoints
+from planner.session.course import Waypoints
 from planner.session.document import SCHEMA, PlanDocument
 from planner.session.movable_cell import movable_cell
 from planner.session.plan_types import Drive, Plan, Programs, Visit
@@ -200,6 +201,6 @@ def round_numbers(value: object) -> object:
     if isinstance(value, float | np.floating):
         if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
             return None
-        short = round(float(value), DIGITS)
+        short = round(float(value), PLAN_DIGITS)
         return 0.0 if short == 0 else short
     return value.item() if isinstance(value, np.generic) else value

@@ -27,7 +27,6 @@ from planner.session.course import (
     axis_limits,
     reading_limits,
     rests_at_poses,
-    round_angles,
     time_measuring,
 )
 from planner.session.plan_types import Drive, Visit, motion_signs
@@ -122,7 +121,7 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
             f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
             "lower motion.clearance_mm, or give another home_deg or gauge.mount_deg"
         )
-    return replace(travel, q=round_angles(travel.q))
+    return travel
 
 
 def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
@@ -141,7 +140,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
         order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
         path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
         if isinstance(path, ProvenPath):
-            return _note_forbidden_legs(tour, forbidden), replace(path, q=round_angles(path.q))
+            return _note_forbidden_legs(tour, forbidden), path
         if 0 in path.unreachable:
             raise NoSolutionError(f"no path leads from the mount pose to any other pose: {path.reasons[0]}")
         if path.unreachable:

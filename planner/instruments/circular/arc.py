@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle
 from planner.common.errors import NoSolutionError
-from planner.common.units import Array, to_deg
+from planner.common.units import Array, round_angles, to_deg
 from planner.instruments.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -19,7 +19,6 @@ from planner.instruments.circular.configurations import (
 from planner.instruments.circular.plan import Arc, drive_arc
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
-from planner.session.course import round_angles
 from planner.session.release import judge_corners
 
 MOST_TRIALS = 6  # ways that are driven finely and judged before the circle is given up

@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.circles import CircleFile
 from planner.common.errors import InputError
 from planner.common.schema import PartialModel, read_json, validate
-from planner.common.units import MM, from_deg, to_deg, to_mm
+from planner.common.units import MM, from_deg, round_angles, to_deg, to_mm
 from planner.instruments.circular.plan import (
     Arc,
     CircularDrive,
@@ -22,7 +22,7 @@ from planner.instruments.circular.plan import (
     measured_passes,
 )
 from planner.runs.run import Mounting
-from planner.session.course import round_angles, time_path
+from planner.session.course import time_path
 from planner.session.document import SCHEMA, PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
 from planner.session.plan_record import closing_record, round_numbers, verdict_records, waypoint_records
 from planner.session.planned_session import read_cell_beside

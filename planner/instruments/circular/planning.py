@@ -10,7 +10,7 @@ from planner.cell.circles import Circle
 from planner.cell.setup import check_load
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
-from planner.common.units import Array
+from planner.common.units import Array, round_angles
 from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.document import circular_record
 from planner.instruments.circular.plan import (
@@ -25,7 +25,6 @@ from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps
 from planner.runs.run import Mounting
-from planner.session.course import round_angles
 from planner.session.mount import check_home
 from planner.session.options import PlanOptions
 from planner.session.planning import plan_session

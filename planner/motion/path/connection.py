@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.common.units import Array, read_only
+from planner.common.units import Array, read_only, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
 from planner.motion.path.verdict import PathGaps, PathLeg, ProvenPath, judge_path
@@ -183,10 +183,10 @@ def _assemble_path(
         legs.append(PathLeg(a, b, read_only(supports)))
         points += [supports, q[b][None]]
         node.append(np.append(np.full(len(supports), -1), b))
-    whole = np.concatenate(points)
+    whole = round_angles(np.concatenate(points))  # judged is what will be driven
     number = np.concatenate(node)
     number.setflags(write=False)
-    return ProvenPath(read_only(whole), number, tuple(legs), *judge_path(constraints, whole))
+    return ProvenPath(whole, number, tuple(legs), *judge_path(constraints, whole))
 
 
 def _pair(leg: np.ndarray) -> tuple[int, int]:

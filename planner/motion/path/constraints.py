@@ -39,6 +39,7 @@ class Constraints:
         self.world = CollisionWorld(self.scene)
         self.bounds, self.pairs = WorkspaceBounds(self.workspace), PairBounds(self.scene)
         self._at_balls: dict[int, Constraints] = {}
+        self._proofs: dict[tuple[str, bytes], Proof] = {}
 
     def at_ball(self, ball: int) -> "Constraints":
         """Return the constraints of the last way to one ball of an artifact, which the indicators' tips may touch."""
@@ -93,11 +94,22 @@ class Constraints:
 
     def judge_by_coal(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] with coal's distances alone."""
-        return Prover(self.bounds, self.pairs, self.world, self.clearance).prove(corners)
+        return self._judged("coal", Prover(self.bounds, self.pairs, self.world, self.clearance), corners)
 
     def judge(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
-        return self._judge.prove(corners)
+        return self._judged("python-fcl", self._judge, corners)
+
+    def _judged(self, engine: str, judge: Prover, corners: Array) -> Proof:
+        """Prove what this engine has not proven yet: a path is judged when it is found, and again with blends."""
+        keys = [(engine, each.tobytes()) for each in corners]
+        new = [k for k, key in enumerate(keys) if key not in self._proofs]
+        if not keys:
+            return judge.prove(corners)
+        if new:
+            proof = judge.prove(corners[new])
+            self._proofs |= {keys[k]: proof.only(i) for i, k in enumerate(new)}
+        return Proof.concatenate([self._proofs[key] for key in keys])
 
     def extremes(self, corners: Array, tolerance: float) -> Extremes:
         """Smallest clearance and extreme lengths over motions or triangles (m, K, N) [rad], to ``tolerance`` [m]."""

@@ -1,7 +1,8 @@
 """Continuous proof that motions keep every constraint, by adaptive bisection, and the extremes over motions by
 branch and bound."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -101,6 +102,15 @@ class Proof:
     def evaluations(self) -> int:
         """States looked at."""
         return int(self.looks.sum())
+
+    def only(self, k: int) -> "Proof":
+        """Return what is known of motion ``k`` alone."""
+        return Proof(*(getattr(self, f.name)[k : k + 1] for f in fields(self)))
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Proof"]) -> "Proof":
+        """Return what is known of the motions of all parts, in their order."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass(frozen=True)
