@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.common.units import Array, read_only, round_angles
+from planner.common.units import Array, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
 from planner.motion.path.verdict import PathGaps, PathLeg, ProvenPath, judge_path
@@ -180,7 +180,7 @@ def _assemble_path(
     for a, b in zip(visits[:-1].tolist(), visits[1:].tolist(), strict=True):
         way = ways[min(a, b), max(a, b)] if a != b else q[[a, b]]
         supports = (way if a <= b else way[::-1])[1:-1]
-        legs.append(PathLeg(a, b, read_only(supports)))
+        legs.append(PathLeg(a, b, round_angles(supports)))
         points += [supports, q[b][None]]
         node.append(np.append(np.full(len(supports), -1), b))
     whole = round_angles(np.concatenate(points))  # judged is what will be driven

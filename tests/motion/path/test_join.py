@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.cell.workspace import Workspace
-from planner.common.units import Array
+from planner.common.units import Array, round_angles
 from planner.motion.collision.engines import FclWorld
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
@@ -53,7 +53,7 @@ def digest(path: ProvenPath) -> str:
 def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, _ = tour
     assert path.node[path.node >= 0].tolist() == order
-    np.testing.assert_array_equal(path.q[path.node >= 0], q[order])
+    np.testing.assert_array_equal(path.q[path.node >= 0], round_angles(q[order]))
     assert [(leg.start, leg.end) for leg in path.legs] == list(pairwise(order))
     np.testing.assert_array_equal(np.concatenate([leg.supports for leg in path.legs]), path.q[path.node < 0])
     assert path.direct_legs + path.planned_legs == len(order) - 1
