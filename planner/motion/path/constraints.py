@@ -94,13 +94,13 @@ class Constraints:
 
     def judge_by_coal(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] with coal's distances alone."""
-        return self._judged("coal", Prover(self.bounds, self.pairs, self.world, self.clearance), corners)
+        return self._judge_once("coal", Prover(self.bounds, self.pairs, self.world, self.clearance), corners)
 
     def judge(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
-        return self._judged("python-fcl", self._judge, corners)
+        return self._judge_once("python-fcl", self._judge, corners)
 
-    def _judged(self, engine: str, judge: Prover, corners: Array) -> Proof:
+    def _judge_once(self, engine: str, judge: Prover, corners: Array) -> Proof:
         """Prove what this engine has not proven yet: a path is judged when it is found, and again with blends."""
         keys = [(engine, each.tobytes()) for each in corners]
         new = [k for k, key in enumerate(keys) if key not in self._proofs]
