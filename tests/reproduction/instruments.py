@@ -94,10 +94,10 @@ def bar_run(plan, aim, more=(), seed=0):
     cups, hung = len({s.fixture for s in places}), len({s.point for s in places})
     chosen = len(plan.choice.q)
     name = f"ball bar, {chosen} poses for {'the index' if aim == 'index' else 'tracing'}, {_several(cups, 'fixture')}, "
-    name += _several(hung, "tool point")
+    name += _several(hung, "tool point") + (" (the default plan)" if aim is None else "")
     found = _measured(name, text, plan, chosen, places[0].map_mm)
     euros = EUROS["ball bar"] + EUROS["a further place"] * (cups + hung - 2)
-    return replace(found, euros=euros, session=(cups, hung, chosen, aim))
+    return replace(found, euros=euros, session=(cups, hung, chosen, aim or "tracing"))
 
 
 def identified(measured, traced):

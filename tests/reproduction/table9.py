@@ -14,13 +14,14 @@ from tests.reproduction.truth import hidden
 PUBLISHED = {"TriCal": (0.326, 0.624, 0.107), "laser tracker": (0.231, 0.539, 0.087)}  # mean, max, std [mm]
 SIZE = 1.62  # of the hidden effects: what the tracker leaves is then of the published order
 PLANS = (
+    (1, 1, None, None),
     (1, 1, 80, "index"),
     *((1, 1, poses, "tracing") for poses in (100, 200, 300)),
     *((2, 1, poses, "tracing") for poses in (100, 120, 150, 200)),
     *((3, 1, poses, "tracing") for poses in (100, 120, 150)),
     *((*places, 150, "tracing") for places in ((1, 2), (2, 2))),
 )  # fmt: skip
-"""Fixtures, tool points, poses and aim of the bar plans that are compared."""
+"""Fixtures, tool points, poses and aim of the bar plans that are compared; the first one is the default plan."""
 SEEDS = range(1, 5)  # other arms of the same kind
 
 
