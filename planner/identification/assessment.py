@@ -34,6 +34,7 @@ from planner.model.identification_document import (
     HoldOut,
     Metrics,
     RejectedEffect,
+    ReleaseBasis,
     Stage,
     Unexplained,
     WithinGroups,
@@ -157,11 +158,13 @@ def _release(
     context: FitContext,
     cell: Cell,
     time: float,
-    geometry_alone: bool,
+    basis: ReleaseBasis,
 ) -> ReleasedRobot | None:
-    """Return the robot to be released, ``None`` where the posterior does not come to rest."""
+    """Return the robot to be released, ``None`` where it is the fit's or the posterior does not come to rest."""
+    if basis == "fit":
+        return None
     try:
-        return release_robot(stages, free.whole, context, cell, time, geometry_alone)
+        return release_robot(stages, free.whole, context, cell, time, basis == "geometry")
     except (NoSolutionError, np.linalg.LinAlgError):
         return None
 
@@ -174,14 +177,14 @@ def assess_fit(
     validation: Run | None,
     traced: TracingResult,
     notes: Sequence[str] = (),
-    geometry_alone: bool = False,
+    basis: ReleaseBasis = "posterior",
 ) -> Calibration:
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
     run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
     found, last = stages[-1].fit, stages[-1].stage
     covariance, time = parameter_covariance(found, run.continuous)
     covariance = covariance + consider_covariance(found, free.held)
-    released = _release(stages, free, context, cell, time, geometry_alone)
+    released = _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
@@ -209,7 +212,7 @@ def assess_fit(
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
             *(*notes, *_fitted_there(parts, stages[-1])),
-            *([NO_POSTERIOR] if released is None else []),
+            *([NO_POSTERIOR] if released is None and basis != "fit" else []),
             *workspace_warning(expected, last.held_out, found.model.width),
         ),
         run=run,

@@ -22,7 +22,7 @@ from planner.identification.stages import (
     add_stage_if_gain,
 )
 from planner.identification.validation import validate_fit
-from planner.model.identification_document import Metrics
+from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run
 
@@ -31,13 +31,21 @@ from planner.runs.run import Run
 class FitSettings:
     """What the user may choose: share of the groups held out, robust loss, seed of the folds.
 
-    With ``geometry`` the calibrated robot holds geometry alone.
+    The released robot holds geometry and effects by the posterior, with ``geometry`` geometry alone; where ``release``
+    is false it is the last stage as fitted, and the error over the workspace follows from its covariance: quicker, for
+    trials of many runs.
     """
 
     hold_out: float = 0.2
     robust: bool = False
     seed: int = 0
     geometry: bool = False
+    release: bool = True
+
+    @property
+    def basis(self) -> ReleaseBasis:
+        """What the released robot is made of."""
+        return "fit" if not self.release else "geometry" if self.geometry else "posterior"
 
 
 @on_one_thread
@@ -82,7 +90,7 @@ def identify(
     if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
         notes += [] if approaches else approach_warnings(traced)
-        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes, settings.geometry)
+        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes, settings.basis)
     if tracer is not None:
         notes.append(too_few_text(context.spare(free.model)))
     if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
@@ -90,7 +98,7 @@ def identify(
         stages, free = add_stage_if_gain(
             stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, context
         )
-    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes, settings.geometry)
+    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes, settings.basis)
 
 
 def _check_size(context: FitContext, model: Model) -> None:

@@ -262,6 +262,10 @@ class WorkToolError(DocumentSection):
     nominal_anywhere: float
 
 
+ReleaseBasis = Literal["posterior", "geometry", "fit"]
+"""What a released robot is made of: the mean over all that may be there, geometry alone, or the last stage."""
+
+
 class Release(DocumentSection):
     """The calibrated robot that was written, and errors of the tool to be expected over the workspace [m], rms.
 

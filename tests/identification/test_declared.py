@@ -18,7 +18,7 @@ from planner.design.observability.information import predict_covariance
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.d_optimal import detmax
 from planner.identification.least_squares import solve
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.model.model import Model
 from planner.report.calibration_text import findings_summary
 from planner.report.formatting import digits
@@ -31,6 +31,8 @@ from tests.identification.worlds import arm_of
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.kinds import Effect
 from tests.simulation.generator.truth import Noise, Truth
+
+FITTED = FitSettings(release=False)  # the last stage is what these tests look at
 
 NAME = "kuka-kr6-r700"
 FREE = [f"{kind}{i}" for kind in ("alpha", "a") for i in range(1, 6)] + ["d3", "d4", "d5", "d6", "beta2"]
@@ -66,7 +68,7 @@ def identified(traced=False):
     q = planned()[2]
     samples = Samples(q, np.zeros(len(q), dtype=int), pose=np.arange(len(q)))
     run = simulate(cell(), "0" * 12, samples, draw_truth(cell(), 3), 3)
-    return identify(run, as_identified(), tracer=trace if traced else None)
+    return identify(run, as_identified(), tracer=trace if traced else None, settings=FITTED)
 
 
 def made(seed, soft, poses=40, tool=0.0):
@@ -137,7 +139,7 @@ def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
     total, count = 0.0, 0
     for seed in range(SEEDS):
         run, true = made(seed, soft=1e-4, tool=tool)
-        found = identify(run, cell())
+        found = identify(run, cell(), settings=FITTED)
         names = found.fit.model.names
         assert len(names) == 31
         which = [names.index(n) for n in true]
@@ -151,18 +153,18 @@ def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
 
 def test_a_declared_effect_stays_though_nothing_gains_and_that_is_said():
     run, _ = made(0, soft=0.0)
-    found = identify(run, cell())
+    found = identify(run, cell(), settings=FITTED)
     assert found.stages[-1].name == "joint compliance"
     assert found.stages[-1].held_out.rms > found.stages[-2].held_out.rms
     assert any("held-out samples came out worse with it" in w for w in found.warnings)
     undeclared = replace(cell(), plan=replace(cell().plan, effects=()))
-    assert identify(run, undeclared).stages[-1].name == "geometry"
+    assert identify(run, undeclared, settings=FITTED).stages[-1].name == "geometry"
 
 
 def test_undeclared_compliance_comes_where_held_out_samples_gain():
     run, true = made(1, soft=1e-4)
     undeclared = replace(cell(), plan=replace(cell().plan, effects=()))
-    found, own = identify(run, undeclared), identify(run, cell())
+    found, own = identify(run, undeclared, settings=FITTED), identify(run, cell(), settings=FITTED)
     assert found.stages[-1].name == "joint compliance"
     assert found.fit.model.names == own.fit.model.names
     assert np.allclose(found.fit.errors, own.fit.errors, rtol=0, atol=1e-9)
@@ -173,7 +175,7 @@ def test_an_effect_that_nobody_knows_is_refused():
     run, _ = made(0, soft=0.0)
     wrong = replace(cell(), plan=replace(cell().plan, effects=("joint complience",)))
     with pytest.raises(InputError, match=r"'joint complience'.*joint compliance"):
-        identify(run, wrong)
+        identify(run, wrong, settings=FITTED)
 
 
 def test_the_report_tells_the_declared_effect_with_its_values():
@@ -200,7 +202,7 @@ def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs
 def test_effects_come_in_the_order_in_which_they_are_declared_each_once():
     run, _ = made(1, soft=1e-4)
     several = ("soft base", "joint compliance", "soft base")
-    found = identify(run, replace(cell(), plan=replace(cell().plan, effects=several)))
+    found = identify(run, replace(cell(), plan=replace(cell().plan, effects=several)), settings=FITTED)
     assert [s.name for s in found.stages[2:]] == ["geometry", "soft base", "joint compliance"]
     assert found.stages[-1].effects == ("soft base", "joint compliance")
     assert len(set(found.fit.model.names)) == len(found.fit.model.names) == found.stages[-1].parameters

@@ -8,12 +8,14 @@ from scipy import stats
 
 from planner.identification.cross_validation import Split, predict_held_out, predict_held_out_without, split_run
 from planner.identification.least_squares import fit, solve
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.identification.problem import FitProblem
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import arm_of, declared, loaded, world
 from tests.simulation.generator.runs import balls, edbb_continuous, edbb_static, tracker
 from tests.simulation.generator.truth import draw_errors
+
+FITTED = FitSettings(release=False)  # the last stage is what these tests look at
 
 
 def made_run(n, rng, **how):
@@ -175,7 +177,7 @@ def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
     run, cell = loaded(tracker(arm, 300, seed=3, logs=()))
     place = np.arange(len(run)) * 5 // len(run)
     run = replace(run, samples=replace(run.samples, place=place), places=("p", "q", "r", "s", "t"))
-    c = identify(run, cell)
+    c = identify(run, cell, settings=FITTED)
     assert c.split.by == "placement"
     parts = split_run(run)
     held = predict_held_out(c.fit, parts)
@@ -211,7 +213,7 @@ def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
     """None of an effect is found, and held-out poses are as good as for a fit with the true arm's own rows."""
     made = NOISE_ONLY[what](7)
     run, cell = loaded(made)
-    c = identify(run, cell)
+    c = identify(run, cell, settings=FITTED)
     assert c.problems == ()
     assert c.stages[-1].name == "geometry"
     held = c.stages[-1].held_out.rms
@@ -226,7 +228,7 @@ def test_parameters_of_a_whole_identification_are_as_far_off_as_stated(name):
     for seed in range(5):
         made = edbb_static(arm_of(name), 150, seed=100 + seed, logs=(), repeats=0.0)
         run, cell = loaded(made)
-        c = identify(run, cell)
+        c = identify(run, cell, settings=FITTED)
         w = replace(world(name, 80), q=made.scene.q)
         w = replace(w, model=c.fit.model, run=run)
         truth, left = w.regrouped(made.truth.errors)

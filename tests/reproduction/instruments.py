@@ -9,7 +9,7 @@ import polars as pl
 
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
 from planner.workflow.writing import write_cell
@@ -107,8 +107,9 @@ def identified(measured, traced):
         run.write_text(measured.run_csv)
         cell.write_text(measured.cell_toml)
         loaded = load_cell(str(cell), planning=False)
-        found = identify(load_runs([run], loaded.robot.n_joints), loaded, tracer=trace if traced else None)
-    return found if traced else found.model_copy(update={"released": None})  # effects that it lacks stay out
+        settings = FitSettings(release=traced)  # else effects that the model lacks would come in by the background
+        tracer = trace if traced else None
+        return identify(load_runs([run], loaded.robot.n_joints), loaded, settings=settings, tracer=tracer)
 
 
 def _measured(name, run_csv, plan, poses, map_mm):

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.draw import USUAL
 from tests.simulation.generator.kinds import Effect
 from tests.simulation.generator.truth import draw_truth
+
+FITTED = FitSettings(release=False)  # the last stage is what these tests look at
 
 NJ = "comau-nj130"
 
@@ -36,7 +38,9 @@ def calibrated(effects=(), traced=True, **how):
     with tempfile.TemporaryDirectory() as folder:
         files = run(effects, **how).write(Path(folder))
         cell = load_cell(str(files[1]), planning=False)
-        return identify(load_runs([files[0]], cell.robot.n_joints), cell, tracer=trace if traced else None)
+        return identify(
+            load_runs([files[0]], cell.robot.n_joints), cell, settings=FITTED, tracer=trace if traced else None
+        )
 
 
 def effect(kind, joint, size=0.0, share=None, **inner):
