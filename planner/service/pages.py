@@ -2,6 +2,7 @@
 
 import hmac
 import json
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from planner.cell.file import CellFile
 from planner.cell.reading import shipped_cells
 from planner.common.schema import read_json, read_toml
 from planner.service.answers import Job, describe_job
+from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import find_job, find_output
@@ -36,7 +38,7 @@ ENVIRONMENT = jinja2.Environment(
 ENVIRONMENT.globals["version"] = __version__
 
 
-def render(template: str, status: int = 200, **content: object) -> HTMLResponse:
+def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:
     """Return a page."""
     return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(**content), status)
 
@@ -123,6 +125,16 @@ def show_session(id: JobId, context: Context) -> HTMLResponse:
     cell = read_toml(context.files.path(find_output(context, id, "cell.toml").sha256), CellFile)
     minutes = round(plan.trajectory.duration_s / 60) if plan.trajectory else 0
     return render("session", job=job, plan=plan, minutes=minutes, steps=session_steps(plan, cell, job.files))
+
+
+@PAGES.get("/jobs/{id}/certificate")
+def show_certificate(id: JobId, context: Context) -> HTMLResponse:
+    """The certificate of a calibration, to print."""
+    job = _job(context, id)
+    if job.kind != "identification" or job.state != "done":
+        return render("problem", 404, detail="Only a finished calibration has a certificate.")
+    made = build_certificate(context, job)
+    return render("certificate", job=job, **{f.name: getattr(made, f.name) for f in fields(made)})
 
 
 @PAGES.get("/calibrate")

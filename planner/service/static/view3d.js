@@ -102,7 +102,7 @@ export class CellView {
     if (!this.view.cloud) return;
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(unpack(this.view.cloud.points, Float32Array), 3));
-    const material = new THREE.PointsMaterial({ size: 22, vertexColors: true, transparent: true, opacity: 0.9 });
+    const material = new THREE.PointsMaterial({ size: 42, vertexColors: true, transparent: true, opacity: 0.9 });
     this.points = new THREE.Points(geometry, material);
     this.scene.add(this.layer(this.view.cloud.what, "#bb3754", this.points));
     this.colour(0);

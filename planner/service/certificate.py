@@ -1,0 +1,114 @@
+"""The certificate of a calibration: what a person hands over, on one sheet to print."""
+
+import json
+from dataclasses import dataclass
+
+from planner import load_cell
+from planner.cell.file import CellFile
+from planner.common.schema import read_toml
+from planner.common.units import to_mm
+from planner.kinematics.robot_reader import RobotDescription
+from planner.model.identification_document import Metrics
+from planner.service.answers import Job
+from planner.service.context import ServiceContext
+from planner.service.job_api import find_output
+from planner.service.page_content import CalibrationPage, read_calibration
+
+RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
+"""Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
+the distances then follow Maxwell's distribution."""
+HASHED = ("identification.json", "robot.toml", "residuals.csv")
+
+
+@dataclass(frozen=True)
+class CertifiedError:
+    """Errors of one robot on one set of readings [mm]."""
+
+    what: str
+    rms_mm: float
+    mean_mm: float
+    largest_mm: float
+
+    @classmethod
+    def of(cls, what: str, errors: Metrics) -> "CertifiedError":
+        """Return errors in mm."""
+        return cls(what, *(float(to_mm(v)) for v in (errors.rms, errors.mean, errors.largest)))
+
+
+@dataclass(frozen=True)
+class FileHash:
+    """A file by its content."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What the sheet says beside the fields that a person fills in."""
+
+    found: CalibrationPage
+    gauge: str
+    plan_id: str
+    fitted: int
+    results: list[CertifiedError]
+    repeatability_mm: float
+    hashes: list[FileHash]
+    software: str
+
+
+def build_certificate(context: ServiceContext, job: Job) -> Certificate:
+    """Return the certificate of a finished identification.
+
+    Raises:
+        InputError: its files are not what they should be.
+    """
+    record = context.jobs.get(job.id)
+    document = context.files.path(find_output(context, job.id, "identification.json").sha256)
+    found = read_calibration(document)
+    inputs = {i.name: i.sha256 for i in record.command.inputs}
+    plan = inputs.get("plan/plan.json")
+    plan_id = "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
+    hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
+    hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
+    return Certificate(
+        found=found,
+        gauge=_gauge(context, record.command.words, inputs),
+        plan_id=plan_id,
+        fitted=sum(e.identifiable for e in found.document.estimates),
+        results=_results(found),
+        repeatability_mm=_repeatability(context, job),
+        hashes=[h for h in hashes if not h.name.endswith("trajectory.csv")],
+        software=record.version,
+    )
+
+
+def _results(found: CalibrationPage) -> list[CertifiedError]:
+    d = found.document
+    before = next((s for s in d.stages if s.name == "frames"), d.stages[0])
+    after = d.stages[-1].held_out if d.release is None else d.release.held_out
+    rows = [CertifiedError.of("before, held out", before.held_out), CertifiedError.of("after, held out", after)]
+    validation = d.stages[-1].validation if d.release is None else d.release.validation
+    if before.validation is not None and validation is not None:
+        rows.append(CertifiedError.of("before, validation run", before.validation))
+        rows.append(CertifiedError.of("after, validation run", validation))
+    return rows
+
+
+def _gauge(context: ServiceContext, words: tuple[str, ...], inputs: dict[str, str]) -> str:
+    """The kind of gauge that the cell names, with its range."""
+    name = words[words.index("--cell") + 1]
+    file = (
+        read_toml(context.files.path(inputs[name]), CellFile)
+        if name in inputs
+        else load_cell(name, planning=False).file
+    )
+    gauge = file.gauge
+    span = f", {gauge.length_mm[0]:g} to {gauge.length_mm[1]:g} mm" if gauge.length_mm else ""
+    return f"{gauge.kind}{span}"
+
+
+def _repeatability(context: ServiceContext, job: Job) -> float:
+    """Scatter of the tool's position, rms in space [mm], of the repeatability that the robot's file publishes."""
+    file = read_toml(context.files.path(find_output(context, job.id, "robot.toml").sha256), RobotDescription)
+    return RMS_OF_REPEATABILITY * file.repeatability_mm

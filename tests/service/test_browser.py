@@ -1,0 +1,99 @@
+"""The whole way through the pages in a browser: from a cell to its programs, and from a log to the calibration."""
+
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import sync_playwright
+
+from tests.workflow.conftest import small_cell
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+SOFTWARE_3D = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
+MINUTES = 6 * 60_000  # of waiting at most: the machine may be busy
+pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
+
+
+@pytest.fixture
+def address(tmp_path):
+    command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        yield re.search(r"http://\S+?(?=,)", server.stderr.readline())[0]
+        server.terminate()
+
+
+@pytest.fixture
+def page(address):
+    with sync_playwright() as library:
+        browser = library.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_3D)
+        page = browser.new_context(base_url=address, viewport={"width": 1280, "height": 900}).new_page()
+        page.set_default_timeout(MINUTES)
+        page.faults = []
+        page.on("pageerror", lambda fault: page.faults.append(str(fault)))
+        page.on("console", lambda line: page.faults.append(line.text) if line.type == "error" else None)
+        yield page
+        browser.close()
+
+
+def check_page(page):
+    found = Axe().run(page, options=RULES).response["violations"]
+    assert not found, [(v["id"], v["nodes"][0]["html"]) for v in found]
+    assert not page.faults
+
+
+def shows_something(page):
+    """The canvas is not of one colour: the middle of its picture has more than a few."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    picture = Image.open(BytesIO(page.locator("#view canvas").screenshot())).convert("RGB")
+    return len(picture.getcolors(1 << 24)) > 200
+
+
+def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", ("candidates = 3000", "candidates = 1200"))
+    page.goto("/")
+    check_page(page)
+    page.set_input_files("#cell-file", cell)
+    page.click("text=Check the cell")
+    page.wait_for_selector("#view canvas")
+    check_page(page)
+    assert shows_something(page)
+
+    page.fill("#poses", "30")
+    page.click("#plan-form button:has-text('Plan')")
+    page.wait_for_selector("text=What was planned")
+    page.wait_for_selector("#view canvas")
+    page.locator("#time").fill("100")
+    assert "axes" in page.inner_text("#frame-text")
+    assert shows_something(page)
+    check_page(page)
+    with page.expect_download() as program:
+        page.click("section:has-text('Programs') li a >> nth=0")
+    assert program.value.path().stat().st_size > 1000
+
+    page.click("text=Go to the cell")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.check("#step-1")
+    page.reload()
+    assert page.is_checked("#step-1")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390, "no sideways scrolling on a phone"
+    check_page(page)
+    page.set_viewport_size({"width": 1280, "height": 900})
+
+    page.click("text=The run is measured")
+    page.click("#simulate")
+    page.wait_for_selector("#run-chart svg")
+    check_page(page)
+    page.uncheck("#trace")
+    page.click("#identify")
+    page.wait_for_selector("text=Before and after")
+    page.wait_for_selector("#layer option", state="attached")
+    before, after = (float(v.split()[0]) for v in page.locator(".figure b").all_inner_texts()[:2])
+    assert after < before
+    check_page(page)
