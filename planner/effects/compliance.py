@@ -246,7 +246,7 @@ def wrong_mass(run: Excitation) -> Iterator[Effect]:
 
 def _mass(run: Excitation, link: int, kind: str, place: Place, label: str, name: str, role: Role) -> Iterator[Effect]:
     parameters = _mass_parameters(run, link, label)
-    sentence = f"{name}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}}"
+    sentence = f"{name}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}} at most"
     yield from _effect(kind, place, parameters, sentence, MASSES, role, LARGEST_MASS_TURN)
 
 
@@ -257,9 +257,9 @@ def _mass_parameters(run: Excitation, link: int, label: str) -> list[Parameter]:
     for i in sorted(int(k) for k in np.argsort(-load, kind="stable")[:JOINTS_SHOWN]):
         size = run.largest(phis[i])
         if load[i] > max(LEAST_LOAD, 1e-3 * size):
-            what = f"turn of joint {i + 1} by the weight of a kilogram more"
-            moves = transform_move(run.rotation(i), phis[i])
-            out.append(Parameter(f"{label}_at{i + 1}", "rad/Nm", USUAL_TURN / size, what, moves))
+            what = f"turn of joint {i + 1} by the weight in question, where that turns it most in the run"
+            moves = transform_move(run.rotation(i), Times(1 / size, phis[i]))
+            out.append(Parameter(f"{label}_at{i + 1}", "rad", USUAL_TURN, what, moves))
     return out
 
 

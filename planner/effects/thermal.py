@@ -17,8 +17,11 @@ from planner.effects.excitation import Excitation
 from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
 
 GROWTH, LARGEST_GROWTH = 1.2e-5, 1e-4  # [1/K] steel; several times as much where the air is not as warm as the arm
-TURN, LARGEST_TURN = 2e-4, 5e-3  # [rad] over a run
-SHIFT, LARGEST_SHIFT = 5e-5, 3e-3  # [m] over a run
+TURN, LARGEST_TURN = 2e-4, 5e-3  # [rad] over a run; the latter in no less than an hour or for no less than 5 K
+SHIFT, LARGEST_SHIFT = 5e-5, 3e-3  # [m] the same
+FAR = 5.0  # one sigma is never above the largest size over this
+LEAST_CAUSE = {"s": 3600.0, "K": 5.0}
+LONGEST_WARM_UP = 4 * 3600.0  # [s] time constant: arms are in balance after some hours; what lasts longer is a drift
 TIME_CONSTANTS = 12  # that are scanned
 HEISEL = "Heisel, Richter & Wurst 1997, CIRP Annals 46(1): thermal behaviour of industrial robots, 0.1 to 0.5 mm"
 EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
@@ -157,17 +160,19 @@ def _drift(
 ) -> Effect:
     """An effect in proportion to its cause; ``each``: end of the name, what it is, and what it moves."""
     usual, largest = (TURN, LARGEST_TURN) if unit == "rad" else (SHIFT, LARGEST_SHIFT)
-    label = cause.kind.replace(" ", "_")
+    most = largest / max(cause.size, LEAST_CAUSE[cause.per])
+    prior, label = min(usual / cause.size, most / FAR), cause.kind.replace(" ", "_")
     parameters = tuple(
-        Parameter(f"{label}{end}", f"{unit}/{cause.per}", usual / cause.size, what, moves) for end, what, moves in each
+        Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each
     )
-    return Effect(cause.kind, place, parameters, sentence, largest / cause.size, HEISEL, static=False)
+    return Effect(cause.kind, place, parameters, sentence, most, HEISEL, static=False)
 
 
 def _warm_up(
     run: Excitation, place: Place, make: Callable[[BasisFunction], Iterable[Parameter]], sentence: str, largest: float
 ) -> Effect:
-    constants = np.geomspace(run.duration / 50, run.duration * 2, TIME_CONSTANTS)
+    longest = min(2 * run.duration, LONGEST_WARM_UP)
+    constants = np.geomspace(min(run.duration / 50, longest / 10), longest, TIME_CONSTANTS)
     return Effect(
         "warm-up", place, lambda constant: make(WarmUp(run.start, constant)), sentence, largest, HEISEL,
         NonlinearParameter("time constant", "s", constants, True), static=False, role=Role.REPEATABLE,

@@ -51,6 +51,12 @@ class Whitener:
         declared = model.reading_noise(samples)
         return cls(declared.gauge_variance, declared.robot_covariance, noise or Noise())
 
+    @property
+    def declared_rms(self) -> float:
+        """Size that the errors of readings should have by what is declared [m], rms; a probe's turn is left aside."""
+        robot = np.einsum("nii->n", self.shaken[:, :3, :3]).mean()
+        return float(np.sqrt(self.declared[:3].sum() + robot))
+
     def with_noise(self, noise: Noise) -> "Whitener":
         """Return it for another size of the noise."""
         return Whitener(self.declared, self.shaken, noise)

@@ -36,10 +36,12 @@ def release_robot(
     posterior = fit_posterior(last, run, whole, families, time)
     maps, plain = tool_maps(cell, context.run, posterior.fit), geometry_stage(stages)
     if geometry_alone:
-        return ReleasedRobot(plain.fit, plain.fit, posterior, *maps, plain.stage.held_out, plain.stage.validation)
-    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled)
-    metrics = Metrics.of(held.residual, split.fold)
-    return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, metrics, context.judge(posterior.fit))
+        own = plain.stage
+        errors = (own.held_out, own.validation, own.held_residual)
+        return ReleasedRobot(plain.fit, plain.fit, posterior, *maps, *errors)
+    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
+    errors = (Metrics.of(held, split.fold), context.judge(posterior.fit), held)
+    return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, *errors)
 
 
 def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:

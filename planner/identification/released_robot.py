@@ -61,6 +61,7 @@ class ReleasedRobot:
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
             the robot works with, where the cell names it.
         held_out, validation: errors of the released robot.
+        held_residual: of every sample, (n, r) [m, rad]; of a part of a long run.
     """
 
     fit: Fit
@@ -71,6 +72,7 @@ class ReleasedRobot:
     work_tool: ToolMap | None
     held_out: Metrics
     validation: Metrics | None
+    held_residual: Array
 
     @cached_property
     def effects(self) -> dict[str, float]:

@@ -27,6 +27,7 @@ MAX_DETAIL = 3  # harmonics of an angle, powers of a length or a time
 TESTED_SAMPLES = 8_000  # samples that the tests look at
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
 DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
+LARGE = 2.5  # times the declared noise, which data sheets give to a factor of two, that is more than noise
 LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
@@ -158,7 +159,22 @@ def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
     problem = fit.problem.take(even_positions(len(fit.problem), TESTED_SAMPLES))
     rest = ProjectedResidual.of(problem, fit.errors, moving)
     tests = build_battery(problem, rest, moving)
-    return NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
+    found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
+    noise = fit.problem.whitener.declared_rms
+    if rms <= LARGE * noise:
+        return found
+    return replace(found, sentence=_excess_text(found, rms, noise))
+
+
+def _excess_text(found: ResidualDiagnosis, rms: float, noise: float) -> str:
+    """Say that more is left than the noise that gauge and repeatability are declared to have."""
+    more = (
+        f"What is left, {rms * 1e3:.3g} mm rms, is {rms / noise:.1f} times the noise that gauge and robot are said to "
+        f"have ({noise * 1e3:.3g} mm)"
+    )
+    if found.structured:
+        return f"{found.sentence} {more}."
+    return f"{more}: it is not that noise, and what it follows none of the {len(found.trials)} tests can tell."
 
 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:

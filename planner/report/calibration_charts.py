@@ -23,6 +23,7 @@ from planner.report.chart import (
     zero_line,
 )
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
+from planner.report.error_map import error_map_chart
 from planner.report.formatting import digits
 
 LINE_POINTS = 16  # points of the line through the residuals
@@ -55,7 +56,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
-    for stage, side in ((facts.before, "gauge placed"), (facts.after, "calibrated")):
+    for stage, side in ((facts.before, "frames"), (facts.after, "calibrated")):
         error = to_mm(error_along(stage.held_residual))
         few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
@@ -103,7 +104,9 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
         drawn.append(approach_chart(facts))
     matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
     loop = (stage_chart(facts), *(finding_chart(facts, step) for step in finding_steps(facts)))
-    return (histogram_chart(facts), pose_chart(facts), *loop, *drawn, *matrix)
+    released = facts.calibration.released
+    known = () if released is None else (error_map_chart(facts, released),)
+    return (*known, histogram_chart(facts), pose_chart(facts), *loop, *drawn, *matrix)
 
 
 def histogram_chart(facts: CalibrationFacts) -> Chart:
@@ -113,7 +116,7 @@ def histogram_chart(facts: CalibrationFacts) -> Chart:
     high = 1.1 * max(float(before.max()), float(after.max()))
     edges = np.geomspace(min(low, high / 10), high, BINS + 1)
     series = []
-    for name, error, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
+    for name, error, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
         share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
         label = f"{name}, mean {digits(float(error.mean()))} mm"
         series.append(Series(label, *histogram_outline(edges, share), colour, filled=True))
@@ -130,7 +133,7 @@ def pose_chart(facts: CalibrationFacts) -> Chart:
     floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
     x = np.arange(1, len(names) + 1, dtype=float)
     series = []
-    for label, values, colour in (("gauge placed", before, BEFORE), ("calibrated", after, AFTER)):
+    for label, values, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
         hover = tuple(f"{n}: {digits(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True))
         y = to_mm(np.maximum(values, floor))
         series.append(Series(label, x, y, colour, "points", hover=hover, size=5.0, opacity=0.8))

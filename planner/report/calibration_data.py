@@ -18,14 +18,6 @@ PANEL_POINTS = 500  # of them that are drawn in one panel
 SHOWN_POSES = 1500  # that are drawn one by one
 
 
-STAGE_NAMES = {"nominal": "data sheet", "frames": "gauge placed", "geometry": "geometry fitted"}
-
-
-def stage_label(stage: Stage) -> str:
-    """Return how pages call a stage of the fit."""
-    return STAGE_NAMES.get(stage.name, stage.name)
-
-
 @dataclass(frozen=True)
 class PlotVariable:
     """What residuals are drawn against: a quantity of the samples looked at, (m,) in the unit of ``label``."""
@@ -46,10 +38,14 @@ class CalibrationFacts:
         """The robot as its data sheet has it, only the gauge placed on it."""
         return next((s for s in self.calibration.stages if s.name == "frames"), self.calibration.stages[0])
 
-    @property
+    @cached_property
     def after(self) -> Stage:
-        """The last stage."""
-        return self.calibration.stages[-1]
+        """The robot as it is written; the last stage of a run so long that the written robot saw a part of it."""
+        c, robot = self.calibration, self.calibration.released
+        if robot is None or len(robot.held_residual) < len(c.run):
+            return c.stages[-1]
+        update = {"held_out": robot.held_out, "validation": robot.validation, "held_residual": robot.held_residual}
+        return c.stages[-1].model_copy(update=update | {"name": "calibrated"})
 
     @cached_property
     def looked_samples(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, error_size
 from planner.report.calibration_charts import draw_calibration_charts
-from planner.report.calibration_data import CalibrationFacts, stage_label
+from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import count_text, digits, in_mm
 from planner.report.page import Report, Row
 
@@ -37,14 +37,16 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "problems": text.refusal_text(c),
         "headline": text.headline_text(facts),
         "facts": _facts(facts),
-        "stages": stages,
-        "first_stages": stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])],
+        "stages": [*stages, *_written(c)],
+        "first_stages": [*(stages if len(stages) <= SHORT else _first(stages)), *_written(c)],
         "summary": text.findings_summary(c),
         "findings": text.finding_texts(facts),
         "limits": text.limit_table(c),
         "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:MOST_REJECTED],
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
+        "read": c.fit.model.setup.gauge.plural,
+        "written": text.released_text(c),
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         "held_out": text.held_out_text(c),
         "noise": text.noise_text(c),
@@ -73,10 +75,15 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
     several = text.GROUP_NAMES[c.split.by][0]
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
+    was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (
-        ("before, mean", f"{in_mm(before.mean)} mm", f"largest {in_mm(before.largest)} mm"),
-        ("calibrated, mean", f"{in_mm(after.mean)} mm", f"largest {in_mm(after.largest)} mm"),
-        ("anywhere, rms", f"{in_mm(c.workspace_error)} mm", "expected by the covariance"),
+        ("tool anywhere, rms", f"{in_mm(c.workspace_error)} mm", f"expected; {was}"),
+        (
+            f"{c.fit.model.setup.gauge.plural}, mean",
+            f"{in_mm(after.mean)} mm",
+            f"held out; was {in_mm(before.mean)} mm",
+        ),
+        ("largest", f"{in_mm(after.largest)} mm", f"held out; was {in_mm(before.largest)} mm"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
         ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
@@ -90,7 +97,20 @@ def _stage(facts: CalibrationFacts, k: int) -> Row:
     spread = "" if s.held_out.spread is None else f" ± {in_mm(s.held_out.spread, 2)}"
     check = ("", "", "") if s.validation is None else _metrics(s.validation)
     rms, mean, largest = _metrics(s.held_out)
-    return (stage_label(s), str(s.parameters), in_mm(s.train.rms), rms + spread, mean, largest, *check)
+    return (s.name, str(s.parameters), in_mm(s.train.rms), rms + spread, mean, largest, *check)
+
+
+def _first(stages: list[Row]) -> list[Row]:
+    return [*stages[:3], ("all effects", *stages[-1][1:])]
+
+
+def _written(c: Calibration) -> list[Row]:
+    """The same of the robot as it is written."""
+    r = c.release
+    if r is None:
+        return []
+    check = ("", "", "") if r.validation is None else _metrics(r.validation)
+    return [("calibrated", "", "", *_metrics(r.held_out), *check)]
 
 
 def _metrics(m: Metrics) -> Row:

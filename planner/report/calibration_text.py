@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from planner.common.units import Array, file_unit, si_unit
+from planner.common.units import Array, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
@@ -84,7 +84,9 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
             "robot, only of the fit."
         )
         return ("No robot was calibrated: the fit failed its own checks.", left)
-    out = [f"Mean error {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that the fit never saw."]
+    out = _workspace_sentences(c)
+    read = c.fit.model.setup.gauge.plural
+    out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
     factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
     if factor >= 1.2:
         fell = f"from {a} mm to {b} mm" if after.largest < before.largest else f"not: {a} mm before, {b} mm now"
@@ -92,16 +94,38 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     elif factor <= 1.0:
         out.append("The calibration brought nothing.")
     if first.mean > 1.05 * before.mean:
-        out.append(
-            "The first figure is the robot by its data sheet with only the gauge placed; "
-            f"before the gauge's own place was fitted it was {in_mm(first.mean)} mm."
-        )
-    else:
-        out.append("The first figure is the robot by its data sheet, with only the gauge placed.")
+        out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} mm.")
     checks = [s.validation for s in (facts.before, facts.after) if s.validation is not None]
     if len(checks) == 2:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} mm → {in_mm(checks[1].mean)} mm.")
     return tuple(out)
+
+
+def _workspace_sentences(c: Calibration) -> list[str]:
+    """Say how good the tool is expected to be anywhere: the figure that leads."""
+    r = c.release
+    if r is None:
+        return [f"Error of the tool expected over the workspace: {in_mm(c.workspace_error)} mm rms."]
+    out = [
+        f"Error of the tool over the workspace {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm rms "
+        "(expected)."
+    ]
+    if (w := r.work_tool) is not None:
+        x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)
+        out.append(
+            f"With the tool that the robot works with ({x}, {y}, {z} mm): {in_mm(w.nominal_anywhere)} mm → "
+            f"{in_mm(w.anywhere)} mm."
+        )
+    return out
+
+
+def released_text(c: Calibration) -> str:
+    """Say what the robot's file holds."""
+    r = c.release
+    if r is None:
+        return "the last stage"
+    what = "the posterior mean of geometry and all effects" if r.basis == "posterior" else "geometry alone"
+    return what
 
 
 def held_out_text(c: Calibration) -> str:

@@ -58,6 +58,22 @@ class Heatmap:
 
 
 @dataclass(frozen=True)
+class ColourField:
+    """A quantity over a plane in colours, from pale (small) to dark (large).
+
+    Attributes:
+        x, y: middles of the squares, (c,) and (r,), evenly apart.
+        values: (r, c), not a number where nothing is known.
+        label: what the colours stand for.
+    """
+
+    x: Array
+    y: Array
+    values: Array
+    label: str
+
+
+@dataclass(frozen=True)
 class ReferenceLine:
     """A straight line across the panel, and what it stands for."""
 
@@ -87,6 +103,7 @@ class Panel:
     y_names: tuple[str, ...] = ()
     height: int = 250
     cells: Heatmap | None = None
+    field: ColourField | None = None
     rings: float = 0.0
 
 

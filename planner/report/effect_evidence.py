@@ -12,7 +12,7 @@ from planner.effects.parameters import Parameter
 from planner.effects.steps import BeforeSample, acting_throughout
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
-from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, stage_label
+from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
 from planner.report.chart import (
     BLACK,
     BLUE,
@@ -167,7 +167,7 @@ SIZES = {"rad": "µrad", "m": "µm"}
 def stage_chart(facts: CalibrationFacts) -> Chart:
     """Error of every stage, fitted and held out."""
     stages = facts.calibration.stages
-    names, places = [stage_label(s) for s in stages], np.arange(len(stages), dtype=float)
+    names, places = [s.name for s in stages], np.arange(len(stages), dtype=float)
     held, train = (to_mm(np.array(rms)) for rms in zip(*((s.held_out.rms, s.train.rms) for s in stages), strict=True))
     spread = to_mm(np.array([s.held_out.spread or 0.0 for s in stages]))
     series = [

@@ -12,10 +12,11 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from PIL import Image
 
-from planner.report.chart import BASE, BLUE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
 COLOURS = 128  # of a small picture
+FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -67,8 +68,9 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         for ax, panel in zip(axes, chart.panels, strict=False):
             _draw(ax, panel, named)
         if many > 1:  # of one size each, so their room need not be found out
-            margin = {"left": 0.075, "right": 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
-            figure.subplots_adjust(**margin, wspace=0.2, hspace=0.68 * len(heights) / sum(heights))
+            scaled = any(p.field for p in chart.panels)
+            margin = {"left": 0.085, "right": 0.95 if scaled else 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
+            figure.subplots_adjust(**margin, wspace=0.26 if scaled else 0.2, hspace=0.68 * len(heights) / sum(heights))
         for ax in axes[len(chart.panels) :]:
             ax.set_axis_off()
         return figure_png(figure, small)
@@ -82,6 +84,8 @@ def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
         ax.set_yscale("log")
     if panel.cells is not None:
         _heatmap(ax, panel.cells)
+    if panel.field is not None:
+        _field(ax, panel.field)
     for series in panel.series:
         _series(ax, series, "" if series.name in named else series.name, polar=panel.rings > 0)
         named.add(series.name)
@@ -139,6 +143,16 @@ def _heatmap(ax: Axes, cells: Heatmap) -> None:
     figure = ax.get_figure()
     assert figure is not None
     figure.colorbar(image, ax=ax, shrink=0.5, aspect=25)
+
+
+def _field(ax: Axes, field: ColourField) -> None:
+    values = np.ma.masked_invalid(field.values)
+    image = ax.pcolormesh(field.x, field.y, values, cmap=FIELD_COLOURS, shading="nearest")
+    figure = ax.get_figure()
+    assert figure is not None
+    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
+    bar.ax.tick_params(labelsize=8)
+    bar.ax.spines["outline"].set_visible(False)
 
 
 def _reference_line(ax: Axes, line: ReferenceLine) -> None:

@@ -43,15 +43,14 @@ def _about(cell: Cell) -> str:
 def _facts(plan: Plan) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     choice, cell, drives = plan.choice, plan.cell, plan.drives
-    rule, bound = INDEX_RULES[choice.index], choice.certificate
+    rule, bound = INDEX_RULES[choice.index], plan.certificate
     roles = [v.role for d in drives for v in d.visits]
     extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
     made = "calibrate" in roles
     what_for = f"to calibrate{f', {extra}' if extra else ''}" if made else "to validate, at random"
     free = len(choice.seen.names)
-    gap = rule.gap(choice.value, bound.value)
-    beyond = "better than the bound" if gap < 0 else f"at most {text.percent_text(gap)} from the bound"
-    beyond = beyond if plan.by_index else "did not choose the poses"
+    gap = max(rule.gap(choice.value, bound.value), 0.0)
+    beyond = f"at most {text.percent_text(gap)} from the bound" if plan.by_index else "did not choose the poses"
     sets = f"for any {bound.poses}" if bound.poses else "for any number"
     driving = sum(d.trajectory.duration_s for d in drives)
     both = cell.motion.both_ways and cell.motion.measure == "continuous"

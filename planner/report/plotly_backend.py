@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from planner.report.chart import BASE, BLUE, RED, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
@@ -87,6 +87,9 @@ def _draw(fig: go.Figure, panel: Panel, k: int, many: int, named: set[str]) -> N
         fig.add_trace(_heatmap(panel, panel.cells), **cell)
     top = next(fig.select_yaxes(**cell)).domain[1]
     right = 1 if many == 1 else next(fig.select_xaxes(**cell)).domain[1]
+    if panel.field is not None:
+        fig.add_trace(_field(panel.field, right, top), **cell)
+        fig.data = (fig.data[-1], *fig.data[:-1])  # points lie on it
     place = {"orientation": "h", "x": right, "xanchor": "right", "y": top, "yanchor": "bottom"}
     fig.update_layout({legend: place | {"itemsizing": "constant"}})
     for line in panel.limits:
@@ -152,6 +155,15 @@ def _heatmap(panel: Panel, cells: Heatmap) -> go.Heatmap:
     look = {"zmin": -1, "zmax": 1, "colorscale": [[0, RED], [0.5, "#FFFFFF"], [1, BLUE]], "xgap": 1, "ygap": 1}
     bar = {"thickness": 14, "len": 0.5, "outlinewidth": 0}
     return go.Heatmap(z=cells.values, text=texts, hoverinfo="text", colorbar=bar, **look)
+
+
+def _field(field: ColourField, right: float, top: float) -> go.Heatmap:
+    """Draw a field whose scale of colours stands at the right of the panel that ends at ``right`` and ``top``."""
+    bar = {"thickness": 10, "outlinewidth": 0, "len": 0.5, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
+    hover = f"%{{x:.0f}}, %{{y:.0f}}: {field.label} %{{z:.3g}}<extra></extra>"
+    return go.Heatmap(
+        x=field.x, y=field.y, z=field.values.astype(np.float32), colorscale="YlOrRd", colorbar=bar, hovertemplate=hover
+    )
 
 
 def _reference_line(fig: go.Figure, panel: Panel, line: ReferenceLine, cell: dict[str, int]) -> None:

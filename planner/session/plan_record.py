@@ -12,7 +12,6 @@ from planner.common.units import PLAN_DIGITS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
-from planner.design.pose_selection import PoseChoice
 from planner.design.undeclared_errors import ASSUMED
 from planner.motion.path.verdict import Verdict
 from planner.session.course import Waypoints
@@ -52,7 +51,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
         "funnel": asdict(plan.pool.funnel),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
-        "observability": _observability_record(choice, plan.driven),
+        "observability": _observability_record(plan),
         "tour": _tour_record(plan.cell, drives),
         "path": _path_record(plan),
         "trajectory": {
@@ -78,8 +77,9 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
     return [{"after": drive.visits[int(ids[k])].id, "q_deg": np.rad2deg(drive.path.q[k])} for k in support]
 
 
-def _observability_record(choice: PoseChoice, driven: float) -> dict[str, object]:
-    rule, bound = INDEX_RULES[choice.index], choice.certificate
+def _observability_record(plan: Plan) -> dict[str, object]:
+    choice, bound = plan.choice, plan.certificate
+    rule, among = INDEX_RULES[choice.index], choice.certificate
     values = {name: getattr(choice.raw, name) for name in INDEX_RULES}
     scaled = {name: getattr(choice.scaled, name) for name in INDEX_RULES}
     return {
@@ -88,11 +88,15 @@ def _observability_record(choice: PoseChoice, driven: float) -> dict[str, object
         **values,
         "scaled": scaled,
         "bound": bound.value,
-        "gap": rule.gap(choice.value, bound.value),
+        "gap": max(rule.gap(choice.value, bound.value), 0.0),
         "bound_kind": bound.kind,
         "bound_verified": bound.verified,
-        "on_grid": {"value": choice.on_grid_value, "gap": rule.gap(choice.on_grid_value, bound.value)},
-        "path": {choice.index: driven},
+        "on_grid": {
+            "value": choice.on_grid_value,
+            "bound": among.value,
+            "gap": rule.gap(choice.on_grid_value, among.value),
+        },
+        "path": {choice.index: plan.driven},
     }
 
 

@@ -1,6 +1,7 @@
 """What a plan is made of, stage by stage: the values that flow from the candidates to the program."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
 from planner.design.pose_selection import PoseChoice
+from planner.design.selection.certificate import Certificate
+from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import IndexCurve
 from planner.motion.path.verdict import ProvenPath, Verdict
 from planner.motion.timing.trajectory import LimitReport, Trajectory
@@ -18,6 +21,7 @@ from planner.programs.rendering import ProgramFile
 from planner.runs.run import Mounting
 from planner.session.course import Course, Role
 
+REFINED_TOLERANCE = 1e-3  # of the bound that holds for poses off the grid too
 Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
 """Files of the program in each dialect."""
 
@@ -134,6 +138,15 @@ class Plan(SessionPlan):
     def by_index(self) -> bool:
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
         return self.foresight is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """No set of candidates and of the poses as chosen, which may have left the candidates, beats its value."""
+        choice, among = self.choice, self.choice.certificate
+        if choice.value == choice.on_grid_value:
+            return among
+        rows = np.concatenate([choice.model.rows(s) for s in (self.pool.samples, choice.samples)])
+        return certify_bound(rows, choice.index, among.poses, REFINED_TOLERANCE, near=among)
 
 
 def motion_signs(q: Array) -> np.ndarray:

@@ -13,6 +13,7 @@ from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction, held_out_improvement
 from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
+from planner.tracing.size_text import implausible_text
 from planner.tracing.state import FittedEffect, SearchState
 
 # segments of a run whose means are taken out before its autocorrelation is measured: a missing effect is slow
@@ -96,7 +97,7 @@ def rejection_reason(before: SearchState, after: SearchState, bench: FitContext,
         return f"held-out errors fall by {fall / 2:.1%} only"
     size = float(np.linalg.norm(after.sizes(found)))
     if size > found.effect.largest:
-        return f"its size {size:.3g} is beyond what is plausible, {found.effect.largest:.3g}"
+        return implausible_text(found.effect, size)
     inflation = variance_inflation(after, found)
     few = len(after.positions(found)) <= MOST_WALD_PARAMETERS
     if few and wald_statistic(after, found)[0] / inflation < LEAST_SIGMAS**2:

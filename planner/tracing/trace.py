@@ -15,23 +15,10 @@ from planner.tracing.score_test import ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress
 from planner.tracing.significance import own_gains, screening_correlation_time, variance_inflation, wald_log_p
+from planner.tracing.size_text import DISPLAY_UNITS, format_value
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.transmission_error import dominant_waves
 
-DISPLAY_UNITS = {
-    "rad": ("µrad", 1e6),
-    "m": ("µm", 1e6),
-    "rad/Nm": ("µrad/Nm", 1e6),
-    "m/N": ("µm/N", 1e6),
-    "s": ("ms", 1e3),
-    "1": ("µm/m", 1e6),
-    "1/K": ("µm/m/K", 1e6),
-    "m/K": ("µm/K", 1e6),
-    "rad/K": ("µrad/K", 1e6),
-    "m/s": ("µm/h", 3.6e9),
-    "rad/s": ("µrad/h", 3.6e9),
-    "rad/rad": ("µrad/rad", 1e6),
-}
 LEAST_MM = 1e-4  # [m] from which on what changed is told in millimetres
 NONLINEAR_UNITS = {"1/turn": ("", 1.0), "s": ("s", 1.0), "m": ("mm", 1e3), "rad": ("µrad", 1e6)}
 
@@ -112,15 +99,3 @@ def describe_effect(found: FittedEffect, value: float, std: float, inner_std: fl
         *others, last = [f"{f:.0f}" for f in dominant_waves(found, sizes)]
         sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"
     return sentence
-
-
-def format_value(value: float, std: float | None, unit: str, factor: float) -> str:
-    """``182 ± 6 µrad``: the uncertainty to two digits at most, the value no finer than that."""
-    value *= factor
-    if std is None or not np.isfinite(std) or std <= 0:
-        return f"{value:.3g} {unit}".strip()
-    std *= factor
-    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    if std >= 3:
-        digits = 0
-    return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()

@@ -55,7 +55,9 @@ class CalibrationResult(Result):
         found = self.calibration
         wide = 2 + max(26, *(len(s.name) for s in found.stages))
         fitted = sum(e.identifiable for e in found.estimates)
+        leads = [] if found.release is None else [_workspace_text(found.release, found.workspace_error)]
         lines = [
+            *leads,
             f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split.by)}, "
             f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
             f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
@@ -68,7 +70,7 @@ class CalibrationResult(Result):
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
         lines.append(f"  left        {found.diagnosis.sentence}")
         if found.release is not None:
-            lines.append(f"  released    {_release_text(found.release, found.workspace_error)}")
+            lines.append(f"  written     {_release_text(found.release)}")
         return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
 
     def content(self) -> Mapping[str, Any]:
@@ -291,13 +293,19 @@ def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
                 )
 
 
-def _release_text(r: Release, anywhere: float) -> str:
+def _workspace_text(r: Release, anywhere: float) -> str:
+    """Say how good the tool is expected to be anywhere: the figure that leads."""
+    out = f"tool error over the workspace {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm rms (expected"
+    out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
+    own = r.work_tool
+    if own is None:
+        return f"{out}; with another tool {r.other_tool / MM:.3f} mm)"
+    return f"{out}; with the robot's own tool {own.nominal_anywhere / MM:.3f} mm → {own.anywhere / MM:.3f} mm)"
+
+
+def _release_text(r: Release) -> str:
     what = "posterior mean of geometry and effects" if r.basis == "posterior" else "geometry alone"
-    beside = "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
-    return (
-        f"{what}: tool error expected anywhere {anywhere / MM:.3f} mm rms (nominal {r.nominal_anywhere / MM:.3f} mm"
-        f"{beside}; with another tool {r.other_tool / MM:.3f} mm), held out {r.held_out.rms / MM:.4f} mm rms"
-    )
+    return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
 
 
 def _plural(group: str) -> str:

@@ -20,6 +20,7 @@ from planner.report.calibration_charts import draw_calibration_charts, histogram
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
 from planner.report.calibration_report import calibration_content, report_calibration
 from planner.report.calibration_text import correlation_text, headline_text, refusal_text
+from planner.report.formatting import in_mm
 from planner.report.matplotlib_backend import chart_png
 from tests.report.calibrated import calibrated
 from tests.report.reading import ReadPage
@@ -82,7 +83,8 @@ def test_every_figure_has_its_place_and_finite_numbers(page: ReadPage) -> None:
             for axis in ("z",) if trace["type"] == "heatmap" else ("x", "y"):
                 values = numbers(trace[axis])
                 assert values.size > 0, name
-                assert np.isfinite(values).all(), name
+                holes = name == "expected_error" and trace["type"] == "heatmap"  # where the tool never is
+                assert np.isfinite(values).mean() > (0.4 if holes else 1.0 - 1e-9), name
     assert "nan" not in page.text.lower().split()
 
 
@@ -96,10 +98,13 @@ def test_prints_are_pictures_and_the_page_holds_them(page: ReadPage, folder: Pat
         assert 0.005 < ink.mean() < 0.6, name
 
 
-def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
+def test_headline_is_the_tools_error_and_then_that_of_readings_not_seen(c: Calibration) -> None:
     said = " ".join(headline_text(CalibrationFacts(c)))
-    before, after = (next(s for s in c.stages if s.name == n) for n in ("frames", c.stages[-1].name))
-    found = re.search(r"Mean error ([\d.]+) mm → ([\d.]+) mm on poses that the fit never saw\.", said)
+    assert c.release
+    assert c.released
+    assert said.startswith(f"Error of the tool over the workspace {in_mm(c.release.nominal_anywhere)} mm → ")
+    before, after = next(s for s in c.stages if s.name == "frames"), c.released
+    found = re.search(r"Mean error of lengths ([\d.]+) mm → ([\d.]+) mm on poses that no fit saw\.", said)
     assert found
     assert float(found[1]) == pytest.approx(1e3 * np.abs(before.held_residual).mean(), rel=6e-3)
     assert float(found[2]) == pytest.approx(1e3 * np.abs(after.held_residual).mean(), rel=6e-3)
@@ -109,7 +114,11 @@ def test_headline_is_the_mean_error_of_poses_not_seen(c: Calibration) -> None:
 
 
 def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
-    worse = c.model_copy(update={"stages": (*c.stages[:2], c.stages[1].model_copy(update={"name": "geometry"}))})
+    frames = c.stages[1]
+    assert c.released
+    robot = replace(c.released, held_out=frames.held_out, held_residual=frames.held_residual)
+    stages = (*c.stages[:2], frames.model_copy(update={"name": "geometry"}))
+    worse = c.model_copy(update={"stages": stages, "released": robot})
     assert "brought nothing" in " ".join(headline_text(CalibrationFacts(worse)))
 
 
@@ -138,7 +147,11 @@ def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.Mon
 
 
 def test_stage_table_is_that_of_the_calibration(c: Calibration, page: ReadPage) -> None:
-    rows = page.table("")[1:]
+    *rows, written = page.table("")[1:]
+    assert c.release
+    assert written[0] == "calibrated"
+    assert float(written[3]) == pytest.approx(c.release.held_out.rms * 1e3, rel=6e-3)
+    assert [r[0] for r in rows] == [s.name for s in c.stages]
     assert [int(r[1]) for r in rows] == [s.parameters for s in c.stages]
     for row, stage in zip(rows, c.stages, strict=True):
         assert float(row[3].split(" ± ")[0]) == pytest.approx(stage.held_out.rms * 1e3, rel=6e-3)
@@ -239,5 +252,5 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.M
 
 def test_stretches_of_a_drive_are_called_so() -> None:
     page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 5000)))
-    assert "on stretches that the fit never saw" in page["headline"][0]
+    assert "on stretches that no fit saw" in page["headline"][1]
     assert "40 stretches in 5 parts" in page["held_out"]

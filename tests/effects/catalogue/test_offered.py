@@ -10,6 +10,7 @@ import tests.identification.rigs as rigs
 from planner.effects.catalogue import catalogue
 from planner.effects.context import Context
 from planner.effects.gauge_errors import BallShape
+from planner.tracing.size_text import implausible_text
 from tests.effects.catalogue.test_phis import everything
 
 NEEDS = {
@@ -115,6 +116,31 @@ def test_entries_are_whole(name, kind):
         assert e.literature
         labels += [p.name for p in parameters]
     assert len(set(labels)) == len(labels)
+
+
+@pytest.mark.parametrize("minutes", [2, 60 * 18])
+def test_no_arm_tilts_by_degrees_an_hour_or_warms_up_for_days(minutes):
+    setup, samples = site()
+    t = np.linspace(0.0, 60.0 * minutes, len(samples.q))
+    offered = {(e.kind, str(e.place)): e for e in catalogue(setup, replace(samples, t=t))}
+    tilt = offered["drift", "base tilt"]
+    assert np.rad2deg(3600 * tilt.largest) < 0.3
+    assert all(0 < p.prior < tilt.largest for p in tilt.make())
+    assert "not plausible: at most" in implausible_text(tilt, np.deg2rad(8) / 3600)
+    assert "µrad/h" in implausible_text(tilt, np.deg2rad(8) / 3600)
+    constants = offered["warm-up", "joint 2"].nonlinear.values
+    assert constants.max() <= 4 * 3600
+    assert np.all(np.diff(constants) > 0)
+
+
+def test_a_weight_other_than_stated_is_told_by_how_far_the_joints_turn():
+    """Its columns are those of a kilogram more at a joint that yields, over the largest of them."""
+    setup, samples = site()
+    mass = next(e for e in catalogue(setup, samples) if e.kind == "payload mass")
+    assert mass.unit == "rad"
+    c = Context(setup, samples)
+    for p in mass.make():
+        assert np.abs(p.main.phi(c)).max() == pytest.approx(1.0)
 
 
 def test_same_samples_give_the_same_entries():

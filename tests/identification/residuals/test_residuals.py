@@ -13,6 +13,7 @@ from planner.identification.residual_tests import (
     ProjectedResidual,
     ResidualBattery,
     build_battery,
+    diagnose_residual,
     pose_groups,
     run_battery,
 )
@@ -100,6 +101,18 @@ def planted(c: Calibration, error: np.ndarray) -> set[str]:
     problem = replace(problem, targets=replace(problem.targets, length=length), memory=ProblemCache())
     rest, tests = looked_at(problem, c)
     return {t.along for t in run_battery(rest, tests, c.run.continuous, 1e-5).found}
+
+
+def test_more_than_the_declared_noise_is_never_called_chance(c: Calibration) -> None:
+    """The same residual, held against a gauge and a robot that are said to be a quarter as noisy."""
+    rms, noise = c.stages[-1].train.rms, c.fit.problem.whitener
+    plain = diagnose_residual(c.fit, c.run.continuous, rms)
+    assert "chance" in plain.sentence
+    finer = replace(noise, declared=noise.declared / 64, shaken=noise.shaken / 64)
+    fit = replace(c.fit, problem=replace(c.fit.problem, whitener=finer, memory=ProblemCache()))
+    said = diagnose_residual(fit, c.run.continuous, rms).sentence
+    assert f"is {rms / finer.declared_rms:.1f} times the noise" in said
+    assert "chance" not in said
 
 
 def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
