@@ -12,6 +12,7 @@ __all__ = [
     "least_squares",
     "pipeline",
     "problem",
+    "released_robot",
     "residual_table",
     "run_setup",
     "stages",

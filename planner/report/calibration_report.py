@@ -37,8 +37,8 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "problems": text.refusal_text(c),
         "headline": text.headline_text(facts),
         "facts": _facts(facts),
-        "stages": [*stages, *_written(c)],
-        "first_stages": [*(stages if len(stages) <= SHORT else _first(stages)), *_written(c)],
+        "stages": [*stages, *_release_row(c)],
+        "first_stages": [*(stages if len(stages) <= SHORT else _first(stages)), *_release_row(c)],
         "summary": text.findings_summary(c),
         "findings": text.finding_texts(facts),
         "limits": text.limit_table(c),
@@ -104,7 +104,7 @@ def _first(stages: list[Row]) -> list[Row]:
     return [*stages[:3], ("all effects", *stages[-1][1:])]
 
 
-def _written(c: Calibration) -> list[Row]:
+def _release_row(c: Calibration) -> list[Row]:
     """The same of the robot as it is written."""
     r = c.release
     if r is None:
