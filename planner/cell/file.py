@@ -140,11 +140,14 @@ class GaugeFile(OptionalKeys):
     @model_validator(mode="before")
     @classmethod
     def _own_keys(cls, data: object) -> object:
-        """Set the kind's own keys apart; the gauge reads them itself."""
+        """Set the kind's own keys apart, which the gauge reads itself; its usual body stands for what is not given."""
         if not isinstance(data, dict) or "own" in data:
             return data
         kind = gauge_kinds().get(str(data.get("kind")))
         keys = () if kind is None or kind.OwnKeys is None else tuple(kind.OwnKeys.model_fields)
+        body = data.get("body", {})
+        if kind is not None and kind.usual_body and isinstance(body, dict):
+            data = data | {"body": dict(kind.usual_body) | body}
         return {k: v for k, v in data.items() if k not in keys} | {"own": {k: data[k] for k in keys if k in data}}
 
     @field_validator("kind")

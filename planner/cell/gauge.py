@@ -6,7 +6,7 @@ never its kind. Each kind is one file in ``planner.gauges`` and is registered by
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -84,6 +84,7 @@ class Gauge(ABC):
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
     is_surveyed: ClassVar[bool] = False  # whether its declared frame is known well enough to warn of another
+    usual_body: ClassVar[Mapping[str, float]] = {}  # keys of ``[gauge.body]`` that stand where the cell gives none
     OwnKeys: ClassVar[type[BaseModel] | None] = None  # keys of ``[gauge]`` that only this kind has
 
     # ---- the cell file
@@ -106,7 +107,8 @@ class Gauge(ABC):
             length_max=longest * MM,
             cone_fixture=float(from_deg(g.cone_deg.fixture)),
             cone_map=float(from_deg(g.cone_deg.map)),
-            **({"trim": g.body.trim_mm * MM} | cls.read_own(path, file, planning)),
+            trim=g.body.trim_mm * MM,
+            **cls.read_own(path, file, planning),
         )
 
     @classmethod

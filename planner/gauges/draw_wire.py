@@ -1,16 +1,14 @@
 """A draw-wire encoder: its wire reads the distance of the tool point as a bar does, a hundred times less finely."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody
-from planner.common.units import MM
 from planner.gauges.bar import LengthGauge
 from planner.kinematics.bodies import capsule_between
 
@@ -34,16 +32,12 @@ class DrawWire(LengthGauge):
     travel_name: ClassVar[str] = "way without the wire"
     bare: ClassVar[str] = ", without the wire"
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
-
-    @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
-        """Return what a bar has, with a wire's body where the file gives none."""
-        usual = {"radius_mm": EYELET, "rod_radius_mm": WIRE, "housing_mm": 2 * EYELET, "trim_mm": HOOK}
-        given = {key: getattr(file.gauge.body, key) for key in file.gauge.body.model_fields_set}
-        body = file.gauge.body.model_copy(update=usual | given)
-        return super().read_own(
-            path, file.model_copy(update={"gauge": file.gauge.model_copy(update={"body": body})}), planning
-        ) | {"trim": body.trim_mm * MM}
+    usual_body: ClassVar[Mapping[str, float]] = {
+        "radius_mm": EYELET,
+        "rod_radius_mm": WIRE,
+        "housing_mm": 2 * EYELET,
+        "trim_mm": HOOK,
+    }
 
     def bodies(self, cell: Cell) -> list[GaugeBody]:
         """The eyelet, and the wire from both its ends, as far as it reaches at its shortest.
