@@ -24,7 +24,7 @@ from planner.runs.run import Run, Samples
 
 STATES = 1000  # joint states at which the tool is looked at
 OTHER_TOOL = 0.2  # [m] from the flange's centre to the tools that were not measured, in six directions
-NEGLIGIBLE = 1e-6  # [m] rms over the workspace by which the written robot may differ from the posterior mean
+NEGLIGIBLE = 0.1  # of the expected error: the written robot may differ so much from the mean, which adds 0.5 % to it
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ReleasedRobot:
         columns = self._rows_of(faint) * np.array([values[n] for n in faint])
         order = np.argsort((columns**2).sum(axis=0), kind="stable")
         size = np.sqrt((np.cumsum(columns[:, order], axis=1) ** 2).sum(axis=0) / len(self.tool.q))
-        for k in order[: int(np.searchsorted(np.maximum.accumulate(size), NEGLIGIBLE))]:
+        for k in order[: int(np.searchsorted(np.maximum.accumulate(size), NEGLIGIBLE * self.anywhere))]:
             del kept[faint[k]]
         return kept
 

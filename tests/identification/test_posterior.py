@@ -72,7 +72,7 @@ def test_the_written_robot_holds_the_posterior_mean():
     left = [n for n in all_of if n not in written and n in released.tool.names]
     values = dict(zip(released.fit.model.names, released.fit.errors, strict=True))
     moved = released.tool.rows[:, :, [released.tool.names.index(n) for n in left]] @ [values[n] for n in left]
-    assert np.sqrt((moved**2).sum(axis=1).mean()) < 1.01e-6
+    assert np.sqrt((moved**2).sum(axis=1).mean()) < 0.101 * released.anywhere
 
 
 def test_the_expected_error_is_that_of_drawn_robots():
