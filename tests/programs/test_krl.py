@@ -15,7 +15,8 @@ from planner.programs.program_files import import_map, write_program
 
 GRAMMAR = Lark((Path(__file__).parent / "grammars" / "krl.lark").read_text(), parser="lalr")
 SYSTEM = {
-    "$STOPMESS", "$ADVANCE", "$OUT", "$IN", "$LOAD", "LOAD_DATA", "$OV_PRO", "$APO.CPTP", "$AXIS_ACT",
+    "$STOPMESS", "$ADVANCE", "$OUT", "$IN", "$LOAD", "LOAD_DATA", "$OV_PRO", "$APO.CPTP", "$AXIS_ACT", "$ORI_TYPE",
+    "$CIRC_TYPE", "$TOOL", "$BASE", "$NULLFRAME", "$VEL.CP", "$APO.CDIS",
 }  # fmt: skip
 
 
@@ -27,9 +28,11 @@ SYSTEM = {
         sessions.continuous(6),
         sessions.dense(6, 2500),
         sessions.resumable(),
+        sessions.with_circle(),
+        dataclasses.replace(sessions.with_circle(), tool=None, base=None),
         sessions.resumable(rounded=True),
     ],
-    ids=["static", "seven joints", "continuous", "in parts", "resumable", "resumable in passing"],
+    ids=["static", "seven joints", "continuous", "in parts", "resumable", "circle", "circle, no tool", "in passing"],
 )
 def test_every_file_is_of_the_grammar(program) -> None:  # type: ignore[no-untyped-def]
     for file in write_program(program, "krl", "edbb nj130, a long name for a small controller"):
