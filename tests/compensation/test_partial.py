@@ -142,6 +142,8 @@ LEFT_RAPID = {
     "object": ("w1.uframe.trans.x := 5;\nMoveL p2,v9,fine,tool0\\WObj:=w1;", 3, r"w1\.uframe\.trans\.x is changed"),
     "frame": ("w1.oframe.trans := p2.trans;\nMoveL p2,v9,fine,tool0;", 3, r"p2 makes a tool or a work object"),
     "external": ("MoveL {E},v9,fine,tool0;", 7, "external axes are not at zero"),
+    "tool offset": ("MoveL RelTool(p1,0,0,5),v9,fine,tool0;", 7, "RelTool from p1 found: it gets the correction"),
+    **{f"cfx {k}": (f"MoveL {{cfx {k}}},v9,fine,tool0;", 7, f"cfx = {k} found; 0 … 3 are") for k in range(4, 8)},
     "handed on": ("pick p2;", 3, "it is handed to pick in line 7"),
     "two tools": ("MoveL p2,v9,fine,tool0;\nMoveL p2,v9,fine,t1;", 3, "different tools or bases"),
 }
@@ -152,6 +154,7 @@ def test_rapid_lines_that_are_not_certain_are_left_and_named(name, abb, tmp_path
     body, line, why = LEFT_RAPID[name]
     line = 7 if name == "offset" else line
     body = body.replace("{E}", target(abb[0], external="500"))
+    body = re.sub(r"\{cfx (\d)\}", lambda m: target(abb[0]).replace(",0],[9E9", f",{m[1]}],[9E9"), body)
     text = (
         f"MODULE M\nCONST robtarget p1:={target(abb[0])};\n"
         f"CONST robtarget p2:={target(abb[0], (5, 10, 20, 30, 40, 50))};\n"

@@ -21,6 +21,7 @@ from planner.instruments.circular.plan import (
     circular_course,
     measured_passes,
 )
+from planner.motion.collision.surroundings import left_out_pairs
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps
@@ -68,7 +69,7 @@ class CircularSession:
                 arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting])
             with stages.stage("path"):
                 drives.append(self._join_circles(mounting, arcs, 2 * sum(len(d.passes) for d in drives)))
-        notes = (*load_notes(self.cell), *_way_notes(self.cell, drives))
+        notes = (*load_notes(self.cell), *_way_notes(self.cell, drives), *left_out_pairs(self.cell))
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
     def record(self, plan: CircularPlan) -> dict[str, object]:
