@@ -1,8 +1,8 @@
 """Planning time of any arm: ``python -m tests.benchmarks.arms [--limit 60] [--urdf FILE,TIP ...] [ROBOT ...]``.
 
 Every shipped robot (or those that are named) and every URDF, meshes included, with a bar and with a draw wire that
-stand where the arm reaches well; each plan runs in a process of its own under ``--time-limit``. Prints seconds by stage,
-median and worst, and what a plan says where it gave up.
+stand where the arm reaches well; each plan runs in a process of its own under ``--time-limit``. Prints seconds by
+stage, median and worst, and how each plan ended.
 """
 
 import argparse
