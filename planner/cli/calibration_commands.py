@@ -1,7 +1,7 @@
 """The commands of calibration: simulate, identify, import, compensate, and the evaluations of instruments."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +20,14 @@ from planner.cli.terminal import (
     print_notes,
 )
 from planner.common.errors import PARTLY_DONE
+from planner.common.lazy_modules import LazyModule
+
+if TYPE_CHECKING:
+    from planner.workflow import accuracy, circle_evaluation, identification
+else:  # imported by the work itself, once its progress shows
+    accuracy = LazyModule("planner.workflow.accuracy")
+    circle_evaluation = LazyModule("planner.workflow.circle_evaluation")
+    identification = LazyModule("planner.workflow.identification")
 
 
 def simulate_command(
@@ -50,10 +58,8 @@ def identify_command(
     as_json: Json = False,
 ) -> None:
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
-    from planner.workflow.identification import identify
-
     give(
-        lambda stages: identify(
+        lambda stages: identification.identify(
             runs,
             cell=cell,
             plan=plan,
@@ -129,9 +135,7 @@ def accuracy_command(
     as_json: Json = False,
 ) -> None:
     """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
-    from planner.workflow.accuracy import check_accuracy
-
-    give(lambda stages: check_accuracy(run, cell, stages, plan, model), output, as_json)
+    give(lambda stages: accuracy.check_accuracy(run, cell, stages, plan, model), output, as_json)
 
 
 def circular_command(
@@ -143,9 +147,7 @@ def circular_command(
     as_json: Json = False,
 ) -> None:
     """Evaluate a circular test in the manner of ISO 230-4: deviations, reversals, the polar plot."""
-    from planner.workflow.circle_evaluation import evaluate_circular_runs
-
-    give(lambda stages: evaluate_circular_runs(runs, plan, stages), output, as_json)
+    give(lambda stages: circle_evaluation.evaluate_circular_runs(runs, plan, stages), output, as_json)
 
 
 def loaded_command(
@@ -165,7 +167,10 @@ def loaded_command(
     """Evaluate circles driven under load: joint compliances, and the circle as it would be without load."""
     from planner.common.units import DEG
     from planner.instruments.loaded.evaluation import LoadedOptions
-    from planner.workflow.circle_evaluation import evaluate_loaded
 
     options = LoadedOptions(None if overshoot is None else overshoot * DEG)
-    give(lambda stages: evaluate_loaded(runs, cell, stages, plan, tracker, options, unloaded or ()), output, as_json)
+    give(
+        lambda stages: circle_evaluation.evaluate_loaded(runs, cell, stages, plan, tracker, options, unloaded or ()),
+        output,
+        as_json,
+    )

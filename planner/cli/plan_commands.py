@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -19,6 +19,16 @@ from planner.cli.terminal import (
 )
 from planner.common.choices import Aim, IndexName
 from planner.common.errors import PARTLY_DONE, InputError
+from planner.common.lazy_modules import LazyModule
+
+if TYPE_CHECKING:
+    from planner.studies import cell_study
+    from planner.workflow import both_bars, loaded_places, planning
+else:  # imported by the work itself, once its progress shows
+    cell_study = LazyModule("planner.studies.cell_study")
+    both_bars = LazyModule("planner.workflow.both_bars")
+    loaded_places = LazyModule("planner.workflow.loaded_places")
+    planning = LazyModule("planner.workflow.planning")
 
 
 def plan_command(
@@ -48,10 +58,8 @@ def plan_command(
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    from planner.workflow.planning import plan
-
     result = give(
-        lambda stages: plan(
+        lambda stages: planning.plan(
             cell,
             poses=poses,
             index=index,
@@ -79,9 +87,7 @@ def study_command(
     as_json: Json = False,
 ) -> None:
     """Observability offline: what can be seen, with how many poses, from which fixture."""
-    from planner.studies.cell_study import study
-
-    give(lambda stages: study(cell, index=index, seed=seed, progress=stages.say), output, as_json)
+    give(lambda stages: cell_study.study(cell, index=index, seed=seed, progress=stages.say), output, as_json)
 
 
 def export_command(
@@ -117,10 +123,9 @@ def both_command(
 ) -> None:
     """Plan a session with both bars: poses without load, and the loaded circles that add most to one fit of both."""
     from planner.session.options import PlanOptions
-    from planner.workflow.both_bars import plan_both
 
     options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
-    give(lambda stages: plan_both(unloaded, loaded, places, options, stages), output, as_json)
+    give(lambda stages: both_bars.plan_both(unloaded, loaded, places, options, stages), output, as_json)
 
 
 def places_command(
@@ -134,6 +139,4 @@ def places_command(
     as_json: Json = False,
 ) -> None:
     """Find the places where loaded circles tell the joints' compliances apart."""
-    from planner.workflow.loaded_places import study_places
-
-    give(lambda stages: study_places(cell, places, seed, stages, plan), output, as_json)
+    give(lambda stages: loaded_places.study_places(cell, places, seed, stages, plan), output, as_json)
