@@ -14,5 +14,6 @@ __all__ = [
     "nonparametric",
     "parameters",
     "phi_keys",
+    "size_text",
     "steps",
 ]

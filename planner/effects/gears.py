@@ -51,6 +51,19 @@ class JointWave(BasisFunction, key="(sin|cos):JOINT:NUMBER"):
 
 
 @dataclass(frozen=True)
+class BoundedWave(JointWave, key="bounded-(sin|cos):JOINT:NUMBER:NUMBER:NUMBER"):
+    """The same of an angle kept between two others [rad]: beyond what was measured a curve stays as at its edge."""
+
+    lowest: float
+    highest: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the wave."""
+        q = np.clip(c.samples.q[:, self.joint], self.lowest, self.highest)
+        return np.asarray((np.sin if self.wave == "sin" else np.cos)(self.frequency * q))
+
+
+@dataclass(frozen=True)
 class JointAngle(BasisFunction, key="angle:JOINT:NUMBER"):
     """φ = q − about [rad] of a joint as read: a wrong ratio, or the coupling of another joint to this one."""
 

@@ -16,7 +16,7 @@ from planner.common.units import Array
 from planner.effects.catalogue import register
 from planner.effects.effect import Effect, Role, joint_place
 from planner.effects.excitation import Excitation
-from planner.effects.gears import FULL_TURN, WAVES, JointWave
+from planner.effects.gears import FULL_TURN, WAVES, BoundedWave
 from planner.effects.parameters import Parameter, transform_move
 
 GEAR_CURVE, NONPARAMETRIC = "gear error curve", "unnamed"
@@ -48,12 +48,12 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
     # less the first one's exponent: of a joint that hardly moves every wave is far beyond the quickest
     size = np.exp(-0.5 * (frequencies**2 - frequencies[0] ** 2) / quickest**2)
     size *= CURVE_SIZE / np.sqrt((size**2).sum())
-    rotation = _rotations(setup)[joint]
+    rotation, ends = _rotations(setup)[joint], _ends(q[:, joint])
     parameters = tuple(
         Parameter(
             f"gear_curve{joint + 1}_{wave}{k}", "rad", float(s),
             f"gear error of joint {joint + 1}, {f:.4g} waves a turn",
-            transform_move(rotation, JointWave(wave, joint, float(f))),
+            transform_move(rotation, BoundedWave(wave, joint, float(f), *ends)),
         )
         for k, (f, s) in enumerate(zip(frequencies, size, strict=True), 1) for wave in WAVES
     )  # fmt: skip
@@ -67,21 +67,29 @@ def nonparametric_effects(setup: MeasurementSetup, q: Array) -> Iterator[Effect]
     rotations, ranges = _rotations(setup), np.ptp(q, axis=0)
     moving = [int(i) for i in np.flatnonzero(ranges > 1e-2)]
     for i, by in sorted(((i, k) for i in rotations for k in moving), key=lambda pair: (pair[0] != pair[1], pair)):
-        yield _correction(rotations[i], i, by, float(ranges[by]))
+        yield _correction(rotations[i], i, by, float(ranges[by]), _ends(q[:, by]))
 
 
-def _correction(rotation: int, i: int, by: int, angle_range: float) -> Effect:
+def _ends(angle: Array) -> tuple[float, float]:
+    return float(angle.min()), float(angle.max())
+
+
+def _correction(rotation: int, i: int, by: int, angle_range: float, ends: tuple[float, float]) -> Effect:
     place = joint_place(i, by)
     label = f"unnamed{i + 1}" + ("" if i == by else f"_by{by + 1}")
     parameters = tuple(
         Parameter(
             f"{label}_{wave}{k}", "rad", CORRECTION_SIZE / k**2, f"smooth correction of {place}",
-            transform_move(rotation, JointWave(wave, by, k * np.pi / angle_range)),
+            transform_move(rotation, BoundedWave(wave, by, k * np.pi / angle_range, *ends)),
         )
         for k in range(1, CORRECTION_WAVES + 1) for wave in WAVES
     )  # fmt: skip
     over = "its own angle" if i == by else f"joint {by + 1}'s angle"
-    sentence = f"joint {i + 1}: moves smoothly with {over} by {{size}}, for a cause that has no name here"
+    low, high = np.rad2deg(ends)
+    sentence = (
+        f"joint {i + 1}: moves smoothly with {over} by {{size}}, for a cause that has no name here; "
+        f"known from {low:.0f} to {high:.0f} deg, beyond which it stays as there"
+    )
     literature = "none: a description, not a cause"
     role = Role.NONPARAMETRIC
     return Effect(NONPARAMETRIC, place, parameters, sentence, LARGEST_CORRECTION, literature, role=role)

@@ -1,6 +1,6 @@
 """From the last stage to the calibration: uncertainties, checks and warnings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
+from planner.effects.size_text import DISPLAY_UNITS, format_value
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
@@ -24,13 +25,14 @@ from planner.identification.cross_validation import Split, finer_split, number_p
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit
-from planner.identification.release import describe_release, release_robot
+from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.stages import FitContext, FittedStage
 from planner.identification.validation import new_frames
 from planner.model.identification_document import (
     Estimate,
+    Finding,
     HoldOut,
     Metrics,
     RejectedEffect,
@@ -197,7 +199,7 @@ def assess_fit(
         stages=tuple(s.stage for s in stages),
         estimates=table,
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
-        findings=traced.findings,
+        findings=tuple(_with_estimates(traced.findings, table)),
         limits=traced.limits,
         rejected=tuple(RejectedEffect(name=name, because=why) for name, why in traced.rejected),
         tried=traced.tried,
@@ -214,6 +216,7 @@ def assess_fit(
             *(*notes, *_fitted_there(parts, stages[-1])),
             *([NO_POSTERIOR] if released is None and basis != "fit" else []),
             *workspace_warning(expected, last.held_out, found.model.width),
+            *([] if released is None else tool_point_advice(released)),
         ),
         run=run,
         fit=found,
@@ -238,6 +241,20 @@ def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced:
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
     return estimate_parameters(whole, found, free.dropped, covariance, inner)
+
+
+def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> Iterator[Finding]:
+    """Yield the findings, those of one parameter with the value and deviation that the table of parameters has."""
+    for f in findings:
+        inner = "" if f.inner is None else f"{f.name}, {f.inner.name}"
+        own = [e for e in table if e.group == f.name and e.identifiable and e.std is not None and e.name != inner]
+        if len(own) != 1 or own[0].unit != f.unit or f.after_sample is not None or f.row is not None:
+            yield f
+            continue
+        unit = DISPLAY_UNITS.get(f.unit, (f.unit, 1.0))
+        value, std = own[0].value - own[0].nominal, own[0].std or 0.0
+        before, now = (format_value(abs(v), d, *unit) for v, d in ((f.value, f.std), (value, std)))
+        yield f.model_copy(update={"value": value, "std": std, "note": f.note.replace(before, now)})
 
 
 def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:

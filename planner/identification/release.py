@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 from planner.cell.cell import Cell
+from planner.common.units import MM, to_mm
+from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.cross_validation import predict_held_out
+from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families
 from planner.identification.posterior_fit import fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
@@ -11,11 +14,15 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
 from planner.model.model import Model
 
+DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
+
 
 def release_robot(
     stages: Sequence[FittedStage], whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
+
+    What has no name enters it only where the error of the tool to be expected over the workspace falls.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -28,13 +35,24 @@ def release_robot(
     Raises:
         NoSolutionError: the posterior does not come to rest.
     """
-    last, run, split = stages[-1].fit, context.run, context.split
+    named = [s for s in stages if not any(e.startswith(f"{NONPARAMETRIC}, ") for e in s.stage.effects)]
+    ends = [stages[-1].fit, *([named[-1].fit] if len(named) < len(stages) else [])]
+    plain = geometry_stage(stages)
+    robots = [_release_from(last, plain, whole, context, cell, time, geometry_alone) for last in ends]
+    return min(robots, key=lambda r: r.anywhere)
+
+
+def _release_from(
+    last: Fit, plain: FittedStage, whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
+) -> ReleasedRobot:
+    """Return the robot by the posterior that starts at the fit ``last``."""
+    run, split = context.run, context.split
     few = context.part(last.model)
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
     posterior = fit_posterior(last, run, whole, families, time)
-    maps, plain = tool_maps(cell, context.run, posterior.fit), geometry_stage(stages)
+    maps = tool_maps(cell, context.run, posterior.fit)
     if geometry_alone:
         own = plain.stage
         errors = (own.held_out, own.validation, own.held_residual)
@@ -74,3 +92,20 @@ def _describe_work_tool(released: ReleasedRobot, tool: ToolMap) -> WorkToolError
         anywhere=released.anywhere_with(released.fit, tool),
         nominal_anywhere=released.anywhere_with(None, tool),
     )
+
+
+def tool_point_advice(released: ReleasedRobot) -> list[str]:
+    """Return the advice to measure a second tool point where the robot's own tool would be off for want of one."""
+    tool = released.work_tool
+    if tool is None:
+        return []
+    there, here = released.anywhere_with(released.fit, tool), released.anywhere
+    if there**2 - here**2 < DOMINATES * there**2:
+        return []
+    x, y, z = (f"{float(to_mm(v)):g}" for v in tool.p_FM)
+    return [
+        f"the robot's own tool ({x}, {y}, {z} mm) is known to {there / MM:.3f} mm, the measured point to "
+        f"{here / MM:.3f} mm: most of that is what one tool point cannot tell from where its own ball sits on the "
+        "flange; a second point in the same session tells it ([[tool.points]], 100 mm or more from the first and not "
+        "on one line with it and the flange's axis)"
+    ]

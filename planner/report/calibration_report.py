@@ -15,6 +15,7 @@ from planner.report.page import Report, Row
 
 MOST_MOVED = 5  # parameters on the first sheet
 OUTLIERS, MOST_REJECTED = 50, 20  # that are listed
+NOMINAL_DECIMALS = 6  # of mm and degrees: finer than any data sheet
 SHORT = 6  # stages up to which the first sheet lists all of them
 
 
@@ -148,7 +149,8 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
 
 
 def _nominal(e: Estimate) -> str:
-    return f"{e.nominal * text.estimate_unit(e)[1]:.6g}"
+    value = e.nominal * text.estimate_unit(e)[1]
+    return f"{round(value, NOMINAL_DECIMALS) + 0.0:.9g}"
 
 
 def _format(e: Estimate, value: float | None, sign: str = "") -> str:
@@ -158,7 +160,7 @@ def _format(e: Estimate, value: float | None, sign: str = "") -> str:
     factor = text.estimate_unit(e)[1]
     size = (e.std or 0.0) * factor
     decimals = int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
-    return f"{value * factor:{sign}.{decimals}f}"
+    return f"{round(value * factor, decimals) + 0.0:{sign}.{decimals}f}"
 
 
 def _outlier(c: Calibration, k: int) -> Row:

@@ -7,13 +7,13 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.effect import Role
+from planner.effects.size_text import implausible_text
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction, held_out_improvement
 from planner.model.identification_document import Metrics
 from planner.tracing.auxiliary_parameters import LINK_MASSES
-from planner.tracing.size_text import implausible_text
 from planner.tracing.state import FittedEffect, SearchState
 
 # segments of a run whose means are taken out before its autocorrelation is measured: a missing effect is slow

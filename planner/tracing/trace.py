@@ -5,6 +5,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Role
+from planner.effects.size_text import DISPLAY_UNITS, format_value
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Finding, InnerNumber, log10_p, p_value
@@ -15,7 +16,6 @@ from planner.tracing.score_test import ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress
 from planner.tracing.significance import own_gains, screening_correlation_time, variance_inflation, wald_log_p
-from planner.tracing.size_text import DISPLAY_UNITS, format_value
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.transmission_error import dominant_waves
 

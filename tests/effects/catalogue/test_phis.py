@@ -23,7 +23,7 @@ from planner.effects.gauge_errors import (
     PointLag,
     RayGrowth,
 )
-from planner.effects.gears import JointAngle, JointWave
+from planner.effects.gears import BoundedWave, JointAngle, JointWave
 from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import phi_from_key
 from planner.effects.sessions import PlaceInSession
@@ -194,6 +194,7 @@ def test_plain_formulas():
     both = {
         JointWave("sin", 2, 12.5): np.sin(12.5 * q[:, 2]),
         JointWave("cos", 2, 12.5): np.cos(12.5 * q[:, 2]),
+        BoundedWave("sin", 2, 12.5, -0.2, 0.3): np.sin(12.5 * np.maximum(np.minimum(q[:, 2], 0.3), -0.2)),
         JointAngle(1, 0.3): q[:, 1] - 0.3,
         SpeedSign(3): np.where(s.speed[:, 3] > 0, 0.5, -0.5),
         ApproachDirection(3): s.direction[:, 3] / 2,
