@@ -37,8 +37,8 @@ class ServiceContext:
         return job
 
 
-def context_of(request: Request) -> ServiceContext:
-    """Return the parts of the service that a request came to."""
+async def context_of(request: Request) -> ServiceContext:
+    """Return the parts of the service that a request came to; no thread is needed for that."""
     return cast(ServiceContext, request.app.state.context)
 
 

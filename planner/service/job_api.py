@@ -93,8 +93,9 @@ def list_jobs(
 
 
 @JOBS.get("/jobs/{id}", responses={404: {"model": Problem}})
-def get_job(id: JobId, context: Context) -> Job:
+async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
+    # no thread: a read of the database waits for nobody, and many pages ask at once
     return _job(context, find_job(context, id))
 
 

@@ -17,7 +17,7 @@ from planner.service.process_group import ProcessGroup
 from planner.service.settings import GB, JobLimits
 
 LOOK_S = 0.1
-MEMORY_LOOK_S = 0.5
+MEMORY_LOOK_S = 1.0
 MOST_LOG = 200_000  # bytes of what a command prints
 TITLES = {1: "Internal error", 2: "The input is wrong", 3: "There is no solution", 4: "A needed program is missing"}
 TRACEBACK = re.compile(r"^Traceback \(most recent call last\):", re.MULTILINE)
