@@ -57,6 +57,7 @@ def test_a_cell_that_names_a_file_of_the_machine_fails_with_the_sentence_of_the_
     assert "the folder of this job" in job["problem"]["detail"]
 
 
+@pytest.mark.long
 def test_a_run_that_does_not_fit_is_told(client):
     run = upload(client, "runs", "t_s,q1_deg\n0,1\n", "run.csv")
     assert run["id"] in [r["id"] for r in client.get("/api/runs").json()]
