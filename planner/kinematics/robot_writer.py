@@ -10,6 +10,7 @@ import tomli_w
 from planner.common.schema import read_toml
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.calibration_tables import nominal_key
+from planner.kinematics.joint_origins import exported_models
 from planner.kinematics.robot import Loads, Robot, RobotEffect
 from planner.kinematics.robot_reader import RobotDescription
 from planner.kinematics.urdf import read_urdf, write_urdf
@@ -63,6 +64,7 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
         files.append(("robot.urdf", text))
     else:
         _correct_rows(robot, content, {n: values[n] for n in sorted(changed)})
+        files += exported_models(robot, values)
     for body in _tables(content, "bodies"):
         if "file" in body:
             body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
