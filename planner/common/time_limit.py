@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from planner.common.errors import NoSolutionError
 
 CANDIDATES, ROADMAP, BOUND, CHOICE, REFINEMENT, TOUR = 0.2, 0.35, 0.55, 0.6, 0.7, 0.75
@@ -59,6 +61,12 @@ def must_stop(share: float, left: str) -> bool:
         return False
     limit.left.setdefault(left)
     return True
+
+
+def seconds_left(share: float) -> float:
+    """Return the seconds until a share of the limit is over, at least one; infinite without a limit."""
+    limit = _current.get()
+    return np.inf if limit is None else max(1.0, limit.start + share * limit.seconds - time.time())
 
 
 def check_time(doing: str) -> None:

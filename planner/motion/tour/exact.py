@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from planner.common.time_limit import TOUR, seconds_left
 from planner.common.units import Array
 from planner.motion.tour.instance import IntArray, TourInstance
 from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours
@@ -199,6 +200,7 @@ def _search_tree(
     program.make_whole()
     while True:
         program.solver.setOptionValue("mip_max_nodes", limit - nodes)
+        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + seconds_left(TOUR))
         if allowed:
             program.start_from(tour)
         x = program.point()

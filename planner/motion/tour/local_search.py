@@ -9,6 +9,7 @@ from random import Random
 
 import numpy as np
 
+from planner.common.time_limit import TOUR, must_stop
 from planner.motion.tour.instance import IntArray
 
 _BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
@@ -37,6 +38,8 @@ class LocalSearch:
         if self._size < 8:
             return
         for _ in range(kicks):
+            if must_stop(TOUR, "the order of the poses was searched only in part"):
+                break
             tour, position = self.tour.copy(), self._position.copy()
             change, ends = self._kick()
             change += self._descend(ends)
