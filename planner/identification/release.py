@@ -15,6 +15,7 @@ from planner.model.identification_document import Metrics, Release, SizeOfFamily
 from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
+PAYS = 1.15  # expected error of geometry over that of the posterior mean, from which on the mean is released
 
 
 def release_robot(
@@ -30,7 +31,8 @@ def release_robot(
         context: run and split.
         cell: the cell.
         time: how many samples are worth one.
-        geometry_alone: release the geometry as fitted alone.
+        geometry_alone: release the geometry as fitted alone. So it is where the posterior, without any finding that
+            stands, expects next to nothing from its mean: what an arm may have less is no reason to move it.
 
     Raises:
         NoSolutionError: the posterior does not come to rest.
@@ -52,11 +54,11 @@ def _release_from(
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
     posterior = fit_posterior(last, run, whole, families, time)
-    maps = tool_maps(cell, context.run, posterior.fit)
-    if geometry_alone:
-        own = plain.stage
-        errors = (own.held_out, own.validation, own.held_residual)
-        return ReleasedRobot(plain.fit, plain.fit, posterior, *maps, *errors)
+    maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
+    geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
+    pays = posterior.findings or geometry.anywhere > PAYS * geometry.anywhere_with(posterior.fit)
+    if geometry_alone or not pays:
+        return geometry
     held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
     errors = (Metrics.of(held, split.fold), context.judge(posterior.fit), held)
     return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, *errors)
@@ -72,7 +74,7 @@ def describe_release(released: ReleasedRobot) -> Release:
     posterior, work = released.posterior, released.work_tool
     return Release(
         basis="posterior" if released.fit is posterior.fit else "geometry",
-        findings=posterior.findings,
+        findings=posterior.findings if released.fit is posterior.fit else (),
         held_out=released.held_out,
         validation=released.validation,
         nominal_anywhere=released.anywhere_with(None),
