@@ -1,0 +1,66 @@
+"""What the server puts into a page: robots, problems as text, steps at the cell, numbers of the certificate."""
+
+import re
+
+import pytest
+from scipy.stats import maxwell
+
+from planner.cell.reading import load_cell
+from planner.service.certificate import RMS_OF_REPEATABILITY
+from planner.service.finding_actions import GENERAL, find_action
+from planner.service.session_steps import session_steps
+from planner.session.document import PlanDocument
+from tests.service.conftest import ended, upload
+
+
+def test_the_first_page_leads_to_every_cell(client):
+    page = client.get("/").text
+    assert 'href="/cells/ur10/edbb"' in page
+    assert client.get("/cells/ur10/edbb").status_code == 200
+    assert client.get("/cells/ur10/none").status_code == 404
+
+
+def test_pages_take_nothing_from_elsewhere(client):
+    for path in ("/", "/jobs", "/calibrate", "/cells/ur10/edbb"):
+        answer = client.get(path)
+        for link in re.findall(r'(?:src|href)="([^"]+)"', answer.text):
+            assert link.startswith(("/", "#")), link
+            if link.startswith("/static/"):
+                assert client.get(link).status_code == 200
+        assert "script-src 'self'" in answer.headers["content-security-policy"]
+        assert not re.search(r"<script(?![^>]*src=)|\son\w+=|\sstyle=", answer.text)
+
+
+def test_text_of_a_file_is_text_on_a_page(client):
+    cell = upload(client, "cells", 'schema = "edbb-cell/1"\nrobot = "<script>alert(1)</script>"\n', "x.toml")
+    job = ended(client, client.post("/api/cell-checks", json={"cell": cell["id"]}))
+    page = client.get(f"/jobs/{job['id']}").text
+    assert job["state"] == "failed"
+    assert "<script>alert" not in page
+
+
+def test_the_steps_at_the_cell_say_what_the_cell_says():
+    cell = load_cell("ur10/edbb")
+    plan = PlanDocument.model_validate(
+        {
+            "schema": "edbb-plan/1",
+            "plan_id": "0123456789ab",
+            "drives": [{"fixture": "A", "travel": [], "waypoints": []}],
+        }
+    )
+    steps = session_steps(plan, cell.file, [])
+    text = " ".join(s.text for s in steps)
+    assert "0123456789ab" in text
+    assert "Attach the gauge" in [s.title for s in steps]
+    assert ", ".join(f"{v:g}" for v in cell.file.fixtures[0].position_mm) in text
+
+
+@pytest.mark.parametrize("effect", ["gear ripple", "joint compliance", "backlash", "session step"])
+def test_a_finding_has_an_action_of_its_own(effect):
+    assert find_action(effect) != GENERAL
+
+
+def test_repeatability_becomes_the_rms_of_such_a_scatter():
+    """RP of ISO 9283 is the mean distance plus three standard deviations; distances in space follow Maxwell."""
+    rms = (maxwell.mean() ** 2 + maxwell.var()) ** 0.5
+    assert pytest.approx(rms / (maxwell.mean() + 3 * maxwell.std()), rel=1e-4) == RMS_OF_REPEATABILITY
