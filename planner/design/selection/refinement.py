@@ -26,7 +26,6 @@ from planner.design.selection.matrix_forms import information_matrix
 
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _TRIALS = 24
-_FIRST = 4  # trials of a pose, by their gain, that are checked first
 _REACH = 0.2  # [rad] at first
 _SMALLEST = 1e-4  # [rad]
 
@@ -104,7 +103,10 @@ def _run_round(
     trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(n, _TRIALS, *rows.shape[1:])
     scores = _scores(rows, potential)
     gains = scores.of_each(trial_rows)
-    passed = _check_best(gains, lambda hopeful: valid(trial[hopeful], which[hopeful]))
+    hopeful = gains > 0
+    passed = np.zeros(gains.shape, dtype=bool)
+    if hopeful.any():
+        passed[hopeful] = valid(trial[hopeful], which[hopeful])
     q, rows, reach = q.copy(), rows.copy(), reach.copy()
     for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
         gain = np.where(passed[k], scores.of_one(k, trial_rows[k]), -np.inf) if passed[k].any() else gains[k]
@@ -116,21 +118,6 @@ def _run_round(
         else:
             reach[k] *= 0.7
     return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH)
-
-
-def _check_best(gains: Array, valid: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Tell which trials (n, T) gain and pass: the best few of each pose, and the others only where none of these does.
-
-    ``valid`` is told a mask (n, T) and answers for what it marks.
-    """
-    passed = np.zeros(gains.shape, dtype=bool)
-    rank = np.argsort(np.argsort(-gains, axis=1, kind="stable"), axis=1)
-    for low, high in ((0, _FIRST), (_FIRST, gains.shape[1])):
-        asked: np.ndarray = np.logical_and(gains > 0, (rank >= low) & (rank < high))
-        asked[passed.any(axis=1)] = False
-        if asked.any():
-            passed[asked] = valid(asked)
-    return passed
 
 
 class _TrialScores(Protocol):
