@@ -11,7 +11,7 @@ def fit_circle_in_space(x: Array) -> tuple[Array, Array, float]:
     The plane is that of least squares (SVD), in it the circle of least algebraic error (Kåsa 1976).
     """
     middle = x.mean(axis=0)
-    _, _, axes = np.linalg.svd(x - middle, full_matrices=True)
+    _, _, axes = np.linalg.svd(x - middle, full_matrices=len(x) < 3)
     local = (x - middle) @ axes[:2].T
     A = np.column_stack([2 * local, np.ones(len(x))])
     a, b, c = np.linalg.lstsq(A, (local**2).sum(axis=1))[0]
