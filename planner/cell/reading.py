@@ -14,6 +14,7 @@ from planner.cell.cell import (
 )
 from planner.cell.circles import Circle, read_circles
 from planner.cell.file import CellFile
+from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import gauge_kinds
 from planner.cell.places import (
     read_artifact_bodies,
@@ -70,13 +71,17 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     return cell_of(read_toml(path, CellFile), path, name, planning)
 
 
+def _gauge_class(file: CellFile) -> type[Gauge]:
+    return gauge_kinds()[file.gauge.kind]
+
+
 def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cell:
     """Return the cell that ``file`` says; paths in it count from the folder of ``path``, which messages name.
 
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
-    gauge = gauge_kinds()[file.gauge.kind]
+    gauge = _gauge_class(file)
     if planning and not gauge.plannable:
         planned = ", ".join(name for name, kind in gauge_kinds().items() if kind.plannable)
         raise InputError(f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {planned}")
@@ -133,7 +138,7 @@ def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
     if not file.fixtures or file.gauge.length_mm is None:
         raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
     loaded = [c for c in file.circles if c.loads_N]
-    if loaded and not gauge_kinds()[file.gauge.kind].is_loaded:
+    if loaded and not _gauge_class(file).is_loaded:
         raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
     shortest, longest = file.gauge.length_mm
     fixtures = {f.name: read_only(from_mm(f.position_mm)) for f in file.fixtures}

@@ -113,6 +113,15 @@ class ProgramFile:
     encoding: str = "ascii"
 
 
+def _check_length(dialect: Dialect, lines: int, limit: int | None) -> None:
+    """Refuse a file that is longer than the cell allows, of a language whose programs have no parts."""
+    if limit is not None and lines > limit:
+        raise InputError(
+            f"the program has {lines} lines, controller.part_lines allows {limit}, and a program of {dialect.title} "
+            "has no parts: take another dialect, or fewer poses"
+        )
+
+
 @dataclass(frozen=True)
 class ProgramPart:
     """A stretch of a long program that the main program calls by ``name``."""
@@ -183,15 +192,13 @@ def _render_files(
         blocks = _step_lines(module, program, dialect, steps)
     if dialect.files.cut == "pause":
         cut = [ProgramPart(f"{name}_{i:03d}", i, lines) for i, lines in enumerate(_cut_at_pauses(blocks, steps), 1)]
+        _check_length(dialect, max(len(p.lines) for p in cut), limit)
         parts_of = [(dialect.files.main.format(name=p.name), _lines(module, "main", p)) for p in cut]
         return tuple(_finish(file_name, lines, dialect) for file_name, lines in parts_of)
     parts = _split(blocks, name, limit)
     files = [(dialect.files.main.format(name=name), _lines(module, "main", parts))]
-    if dialect.part_lines is None and len(parts) > 1:
-        raise InputError(
-            f"the program has {sum(map(len, blocks))} lines, controller.part_lines allows {limit}, and a program of "
-            f"{dialect.title} has no parts: take another dialect, or fewer poses"
-        )
+    if dialect.part_lines is None:
+        _check_length(dialect, sum(map(len, blocks)), limit)
     if dialect.files.part is not None and len(parts) > 1:
         files += [(dialect.files.part.format(name=p.name), _lines(module, "part", p)) for p in parts]
     if dialect.files.data is not None:

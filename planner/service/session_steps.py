@@ -7,8 +7,6 @@ from planner.cell.file import CellFile
 from planner.service.answers import OutputFile
 from planner.session.document import PlanDocument
 
-BARS = ("edbb", "ldbb", "draw-wire")
-
 
 @dataclass(frozen=True)
 class SessionStep:
@@ -60,14 +58,14 @@ def _places(cell: CellFile) -> str:
 
 
 def _attach(cell: CellFile) -> list[SessionStep]:
-    if cell.gauge.kind not in BARS:
+    if not cell.fixtures:
         return []
     zero = "Set it to zero as the program asks." if cell.gauge.zero == "free" else "Check its known zero."
     return [SessionStep("Attach the gauge", f"Where the program pauses: put both balls into their cups. {zero}")]
 
 
 def _log_text(cell: CellFile) -> str:
-    reading = "the gauge's length" if cell.gauge.kind in BARS else "the gauge's reading"
+    reading = "the gauge's length" if cell.fixtures else "the gauge's reading"
     return (
         f"One row a {'pose' if cell.motion.measure == 'static' else 'sample'}: time, joint angles as read, {reading}."
     )

@@ -8,9 +8,10 @@ import pytest
 
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
+from planner.common.units import round_angles
 from planner.programs.program_files import shared_notes
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import Waypoints, round_angles, time_course
+from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import assemble_programs, session_program
 from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
