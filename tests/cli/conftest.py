@@ -1,5 +1,11 @@
-"""The small plans of the workflow's tests are the commands' inputs here too."""
+"""A small plan, the input of the commands that are killed."""
 
-from tests.workflow.conftest import moving
+import pytest
 
-__all__ = ["moving"]
+from tests.workflow.conftest import planned
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory):
+    few = ("candidates = 3000", "candidates = 600")
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", changes=(few,))

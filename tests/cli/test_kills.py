@@ -50,8 +50,8 @@ def _commands(kind: str, things: Path, out: Path, request) -> tuple[tuple[object
             for k in "ab"
         ]
         return words[0], words[1], out / "r.csv"
-    plan = request.getfixturevalue("moving").folder / "plan.json"
-    cell = request.getfixturevalue("moving").cell_path
+    plan = request.getfixturevalue("small").folder / "plan.json"
+    cell = request.getfixturevalue("small").cell_path
     if kind == "simulate":
         words = [("simulate", plan, "-o", out / "r.csv", "--seed", s) for s in (1, 2)]
         return words[0], words[1], out / "r.csv"
@@ -64,7 +64,7 @@ def _commands(kind: str, things: Path, out: Path, request) -> tuple[tuple[object
     run = things / "run.csv"
     if not run.exists():
         assert edbb("simulate", plan, "-o", run).returncode == 0
-    words = [("identify", run, "--cell", cell, "-o", out / "o", "--no-trace", *w) for w in ((), ("--geometry",))]
+    words = [("identify", run, "--cell", cell, "-o", out / "o", "--no-trace", *w) for w in ((), ("--hold-out", 0.4))]
     if kind == "identify":
         return words[0], words[1], out / "o"
     assert edbb(*words[0][:4], "-o", things / "found", "--no-trace").returncode == 0

@@ -7,7 +7,7 @@ import pytest
 
 from planner.effects.excitation import Excitation
 from planner.effects.steps import steppables
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, step_series
 from planner.tracing.change_text import slip_of_the_pen
@@ -113,7 +113,8 @@ def test_steps_at_three_times_the_noise_are_found():
     for seed in range(24):
         rng = np.random.default_rng([seed, 9])
         name, sample = list(THINGS)[seed % len(THINGS)], int(rng.integers(20, 180))
-        found = identify(stepped(w, seed, ((name, sample, 3.0),)), w.cell, tracer=trace)
+        run = stepped(w, seed, ((name, sample, 3.0),))
+        found = identify(run, w.cell, tracer=trace, settings=FitSettings(release=False))
         steps = [f for f in found.findings if f.effect == "step"]
         named += bool(steps)
         timed += any(abs(f.after_sample - sample) <= 4 for f in steps)
