@@ -44,7 +44,7 @@ class FileHash:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class CalibrationCertificate:
     """What the sheet says beside the fields that a person fills in."""
 
     found: CalibrationPage
@@ -57,7 +57,7 @@ class Certificate:
     software: str
 
 
-def build_certificate(context: ServiceContext, job: Job) -> Certificate:
+def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertificate:
     """Return the certificate of a finished identification.
 
     Raises:
@@ -71,7 +71,7 @@ def build_certificate(context: ServiceContext, job: Job) -> Certificate:
     plan_id = "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
     hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
     hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
-    return Certificate(
+    return CalibrationCertificate(
         found=found,
         gauge=_gauge(context, record.command.words, inputs),
         plan_id=plan_id,
