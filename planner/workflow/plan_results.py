@@ -65,14 +65,14 @@ class PlanResult(SessionResult):
         choice, drives = plan.choice, plan.drives
         gap = INDEX_RULES[choice.index].gap
         bound, off = choice.certificate.value, plan.certificate.value
-        moved = f"; these poses beside them {off:#.4g}, gap {100 * max(gap(choice.value, off), 0.0):.1f} %"
+        moved = f"; with the refined poses among them {off:#.4g}, gap {100 * max(gap(choice.value, off), 0.0):.1f} %"
         tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
         clearance = min(d.path.clearance for d in drives) * 1e3
         proof = (
-            f"of the candidates no such set is better than {bound:#.4g} (theirs {choice.on_grid_value:#.4g}, gap "
+            f"no set of the candidates exceeds {bound:#.4g} (the set chosen among them: {choice.on_grid_value:#.4g}, gap "
             f"{100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"
             if plan.by_index
-            else f"it did not choose the poses (of the candidates no such set is better than {bound:#.4g})"
+            else f"it did not choose the poses (no set of the candidates exceeds {bound:#.4g})"
         )
         lines = [
             f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",

@@ -81,6 +81,15 @@ def test_a_table_keeps_what_is_not_a_target(robot, tmp_path):
     assert moved.encoding == "latin-1"
 
 
+def test_rows_that_only_wait_are_kept_without_a_word(robot, tmp_path):
+    path = tmp_path / "poses.csv"
+    joints = ",".join(f"q{j}_deg" for j in range(1, 7))
+    path.write_text(f'kind,{joints},text\nmove,1,2,3,4,35,6,\npause,,,,,,,"mount the bar, then start"\n')
+    done = compensate_file(path, robot, shifted(robot))
+    assert not done.report.kept
+    assert 'move,1,2,3,3.500000,35,6,\npause,,,,,,,"mount the bar, then start"\n' in done.text
+
+
 def krl(*lines):
     return "\n".join(["DEF P ( )", *lines, "END", ""])
 

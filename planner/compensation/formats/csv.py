@@ -70,11 +70,26 @@ def _group(header: list[str], names: list[str], units: str) -> list[Column]:
     return found
 
 
+def _split_cells(line: str, separator: str) -> list[str]:
+    """Return the cells as they are written; a separator in quotes is text."""
+    cells: list[list[str]] = []
+    within = False
+    for piece in line.split(separator):
+        if within:
+            cells[-1].append(piece)
+        else:
+            cells.append([piece])
+        within ^= piece.count('"') % 2 == 1
+    return [separator.join(pieces) for pieces in cells]
+
+
 def _row(number: int, start: int, line: str, separator: str, columns: _TargetColumns, reading: TargetReading) -> None:
-    cells = line.split(separator)
+    cells = _split_cells(line, separator)
     if len(cells) != columns.count:
         reading.refuse(number, f"{len(cells)} cells found, the header has {columns.count}")
         return
+    if not any(cells[k].strip() for k, _ in columns.pose + columns.joints):
+        return  # a row of another kind: a wait, a mark
     places = np.cumsum([start, *(len(c) + 1 for c in cells)])
     slots, values = [], []
     for k, unit in columns.pose + columns.joints:
