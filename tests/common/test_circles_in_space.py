@@ -22,7 +22,6 @@ def test_a_drawn_circle_is_found(n):
 
 @pytest.mark.parametrize("order", [(0.2, 1.0, 3.0), (3.0, 1.0, 0.2), (5.5, 0.3, 2.0)])
 def test_an_arc_passes_its_middle_point(order):
-    first, middle, last = order
     radius = 0.3
     x = radius * np.column_stack([np.cos(order), np.sin(order), np.zeros(3)]) + [1, 2, 3]
     share = np.linspace(0, 1, 20_001)
