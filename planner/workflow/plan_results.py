@@ -69,7 +69,7 @@ class PlanResult(SessionResult):
         tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
         clearance = min(d.path.clearance for d in drives) * 1e3
         proof = (
-            f"no set of the candidates exceeds {bound:#.4g} (the set chosen among them: {choice.on_grid_value:#.4g}, gap "
+            f"no set of the candidates exceeds {bound:#.4g} (chosen among them: {choice.on_grid_value:#.4g}, gap "
             f"{100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"
             if plan.by_index
             else f"it did not choose the poses (no set of the candidates exceeds {bound:#.4g})"
