@@ -64,7 +64,8 @@ class Tool:
 class Ball:
     """One ball or socket of an artifact: p_GS (3,) [m] in the plate's own frame, radius [m].
 
-    ``stem`` (3,) [m] is where its stem is held, in the same frame, with the stem's radius [m] beside it.
+    ``stem`` (3,) [m] is where its stem is held, in the same frame, with the stem's radius [m] beside it; ``axis_G``
+    (3,) is the way out of a socket.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Ball:
     radius: float = 0.0
     stem: Array | None = None
     stem_radius: float = 0.0
+    axis_G: Array = field(default_factory=lambda: read_only([0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True)

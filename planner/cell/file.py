@@ -42,7 +42,8 @@ class BallFile(OptionalKeys):
     radius_mm: PositiveFloat = 12.7
     stem_to_mm: Vector | None = None
     stem_radius_mm: PositiveFloat = 5.0
-    LATER: ClassVar[tuple[str, ...]] = ("radius_mm", "stem_to_mm", "stem_radius_mm")
+    axis: Vector = (0.0, 0.0, 1.0)  # of a socket, the way in which the ball leaves it
+    LATER: ClassVar[tuple[str, ...]] = ("radius_mm", "stem_to_mm", "stem_radius_mm", "axis")
 
 
 class PlacedFile(StrictModel):
@@ -277,14 +278,14 @@ class CellFile(OptionalKeys):
 
     @model_validator(mode="before")
     @classmethod
-    def _many_to_validate(cls, data: object) -> object:
-        """Let the gauge say how many poses validate where nothing else is asked for."""
+    def _usual_plan(cls, data: object) -> object:
+        """Let the gauge say what is planned where nothing else is asked for."""
         if not isinstance(data, dict) or not isinstance(gauge := data.get("gauge"), dict):
             return data
         kind, plan = gauge_kinds().get(str(gauge.get("kind"))), data.get("plan", {})
-        if kind is None or kind.validates_unasked is None or not isinstance(plan, dict):
+        if kind is None or not kind.usual_plan or not isinstance(plan, dict):
             return data
-        return data | {"plan": {"validate": kind.validates_unasked} | plan}
+        return data | {"plan": dict(kind.usual_plan) | plan}
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":

@@ -67,15 +67,15 @@ class Gauge(ABC):
     plural: ClassVar[str]  # what its readings are called
     width: ClassVar[int] = 1  # numbers in one reading
     angles: ClassVar[int] = 0  # how many of them, at the end, are angles
-    plannable: ClassVar[bool] = True
     needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
     travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
     bare: ClassVar[str] = ""  # said of that way in a program
     removal: ClassVar[str] = ""  # what a person does after the last pose
-    validates_unasked: ClassVar[int | None] = (
-        None  # poses that validate where no number is given, in place of the usual
-    )
+    usual_plan: ClassVar[Mapping[str, object]] = {}  # keys of ``[plan]`` that stand where the cell gives none
+    measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
+    at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact
+    left_to_person: float = 0.0  # share of the last way to a ball that a person goes, not the program
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
@@ -231,6 +231,22 @@ class Gauge(ABC):
     def ball_to_centre(self, cell: "Cell", q: Array) -> int | None:
         """Return which ball is centred at q (N,) [rad]; ``None`` where no ball is."""
         return None
+
+    def seating(self, cell: "Cell", q: Array, pose: int) -> str:
+        """Return what a person does at a pose before it is read, q (N,) [rad]; empty where nothing."""
+        return ""
+
+    def retract(self, cell: "Cell", q: Array, ball: int) -> tuple[Array, Array]:
+        """Return where the tool comes from to poses q (n, N) [rad] at a ball, and by how much that misses, (n,) [m]."""
+        return q, np.zeros(len(q))
+
+    def starts_among(self, q: Array) -> Array | None:
+        """Return the states (n, N) [rad] among which a session starts; ``None``: where the tool's axis points up."""
+        return q
+
+    def fits(self, cell: "Cell", q: Array, ball: int) -> np.ndarray:
+        """Tell at which poses q (n, N) [rad] the tool is turned as a ball allows, (n,) bool."""
+        return np.ones(len(q), dtype=bool)
 
     def tool_speed(self, cell: "Cell") -> float:
         """Return the limit of the tool point's speed while it is attached or read [m/s]."""

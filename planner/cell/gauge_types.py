@@ -51,6 +51,10 @@ class PlannedVisit(Protocol):
         """At which of the cell's fixtures, and which of the tool's points."""
 
     @property
+    def q(self) -> Array:
+        """Controller angles, (N,) [rad]."""
+
+    @property
     def ball(self) -> int:
         """Which ball is centred there, or −1."""
 

@@ -106,8 +106,12 @@ NESTS = 3
 FLAT = 0.05  # share of their spread by which the nests must leave one line
 
 
-def read_balls(file: CellFile) -> tuple[Ball, ...]:
-    """Return the balls of a cell file."""
+def read_balls(path: Path, file: CellFile) -> tuple[Ball, ...]:
+    """Return the balls or sockets of a cell file.
+
+    Raises:
+        InputError: an axis that is no direction.
+    """
     return tuple(
         Ball(
             b.name,
@@ -115,6 +119,7 @@ def read_balls(file: CellFile) -> tuple[Ball, ...]:
             b.radius_mm * MM,
             None if b.stem_to_mm is None else read_only(from_mm(b.stem_to_mm)),
             b.stem_radius_mm * MM,
+            _unit_vector(path, f"balls.{b.name}.axis", b.axis),
         )
         for b in file.balls
     )

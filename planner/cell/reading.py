@@ -82,9 +82,6 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         InputError: a key is wrong, missing, or contradicts another.
     """
     gauge = _gauge_class(file)
-    if planning and not gauge.plannable:
-        planned = ", ".join(name for name, kind in gauge_kinds().items() if kind.plannable)
-        raise InputError(f"{path}: gauge.kind = '{file.gauge.kind}' has no planner; those with one are {planned}")
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
@@ -101,7 +98,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         tool=read_tool(path, file.tool, robot, planning),
         gauge=gauge.read(path, file, planning),
         fixtures=places,
-        balls=read_balls(file),
+        balls=read_balls(path, file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
         motion=_read_motion(file),
         cable=_read_cable(path, file, robot),

@@ -32,6 +32,7 @@ class BallGauge(FrameGauge):
     columns: ClassVar[str] = "ball"
     needs_range: ClassVar[bool] = False
     is_surveyed: ClassVar[bool] = True
+    at_balls: ClassVar[bool] = True
 
     def declared_frame(self, file: CellFile) -> PlacedFile | None:
         """Return the artifact."""
@@ -176,10 +177,22 @@ class BallGauge(FrameGauge):
             yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
 
 
-def _artifact(cell: Cell) -> list[GaugeBody]:
-    place = cell.fixtures[0]
+def check_names(path: Path, file: CellFile) -> None:
+    """Refuse two balls of one name."""
+    names = [b.name for b in file.balls]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
+
+
+def artifact_frame(cell: Cell) -> Array:
+    """Return how the artifact stands in the base frame, (4, 4) [m]."""
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = place.R_BX, place.p_BX
+    T[:3, :3], T[:3, 3] = cell.fixtures[0].R_BX, cell.fixtures[0].p_BX
+    return T
+
+
+def _artifact(cell: Cell) -> list[GaugeBody]:
+    T = artifact_frame(cell)
     carrier = [replace(b, T=read_only(T @ b.T)) for b in cell.carrier]
     stems = [s for b in cell.balls if (s := _stem(b, T)) is not None]
     return [

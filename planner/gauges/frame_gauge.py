@@ -156,7 +156,8 @@ class FrameGauge(PositionGauge, LineGauge):
         """Return the ball and how far off centre it is met."""
         if visit.ball < 0:
             return {}
-        return {"ball": cell.balls[visit.ball].name, "first_contact_mm": (visit.contact or 0.0) * 1e3}
+        said: dict[str, object] = {"ball": cell.balls[visit.ball].name}
+        return said if visit.contact is None else said | {"first_contact_mm": visit.contact * 1e3}
 
 
 def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:

@@ -1,6 +1,6 @@
 """A laser tracker: it reads the position of a reflector on the tool, or position and orientation of a probe."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -44,7 +44,7 @@ class Tracker(FrameGauge):
     kind: ClassVar[str] = "tracker"
     noun: ClassVar[str] = "beam"
     calibrates_unasked: ClassVar[bool] = False
-    validates_unasked: ClassVar[int | None] = 500  # (TriCal paper, section 6)
+    usual_plan: ClassVar[Mapping[str, object]] = {"validate": 500}  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0
 
     @classmethod

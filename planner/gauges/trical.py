@@ -6,12 +6,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.cell.cell import IndicatorHead
+from planner.cell.cell import Cell, IndicatorHead
 from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
 from planner.common.errors import InputError
-from planner.common.units import MM, read_only
-from planner.gauges.balls import BallGauge
+from planner.common.units import MM, Array, read_only
+from planner.gauges.balls import BallGauge, check_names
+from planner.kinematics.inverse_kinematics import retract_tool
 
 SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
 
@@ -23,6 +24,7 @@ class TriCalHead(BallGauge):
 
     kind: ClassVar[str] = "trical"
     default_noise_um: ClassVar[float] = 3.0
+    measured_by: ClassVar[str] = "edbb centre PLAN measures it"
 
     @classmethod
     def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -36,6 +38,14 @@ class TriCalHead(BallGauge):
         _check_trical(path, file)
         return placed
 
+    def starts_among(self, q: Array) -> Array | None:
+        """The indicators are mastered with the head's opening upwards."""
+        return None
+
+    def retract(self, cell: Cell, q: Array, ball: int) -> tuple[Array, Array]:
+        """The head comes along its own axis, turned as at the ball."""
+        return retract_tool(cell.chain, cell.robot, q, self.indicators.approach * cell.tool.axis_F)
+
 
 def _check_trical(path: Path, file: CellFile) -> None:
     if not file.balls:
@@ -46,9 +56,7 @@ def _check_trical(path: Path, file: CellFile) -> None:
             "the tool point, in the flange frame"
         )
     _check_master(path, file.gauge.head, 2 * file.balls[0].radius_mm)
-    names = [b.name for b in file.balls]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
+    check_names(path, file)
 
 
 def _check_strokes(path: Path, file: IndicatorHeadFile) -> None:

@@ -11,12 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from planner.common.determinism import even_positions
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_poses
 from planner.identification.least_squares import MEDIAN_RMS, Fit
-from planner.identification.problem import FitProblem
+from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
 
 VISIBLE_SHARE = 1e-3  # part of a column that must be left beyond the model for it to count
@@ -28,6 +28,7 @@ TESTED_SAMPLES = 8_000  # samples that the tests look at
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
 DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
 LARGE = 2.5  # times the declared noise, which data sheets give to a factor of two, that is more than noise
+NEWTON_STEPS = 4  # to the angles at which the fitted arm is in a ball
 LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
@@ -54,7 +55,7 @@ class ProjectedResidual:
     def of(cls, problem: FitProblem, errors: Array, moving: bool) -> "ProjectedResidual":
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else pose_groups(problem)
-        piece = problem.piece(slice(None), errors)
+        piece = without_noise(problem, errors).piece(slice(None), errors)
         basis = np.linalg.qr(group_sums(piece.rows, group))[0]
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
@@ -158,12 +159,26 @@ def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
     """Test the whitened residual of a fit for structure; ``rms`` [m] is its size, ``moving``: of a continuous run."""
     problem = fit.problem.take(even_positions(len(fit.problem), TESTED_SAMPLES))
     rest = ProjectedResidual.of(problem, fit.errors, moving)
-    tests = build_battery(problem, rest, moving)
+    tests = build_battery(without_noise(problem, fit.errors), rest, moving)
     found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
     noise = fit.problem.whitener.declared_rms
     if rms <= LARGE * noise:
         return found
     return replace(found, sentence=_excess_text(found, rms, noise))
+
+
+def without_noise(problem: FitProblem, errors: Array) -> FitProblem:
+    """Return the problem at angles that bring the fitted arm to the ball or socket which it was led to.
+
+    There the noise is in the angles, and a curve of them would be a curve of the very noise that is looked at.
+    """
+    if not problem.model.setup.gauge.at_balls:
+        return problem
+    for _ in range(NEWTON_STEPS):
+        s = problem.samples
+        step = np.linalg.pinv(problem.model.joint_rows(s)) @ problem.residual(errors)[:, :, None]
+        problem = replace(problem, samples=replace(s, q=read_only(s.q + step[:, :, 0])), memory=ProblemCache())
+    return problem
 
 
 def _excess_text(found: ResidualDiagnosis, rms: float, noise: float) -> str:

@@ -189,6 +189,24 @@ def retract_tool(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Arra
     return found.q, np.linalg.norm(missing[:, :3], axis=1) + lever * np.linalg.norm(missing[:, 3:], axis=1)
 
 
+def shift_point(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Array, Array]:
+    """Return the nearest poses whose tool point lies by ``way`` (3,) [m, base frame] from that at q (n, N) [rad].
+
+    The tool may turn, so that arms of few joints reach them too.
+
+    Returns:
+        The poses (n, N) [rad], and by how much they miss, (n,) [m].
+    """
+    goal = tool_pose(chain, robot, q)[0] + way
+
+    def task(q: Array, rows: Positions) -> tuple[Array, Array]:
+        point, _, J = tool_pose(chain, robot, q)
+        return goal[rows] - point, J[:, :3]
+
+    found = solve_ik(task, q, step=_bold_step, iterations=RETRACT_ITERATIONS, tolerance=POLISHED, norm=2)
+    return found.best, found.error
+
+
 def _bold_step(J: Array, missing: Array) -> Array:
     """Damped by 1e-4 of the mean square of a column while far, no longer when near; no joint moves over 0.6 rad."""
     size = np.einsum("nij,nij->n", J, J) / J.shape[2]

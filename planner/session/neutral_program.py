@@ -120,7 +120,7 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
         return [last, *there, StretchEnd(), *passes, last, *back, StretchEnd()]
     path = one.measuring
     written = measured_moves(cell, path, one.mounting, form)
-    measuring = cut_stretches(cell, one.mounting, path, one.shortcuts, written, first)
+    measuring = cut_stretches(cell, one.mounting, _stop_short(cell, path), one.shortcuts, written, first)
     heading = Section(one.passes[0].heading)
     return [last, *there, StretchEnd(), heading, *measuring, last, *back, StretchEnd()]
 
@@ -183,17 +183,26 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         rounds = circle_moves(cell, path, mounting) if form.circles else None
         moves = joint_moves(cell, path, mounting) if rounds is None else rounds
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
-    rests = rests_at_poses(cell) and not form.dense
+    rests, short = rests_at_poses(cell) and not form.dense, _stop_short(cell, path)
     for k, move in enumerate(moves):
-        out.append((begins.get(k, -1), move))
+        asked = "" if move.pose is None else cell.gauge.seating(cell, np.deg2rad(move.q_deg), move.pose)
+        out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))
         if move.pose is None:
             continue
         mark, ball = _mark(cell, move.pose), cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
         if ball is not None:
             mark = [Centre(ball + 1, move.pose), *mark]
+        mark = [Pause(asked), *mark] if asked else mark
         mark = [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
         out += [(-1, item) for item in mark]
     return out
+
+
+def _stop_short(cell: Cell, path: TimedPath) -> TimedPath:
+    """Return the path with poses as far before them as a person leads the tool."""
+    before = np.vstack([path.q[:1], path.q[:-1]])
+    share = cell.gauge.left_to_person * (path.visit >= 0)[:, None]
+    return replace(path, q=path.q + share * (before - path.q))
 
 
 def _mark(cell: Cell, pose: int) -> list[Instruction]:

@@ -33,7 +33,7 @@ class PointPoses(PoseSession):
 
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
         super().__init__(cell, options)
-        self.at_balls = cell.gauge.head is not None
+        self.at_balls = cell.gauge.at_balls
         self.only_validates = not (cell.gauge.calibrates_unasked or self.poses)
         if self.at_balls:
             _check_shares(cell, self.poses, self.index)
@@ -45,11 +45,11 @@ class PointPoses(PoseSession):
             self.away = Constraints(self.cell, bar=False)
             if self.at_balls:
                 pool = draw_ball_candidates(self.cell, self.cell.plan.candidates, seed, progress)
-                self.cell = with_point_mount(self.cell, self.away, seed)
             else:
                 pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
                 pool = replace(pool, funnel=BeamFunnel(*astuple(pool.funnel)))
-                self.cell = with_point_mount(self.cell, self.away, seed, pool.q)
+            starts = self.cell.gauge.starts_among(_passed_states(pool))
+            self.cell = with_point_mount(self.cell, self.away, seed, starts)
             self.away = Constraints(self.cell, bar=False, scene=self.away.scene)
         with stages.stage("roadmap"):
             self.pool = self._reachable(pool)
@@ -98,7 +98,7 @@ class PointPoses(PoseSession):
             choice,
             lambda c: np.flatnonzero(~self._prove_touch(c.chosen)),
             "and those put in their places have a last way to the ball that could not be proven: lower "
-            "motion.clearance_mm a little, or change gauge.head.approach_mm",
+            "motion.clearance_mm a little, or change the gauge's approach_mm",
         )
         return choice
 

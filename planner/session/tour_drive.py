@@ -186,7 +186,8 @@ def _number_visits(
     own = np.vstack([place.mount, *[s.q for s in stops]])
     q = own[nodes] if place.measuring.bar else path.q[at]
     length = cell.bar_length(q, place.mounting)
-    contact = FirstContact(cell).at(q) if any(s.ball >= 0 for s in stops) else np.zeros(len(at))
+    head = FirstContact.of(cell) if any(s.ball >= 0 for s in stops) else None
+    contact = None if head is None else head.at(q)
     first: dict[int, int] = {}
     visits = []
     for k, node in enumerate(nodes):
@@ -203,7 +204,7 @@ def _number_visits(
                 approach=tuple(int(s) for s in approach[k]),
                 repeats=first.get(node) if again else None,
                 ball=ball,
-                contact=float(contact[k]) if ball >= 0 else None,
+                contact=None if contact is None or ball < 0 else float(contact[k]),
             )
         )
         first.setdefault(node, number + k)

@@ -55,9 +55,7 @@ class PlanResult(SessionResult):
         """Say how the session is measured and evaluated."""
         plan = folder / "plan.json"
         identify = f"then edbb identify run.csv --cell {folder / 'cell.toml'} --plan {plan} -o calibrated"
-        if self.plan.choice.ball is not None:
-            return f"edbb centre {plan} measures it; {identify}"
-        return f"run the program and log it (to try it: edbb simulate {plan} -o run.csv); {identify}"
+        return f"{self.plan.cell.gauge.measured_by.replace('PLAN', str(plan))}; {identify}"
 
     def summary(self) -> str:
         """Return what was planned and how good it provably is."""

@@ -10,7 +10,7 @@ from planner.design.candidates.pool import draw_candidates
 from planner.kinematics.chain import Chain
 from planner.motion.path.margins import WorkspaceBounds
 
-DRAWN = [n for n in shipped_cells() if load_cell(n).gauge.head is None]
+DRAWN = [n for n in shipped_cells() if not load_cell(n).gauge.at_balls]
 
 
 def bounds_of(workspace, q, dq):

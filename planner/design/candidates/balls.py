@@ -1,7 +1,7 @@
 """Candidates at the balls of an artifact, and how far off centre an uncalibrated robot first meets a ball (TriCal
 paper, section 3)."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
-from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, retract_tool, solve_point_ik
+from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
@@ -39,6 +39,12 @@ class FirstContact:
         self._scale = (
             cell.gauge.indicators.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()
         ) ** 2
+
+    @classmethod
+    def of(cls, cell: Cell) -> "FirstContact | None":
+        """Return it for a head of indicators; a person leads the ball into a socket."""
+        head = cell.gauge.head
+        return None if head is None else cls(cell)
 
     def at(self, q: Array) -> Array:
         """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
@@ -108,6 +114,16 @@ class BallFunnel(Funnel):
         return BallFunnel(**{key: value + theirs[key] for key, value in asdict(self).items()})
 
 
+class SocketFunnel(BallFunnel):
+    """The same at sockets, into which a person leads the ball."""
+
+    names: ClassVar[tuple[str, ...]] = (
+        *BallFunnel.names[:2], "in the socket", "turned as the socket allows", *BallFunnel.names[4:7],
+        "led in by a person",
+    )  # fmt: skip
+    titles: ClassVar[tuple[str, ...]] = names
+
+
 def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the balls, or what the rounds allow.
 
@@ -115,7 +131,7 @@ def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progre
         NoSolutionError: a ball is out of reach, or no pose at it passes all filters; the message says which and why.
     """
     share = -(-count // len(cell.balls))
-    world, contact = CollisionWorld.from_cell(cell), FirstContact(cell)
+    world, contact = CollisionWorld.from_cell(cell), FirstContact.of(cell)
     parts: list[tuple[Array, Array]] = []
     funnel = BallFunnel()
     for ball in range(len(cell.balls)):
@@ -127,13 +143,14 @@ def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progre
             progress(ball + 1, len(cell.balls))
     which = read_only(np.repeat(np.arange(len(parts)), [len(q) for q, _ in parts]), int)
     q, back = (read_only(np.vstack(p)) for p in zip(*parts, strict=True))
-    return PoseSet(Samples.at(q), funnel, which, back)
+    left = funnel if contact else SocketFunnel(*astuple(funnel))
+    return PoseSet(Samples.at(q), left, which, back)
 
 
 class _BallFilter:
     """The filters at one ball."""
 
-    def __init__(self, cell: Cell, ball: int, world: CollisionWorld, contact: FirstContact) -> None:
+    def __init__(self, cell: Cell, ball: int, world: CollisionWorld, contact: FirstContact | None) -> None:
         self.cell, self.ball, self.contact = cell, ball, contact
         self.away, self.at = world, CollisionWorld(world.scene.at_ball(ball))
         self.workspace = Workspace(cell, bar=False)
@@ -164,6 +181,8 @@ class _BallFilter:
         within = (self.workspace.stage("joint_limits", q) > SAFETY_MARGIN).all(axis=1)
         on = within & (off < POINT_TOLERANCE)
         q = q[on]
+        q = q[self.cell.gauge.fits(self.cell, q, self.ball)]
+        fitting = len(q)
         cable = (self.workspace.stage("cable", q) > SAFETY_MARGIN).all(axis=1)
         q = q[cable]
         hits = self.at.collides(q, self.cell.motion.clearance + NEAR)
@@ -171,17 +190,23 @@ class _BallFilter:
         q = q[~hits]
         back, free = self._approach(q)
         q, back = q[free], back[free]
-        self.met = self.contact.at(q) if len(q) else self.met
-        near = self.met < self.cell.gauge.indicators.usable if len(q) else np.zeros(0, dtype=bool)
-        counts = (len(sample), int(within.sum()), int(on.sum()), int(on.sum()), int(cable.sum()), len(free), len(q))
+        near = self._contact(q)
+        counts = (len(sample), int(within.sum()), int(on.sum()), fitting, int(cable.sum()), len(free), len(q))
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
+
+    def _contact(self, q: Array) -> np.ndarray:
+        """Tell at which poses the uncalibrated robot meets the ball near enough, (n,) bool."""
+        if self.contact is None or not len(q):
+            return np.ones(len(q), dtype=bool)
+        self.met = self.contact.at(q)
+        return np.asarray(self.met < self.cell.gauge.indicators.usable)
 
     def _approach(self, q: Array) -> tuple[Array, np.ndarray]:
         """Approach poses (n, N) [rad], and which of them and of the ways from there are free, (n,) bool."""
         if not len(q):
             return q, np.zeros(0, dtype=bool)
         cell = self.cell
-        back, off = retract_tool(cell.chain, cell.robot, q, cell.gauge.indicators.approach * cell.tool.axis_F)
+        back, off = cell.gauge.retract(cell, q, self.ball)
         ok = (off < 10 * POINT_TOLERANCE) & (self.workspace.margins(back) > SAFETY_MARGIN).all(axis=1)
         ok[ok] = ~self.away.collides(back[ok], cell.motion.clearance + SAFETY_MARGIN)
         for share in ON_THE_WAY:
@@ -205,6 +230,11 @@ class _BallFilter:
                 f"ball {name}, at [{place}] mm in the base frame, is out of reach by "
                 f"{float(to_mm(self.nearest)):.0f} mm: move the artifact nearer (artifact.position_mm) "
                 "or take a longer tool"
+            )
+        if funnel.cones == 0:
+            return (
+                f"{head} The tool never comes within the socket's cone: look at the socket's axis, tool.map_axis (out "
+                "of the tool through its ball) and gauge.cone_deg"
             )
         if funnel.cable == 0:
             return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
