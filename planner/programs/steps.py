@@ -52,6 +52,8 @@ class MoveWords:
     """Sum of the axes' mean speeds [deg/s]: no direction of the tool turns faster at the planned time."""
     approach: bool
     """True for the first move, which starts wherever the robot happens to stand."""
+    override: int
+    """The coarse override that ``speed`` is a part of [%]."""
     sync: int | None
     """Pose marked in passing, where the dialect says so together with the move."""
     pose: int | None
@@ -266,6 +268,7 @@ class _StepBuilder:
             speed_changed=speed != self.last_speed,
             turn_deg_s=turned / item.duration_s,
             approach=self.moves == 0,
+            override=self.override,
             sync=mark.pose if with_move else None,
             pose=item.pose,
             pulse=pulse,

@@ -1,6 +1,5 @@
 """Comau PDL2: joint targets in braces, ``MOVE TO {10, -20, …}`` and ``MOVEFLY TO {…} ADVANCE``."""
 
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ _MOVE = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 _PROGRAM = re.compile(r"PROGRAM (\w+)(?: .*)?")
-_ROUTINE = re.compile(r"ROUTINE (\w+)(?:\(.*\))?")
+_ROUTINE = re.compile(r"ROUTINE (\w+)(?:\(.*\))?(?: : \w+)?")
 _ASSIGNED = re.compile(r"(\$?\w+(?:\[[^\]]*\])?) := (.+)")
 _PASSIVE = re.compile(r"(?:VAR|PAUSE|WAIT FOR .*|(?:OPEN|CLOSE) FILE .*|WRITE .*|\w+\(.*\)|\w+ : \w+)")
 
@@ -99,20 +98,11 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
 
 
 class Pdl2Execution(Execution):
-    """The predefined variables that a joint move takes its speed and its rounding from."""
+    """Every move says its own speed and rounding (WITH); a circle's two places are variables that hold joint angles."""
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
-        self.arm_percent: float | None = None  # where the program sets none, the operator has
-
-    def forget(self, stopped: bool) -> None:
-        """Forget the override at a stop, where the program sets one."""
-        self.arm_percent = math.nan if stopped and self.arm_percent is not None else self.arm_percent
-
-    @property
-    def overall_speed(self) -> float:
-        """Return the arm's override."""
-        return 100.0 if self.arm_percent is None else self.arm_percent
+        self.places: dict[str, list[float]] = {}
 
     def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
         """Yield the statements of the one file."""
@@ -123,27 +113,53 @@ class Pdl2Execution(Execution):
         return st.run_order(statements, MAIN)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move or what decides how it is driven; motions other than joint moves raise InputError."""
+        """Take in a move or a place of one; motions other than joint moves and circles raise InputError."""
         match statement:
             case Pdl2Move():
                 self._move(statement)
-            case st.Assignment(name="$ARM_SPD_OVR", value="kept_ovr"):
-                self.arm_percent = math.nan  # as it was found: no move may follow
-            case st.Assignment(name="$ARM_SPD_OVR", value=value):
-                self.arm_percent = st.parse_fixed(value, statement.text)
+            case st.Assignment(name=name, value=value) if found := re.fullmatch(r"place\((.*)\)", value):
+                self.places[name] = [st.parse_fixed(cell.strip(), statement.text) for cell in found[1].split(",")]
             case _:
                 return False
         return True
 
     def _move(self, move: Pdl2Move) -> None:
-        clauses = re.fullmatch(r"(?:ADVANCE)?(?:,?\s*WITH (.*))?", move.rest, re.DOTALL)
-        if move.how or move.numbers is None or clauses is None:
-            raise InputError(f"'{move.text}' is no joint move of this family")
-        said = clauses[1] or ""
-        fly = re.search(r"\$FLY_PER = (\d+)", said)
-        speed = re.search(r"\$PROG_SPD_OVR = (\d+)", said)
-        if (move.word == "MOVE") != (fly is None) or speed is None:
-            raise InputError(f"'{move.text}': MOVEFLY and $FLY_PER belong together, and every move has its speed")
-        angles = [st.parse_fixed(number.text, move.text) for number in move.numbers]
-        self.move(angles, None if fly is None else float(fly[1]), float(speed[1]) * self.overall_speed / 100.0)
-        self.syncs += said.count("CONDITION[")
+        if move.how == "CIRCULAR":
+            self._circle(move)
+            return
+        if move.how or move.numbers is None:
+            raise _refusal(move)
+        said = _clauses(move, move.rest, ("$PROG_SPD_OVR",), ("$FLY_PER",), ("$ARM_SPD_OVR",))
+        speed = said["$PROG_SPD_OVR"] * said.get("$ARM_SPD_OVR", 100.0) / 100.0
+        self.move([st.parse_fixed(number.text, move.text) for number in move.numbers], said.get("$FLY_PER"), speed)
+        self.syncs += move.rest.count("CONDITION[")
+
+    def _circle(self, move: Pdl2Move) -> None:
+        found = re.fullmatch(r"(\w+)\s+VIA\s+(\w+)(.*)", f"{move.target}{move.rest}", re.DOTALL)
+        if found is None or not {found[1], found[2]} <= self.places.keys():
+            raise _refusal(move)
+        said = _clauses(move, found[3].strip(), ("$PROG_SPD_OVR", "$LIN_SPD"), ("$FLY_TYPE", "$FLY_TRAJ", "$FLY_DIST"))
+        via, goal = self.places.pop(found[2]), self.places.pop(found[1])
+        self.circle(via, goal, said.get("$FLY_DIST"), 1e3 * said["$LIN_SPD"] * said["$PROG_SPD_OVR"] / 100.0)
+        self.syncs += found[3].count("CONDITION[")
+
+
+_WORDS = {"$FLY_TYPE": "FLY_CART", "$FLY_TRAJ": "FLY_TOL"}  # values that are no numbers, and which they must be
+
+
+def _clauses(
+    move: Pdl2Move, text: str, always: tuple[str, ...], flying: tuple[str, ...], maybe: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """Return the values that hold for the one move; ``flying`` are those of MOVEFLY alone."""
+    clauses = re.fullmatch(r"(?:ADVANCE)?(?:,?\s*WITH (.*))?", text, re.DOTALL)
+    said = dict(re.findall(r"(\$\w+) = ([\w.]+)", clauses[1] or "" if clauses else ""))
+    wanted = {*always, *(flying if move.word == "MOVEFLY" else ())}
+    if clauses is None or not wanted <= said.keys() <= {*wanted, *maybe}:
+        raise InputError(f"'{move.text}': MOVEFLY and its rounding belong together, and every move has its speed")
+    if any(said[word] != value for word, value in _WORDS.items() if word in said):
+        raise _refusal(move)
+    return {word: st.parse_fixed(value, move.text) for word, value in said.items() if word not in _WORDS}
+
+
+def _refusal(move: Pdl2Move) -> InputError:
+    return InputError(f"'{move.text}' is no joint move of this family")
