@@ -19,10 +19,10 @@ CHANGES = re.compile(
     re.IGNORECASE,
 )
 OWN = r"\w+_[0-9A-F]{12}(\[.*\])?(\.\w+)?|edbb_\w+"  # variables of the program, which bear its id
-# What each controller itself takes back where a program is aborted, or what is the program's own. Nothing else may change.
+# What each controller takes back where a program is aborted, or what is the program's own. Nothing else may change.
 #   RAPID (technical reference, AccSet, GripLoad, PulseDO): defaults as PP is moved to main; a pulse runs out
-#   KRL (operating and programming instructions of the KSS): BAS(#INITMOV) of every program sets $VEL, $ACC, $APO, $ADVANCE;
-#     TOOL, BASE and LOAD are set by every program, interrupts end with it; $OV_PRO has a test of its own
+#   KRL (programming instructions of the KSS): BAS(#INITMOV) of every program sets $VEL, $ACC, $APO, $ADVANCE; TOOL,
+#     BASE and LOAD are set by every program, interrupts end with it; $OV_PRO has a test of its own
 #   PDL2 (language manual, predefined variables): of the program stack; values of a WITH clause hold for one move
 #   SINUMERIK, DIN 66025, B&R: G functions as the machine data say at every reset (MD20150 GCODE_RESET_VALUES)
 #   LinuxCNC has a test of its own; FANUC: every TP program selects its own frames and payload
@@ -113,7 +113,7 @@ def test_krl_keeps_an_override_that_somebody_has_set_since() -> None:
 @pytest.mark.skipif(RS274 is None, reason="LinuxCNC's interpreter is not installed")
 @pytest.mark.parametrize("found", ["M48\nG54\nG21", "M50 P0\nG55\nG20"])
 def test_linuxcnc_gives_its_state_back(found: str, tmp_path: Path) -> None:
-    """At the end the interpreter is as it was found, offsets were never touched, and an aborted mark ends at the start."""
+    """At the end the interpreter is as it was found, offsets were never touched, an aborted mark ends at the start."""
     (file,) = write_program(sessions.static(), "linuxcnc", "s")
     text = f"{found}\nG92 Y5\nG43.1 Z11\n(LOG,begin)\n{file.text}".replace("\nM72\n", "\nM72\n(LOG,end)\n")
     code, commands = _canonical(text, tmp_path)
