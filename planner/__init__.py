@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from planner.runs.run import Run as Run
     from planner.studies.cell_study import StudyResult as StudyResult
     from planner.studies.cell_study import study as study
+    from planner.workflow.checking import CheckPlanResult as CheckPlanResult
+    from planner.workflow.checking import CheckResult as CheckResult
+    from planner.workflow.checking import check as check
+    from planner.workflow.checking import plan_check as plan_check
     from planner.workflow.compensation import CompensationResult as CompensationResult
     from planner.workflow.compensation import compensate as compensate
     from planner.workflow.identification import CalibrationResult as CalibrationResult
@@ -50,6 +54,7 @@ _MODULES = {
     "runs.loader": ("load_run",),
     "runs.run": ("Run",),
     "studies.cell_study": ("StudyResult", "study"),
+    "workflow.checking": ("CheckPlanResult", "CheckResult", "check", "plan_check"),
     "workflow.compensation": ("CompensationResult", "compensate"),
     "workflow.identification": ("CalibrationResult", "identify"),
     "workflow.plan_reading": ("export", "simulate"),

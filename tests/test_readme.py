@@ -112,6 +112,8 @@ def test_every_command_of_the_readme_is_known():
     assert verbs == {
         "plan",
         "plan-both",
+        "plan-check",
+        "check",
         "accuracy",
         "study",
         "export",
@@ -134,7 +136,7 @@ def test_every_command_of_the_readme_is_known():
     "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    verbs = ("plan", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
+    verbs = ("plan", "plan-check", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
     assert any(option in help_of(verb) for verb in verbs)
 
 

@@ -1,6 +1,7 @@
 """Basis functions, parameters, and the registry of physical causes."""
 
 __all__ = [
+    "backlash",
     "basis",
     "catalogue",
     "compliance",

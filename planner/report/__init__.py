@@ -7,6 +7,7 @@ __all__ = [
     "calibration_report",
     "cell_view",
     "chart",
+    "check_report",
     "circular_plan_report",
     "circular_report",
     "loaded_places_charts",

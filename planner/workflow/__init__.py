@@ -3,6 +3,7 @@
 __all__ = [
     "accuracy",
     "both_bars",
+    "checking",
     "circle_evaluation",
     "compensation",
     "identification",

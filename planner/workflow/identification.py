@@ -15,6 +15,8 @@ from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import Plot, Result
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
+from planner.identification.baseline import NAME as BASELINE
+from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
@@ -48,6 +50,7 @@ class CalibrationResult(Result):
     """An identified robot; ``stages`` holds the seconds of each stage."""
 
     calibration: Calibration
+    cell: Cell
     stages: Stages = field(default_factory=Stages)
 
     def summary(self) -> str:
@@ -112,6 +115,9 @@ class CalibrationResult(Result):
         if (released := self.calibration.released) is not None:
             files[EXPECTED_ERROR] = expected_error_text(released, files["robot.toml"])
             files["expected_error.csv"] = expected_error_csv(released)
+            known = self.calibration
+            baseline = baseline_text(released, known.degrees_of_freedom, known.run, self.cell, files["robot.toml"])
+            files |= {} if baseline is None else {BASELINE: baseline}
         for file, text in files.items():
             write_text(folder / file, text)
         for file, data in calibrated_meshes(self.calibration):
@@ -122,7 +128,8 @@ class CalibrationResult(Result):
         """Name what is written."""
         robot = "" if self.calibration.problems else ", robot.toml"
         urdf = ", robot.urdf" if robot and (folder / "robot.urdf").exists() else ""
-        known = ", expected_error.csv" if robot and self.calibration.released is not None else ""
+        known = ", posterior.json" if robot and (folder / BASELINE).exists() else ""
+        known += ", expected_error.csv" if robot and self.calibration.released is not None else ""
         return f"identification.json, residuals.csv, report.html{robot}{urdf}{known}"
 
     def preview(self) -> Plot:
@@ -181,8 +188,9 @@ def identify(
         NoSolutionError: the fit does not come to rest.
     """
     stages, settings = Stages(progress), FitSettings(hold_out, robust, seed, geometry)
-    found = identify_runs(runs, cell, stages, plan, validate, settings, tracing=not no_trace)
-    return CalibrationResult(found, stages)
+    where = cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
+    found = identify_runs(runs, where, stages, plan, validate, settings, tracing=not no_trace)
+    return CalibrationResult(found, where, stages)
 
 
 def load_any(runs: Runs, n_joints: int) -> Run:

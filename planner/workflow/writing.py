@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,16 +37,21 @@ else:
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
-def write_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages) -> list[Path]:
+def write_plan(
+    plan: Plan | CircularPlan, folder: Path, stages: Stages, more: Mapping[str, str] = MappingProxyType({})
+) -> list[Path]:
     """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
 
-    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was.
+    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was. ``more``: name
+    and text of further files.
     """
     with draft_folder(folder) as draft:
         with stages.stage("report"):
             for file in (file for _, files in plan.programs for file in files):
                 write_text(draft / file.name, file.text, file.encoding)
             write_text(draft / "trajectory.csv", trajectory_csv(plan))
+            for name, text in more.items():
+                write_text(draft / name, text)
             write_cell(plan.cell, draft)
             _report(plan).write(draft)
             write_text(draft / "plan.json", document_text(plan_content(plan)))

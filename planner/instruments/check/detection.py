@@ -1,0 +1,159 @@
+"""Whether a few readings differ from what is expected, and which change explains them best.
+
+Readings less their expectation, whitened, are standard normal if nothing has changed, times one unknown scale that the
+baseline's noise is known to. Every possible change has columns; what its columns explain, T, is F-distributed then
+(score test by generalised least squares, Rao 1948). The smallest of all probabilities is held against a threshold that
+draws have put where all tests together give a false alarm in one of a hundred sound robots: the tests share readings,
+so that Bonferroni would ask for too much (Westfall and Young 1993, min-P).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
+from scipy.stats import f as fisher
+
+from planner.common.units import Array
+
+FALSE_ALARM = 0.01  # of all tests together
+POWER = 0.9  # with which a change of the stated size is found
+DRAWS = 40_000
+SURE = 2.0  # standard deviations that the threshold keeps off what the draws say
+UNSEEN = 1e-9  # share of a change's largest effect on the readings below which a direction of it shows in none
+SIZES = 200  # that the noise may have
+TABLE = 4000  # entries of a table of probabilities
+SEED = 17
+MANY = 3  # parameters of a change from which on not every way it may go is looked at
+SHOWN = 0.9  # part of the ways that show then
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """How well one change explains the readings.
+
+    Attributes:
+        which: number of the change; one more than there are for anything at all.
+        explained: T, sum of the squares that it takes away.
+        freedom: its degrees d.
+        p_value: of T if nothing had changed.
+    """
+
+    which: int
+    explained: float
+    freedom: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Detector:
+    """Tests for changes in n readings.
+
+    Attributes:
+        covariance: of readings less their expectation where nothing has changed, (n, n) [m²].
+        columns: of every possible change, (n, d) [m per unit].
+        freedom: degrees behind the size of the covariance.
+    """
+
+    covariance: Array
+    columns: tuple[Array, ...]
+    freedom: float
+
+    @cached_property
+    def _whitening(self) -> Array:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+
+    @cached_property
+    def _bases(self) -> tuple[Array, ...]:
+        """Orthonormal bases of what each change does to the white readings; the last is of anything, (n, d) each."""
+        out = []
+        for white in (self._whitening @ c for c in self.columns):
+            left, size, _ = np.linalg.svd(white, full_matrices=False)
+            out.append(left[:, size > UNSEEN * max(float(size[0]), 1e-300)])
+        return (*out, np.eye(len(self.covariance)))
+
+    def explain(self, difference: Array) -> tuple[Explanation, ...]:
+        """Return what each change explains of readings less their expectation (n,) [m], last anything at all."""
+        explained = np.array([((self._whitening @ difference @ b) ** 2).sum() for b in self._bases])
+        d = np.array([b.shape[1] for b in self._bases])
+        p = fisher.sf(explained / d, d, self.freedom)
+        return tuple(Explanation(k, float(explained[k]), int(d[k]), float(p[k])) for k in range(len(d)))
+
+    def _log_tails(self, explained: Array) -> Array:
+        """Return the logarithms of those probabilities (m, H + 1), from tables: a thousand times as quick."""
+        out = np.empty_like(explained)
+        for d in {b.shape[1] for b in self._bases}:
+            mine = [k for k, b in enumerate(self._bases) if b.shape[1] == d]
+            table = np.geomspace(1e-4, 1e6, TABLE)
+            out[:, mine] = np.interp(explained[:, mine] / d, table, fisher.logsf(table, d, self.freedom))
+        return out
+
+    @cached_property
+    def threshold(self) -> float:
+        """Probability below which the smallest of all gives an alarm."""
+        rng, n = np.random.default_rng(SEED), len(self.covariance)
+        scale = np.sqrt(rng.chisquare(self.freedom, DRAWS) / self.freedom)
+        white = rng.standard_normal((DRAWS, n)) / scale[:, None]
+        explained = np.stack([((white @ b) ** 2).sum(axis=1) for b in self._bases], axis=1)
+        smallest = np.sort(self._log_tails(explained).min(axis=1))
+        expected = FALSE_ALARM * DRAWS
+        return float(np.exp(smallest[int(expected - SURE * np.sqrt(expected))]))
+
+    def estimate(self, which: int, size: Array, difference: Array) -> tuple[Array, Array]:
+        """Return values (d,) and covariance (d, d) of a change from readings (n,) [m], the least where many would do.
+
+        ``size`` (d,): of values that count as alike.
+        """
+        white = (self._whitening @ self.columns[which]) * size
+        back = np.linalg.pinv(white, rcond=UNSEEN) * size[:, None]
+        return np.asarray(back @ self._whitening @ difference), np.asarray(back @ back.T)
+
+    def detectable(self, which: int, square: Array) -> float:
+        """Return the least motion of the tool [m] that is found with ``POWER`` whatever way the change goes.
+
+        ``square`` (d, d): mean square motion of the tool per squared size of the change.
+        """
+        white = self._whitening @ self.columns[which]
+        return detectable_motion(white.T @ white, square, self._bases[which].shape[1], self.freedom, self.threshold)
+
+
+def detectable_motion(information: Array, square: Array, d: int, freedom: float, threshold: float) -> float:
+    """Return the largest motion of the tool [m] that still hides, of a change with this information, both (d, d).
+
+    Where many things move at once some ways to move hide for ever: of those it is what nine of ten ways show.
+    """
+    needed = shift_for_power(d, round(freedom, 3), threshold)
+    if len(square) > MANY:
+        ways = np.random.default_rng(SEED).standard_normal((DRAWS // 10, len(square))) / np.sqrt(np.diag(square))
+        size, shown = (np.einsum("mi,ij,mj->m", ways, m, ways) for m in (square, information))
+        return float(np.sqrt(needed * np.quantile(size / shown, SHOWN)))
+    root = np.linalg.cholesky(square + 1e-15 * np.trace(square) * np.eye(len(square)))
+    inner = np.linalg.solve(root, np.linalg.solve(root, information).T)  # per squared metre of motion
+    least = float(np.linalg.eigvalsh((inner + inner.T) / 2)[0])
+    return float(np.sqrt(needed / least)) if least > 0 else np.inf
+
+
+@cache
+def shift_for_power(d: int, freedom: float, threshold: float) -> float:
+    """Return the noncentrality λ at which a test on (d, freedom) degrees finds a change with ``POWER``.
+
+    λ counts in the noise as it was estimated, which is what sizes are stated by: averaged over what it may really be.
+    """
+    critical = fisher.isf(threshold, d, freedom)
+    true = freedom / chi2.ppf((np.arange(SIZES) + 0.5) / SIZES, freedom)  # variance over the estimated one
+
+    def lacking(shift: float) -> float:
+        return POWER - float(ncx2.sf(critical * d / true, d, shift / true).mean())
+
+    high = 10.0 * d * critical
+    while lacking(high) > 0:
+        high *= 2.0
+    return float(brentq(lacking, 1e-6, high))
+
+
+def rank_explanations(found: Sequence[Explanation], readings: int) -> list[tuple[float, Explanation]]:
+    """Return the changes by how well they explain, best first, with their lead over nothing by BIC (Schwarz 1978)."""
+    scored = [(e.explained - e.freedom * float(np.log(readings)), e) for e in found]
+    return sorted(scored, key=lambda pair: (-pair[0], pair[1].which))

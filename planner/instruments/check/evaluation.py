@@ -1,0 +1,184 @@
+"""From the run of a check to its verdict: has anything changed since the baseline, what most likely, and what to do."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.identification.baseline import Baseline
+from planner.identification.run_setup import add_motion
+from planner.instruments.check.changes import Change, change_columns, possible_changes
+from planner.instruments.check.detection import Detector, Explanation, rank_explanations
+from planner.runs.run import Run, Samples
+
+Outcome = Literal["unchanged", "changed within the limit", "changed"]
+LEAST = 4  # readings
+CLOSE = 6.0  # lead by BIC that is strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
+SIGMAS = 2.0  # above its estimate a change may still be
+ANYTHING = "something else, or several things at once"
+
+
+@dataclass(frozen=True)
+class JudgedChange:
+    """One possible change, as the readings have it.
+
+    Attributes:
+        change: what; test: how well it explains the readings; lead: over no change, by BIC.
+        motion, motion_std: rms of the tool over the workspace that it would mean, and its standard deviation [m].
+        values: of its parameters, (d,).
+        detectable: least motion of the tool that the check finds nine times of ten, whatever its way [m].
+    """
+
+    change: Change
+    test: Explanation
+    lead: float
+    motion: float
+    motion_std: float
+    values: Array
+    detectable: float
+
+
+@dataclass(frozen=True)
+class CheckVerdict:
+    """What a check says.
+
+    Attributes:
+        run: its name; poses: ids, (n,); difference: readings less expectation, the bar's zero
+            taken off, (n,) [m]; std: expected (n,) [m].
+        judged: every possible change, the best explanation first.
+        anything: test for any change at all; anything_lead: by BIC.
+        threshold: probability below which any of the tests gives an alarm.
+        limit: of the tool's motion [m] that the user allows; ``None``: any change fails.
+        notes: what a person should know.
+    """
+
+    run: str
+    poses: np.ndarray
+    difference: Array
+    std: Array
+    judged: tuple[JudgedChange, ...]
+    anything: Explanation
+    anything_lead: float
+    threshold: float
+    limit: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def smallest(self) -> float:
+        """The smallest probability of all tests."""
+        return min(self.anything.p_value, *(j.test.p_value for j in self.judged))
+
+    @property
+    def best(self) -> JudgedChange | None:
+        """The most likely change; ``None`` where none of them explains the readings as well as anything may."""
+        return self.judged[0] if self.judged[0].lead >= self.anything_lead else None
+
+    @property
+    def rivals(self) -> tuple[JudgedChange, ...]:
+        """Changes that explain the readings nearly as well as the best."""
+        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < CLOSE) if self.best else ()
+
+    @property
+    def outcome(self) -> Outcome:
+        """What holds."""
+        if self.smallest >= self.threshold:
+            return "unchanged"
+        each = (self.best, *self.rivals) if self.best else ()
+        small = self.limit is not None and all(j.motion + SIGMAS * j.motion_std <= self.limit for j in each)
+        return "changed within the limit" if small and each else "changed"
+
+    @property
+    def passed(self) -> bool:
+        """Whether the robot may go on."""
+        return self.outcome != "changed"
+
+    @property
+    def advice(self) -> str:
+        """Return what a person does next."""
+        if self.outcome == "unchanged":
+            return "go on: no change that these poses can tell"
+        if self.outcome == "changed within the limit":
+            return "go on, and check again soon: the change is within the limit"
+        return "calibrate again" if self.best is None else self.best.change.advice
+
+
+def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None = None) -> CheckVerdict:
+    """Test the run of a check against the baseline.
+
+    Args:
+        baseline: of the robot.
+        cell: that was calibrated.
+        run: a few poses at rest, measured with the bar of the baseline.
+        limit: motion of the tool that is allowed [m].
+
+    Raises:
+        InputError: the run is of another robot, gauge or fixture, was driven in motion, or is too short.
+    """
+    samples = _samples(run, cell, baseline)
+    with_play = samples.direction is not None and bool((np.ptp(samples.direction, axis=0) > 1.0).any())
+    known = baseline.for_samples(samples)
+    changes = possible_changes(cell, known.model.setup, with_play)
+    detector = build_detector(known, changes, samples)
+    assert run.readings.length is not None
+    difference = run.readings.length - known.reading(samples)
+    *tests, anything = detector.explain(difference)
+    leads = {e.which: lead for lead, e in rank_explanations((*tests, anything), len(samples))}
+    judged = [_judge(detector, c, e, leads[e.which], difference) for c, e in zip(changes, tests, strict=True)]
+    inner = known.covariance(samples, zero_known=True)
+    weight = np.linalg.solve(inner, np.ones(len(samples)))
+    left = len(baseline.values) - len(known.values)
+    notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
+    return CheckVerdict(
+        run=run.name,
+        poses=np.arange(len(samples)) if samples.pose is None else samples.pose,
+        difference=difference - (weight @ difference) / weight.sum(),
+        std=np.sqrt(np.diag(inner)),
+        judged=tuple(sorted(judged, key=lambda j: -j.lead)),
+        anything=anything,
+        anything_lead=leads[anything.which],
+        threshold=detector.threshold,
+        limit=limit,
+        notes=(*run.warnings, *notes),
+    )
+
+
+def build_detector(baseline: Baseline, changes: tuple[Change, ...], samples: Samples) -> Detector:
+    """Return the tests for changes in readings of some samples."""
+    columns = change_columns(baseline, samples, changes)
+    return Detector(baseline.covariance(samples), columns, baseline.file.freedom)
+
+
+def _judge(detector: Detector, change: Change, test: Explanation, lead: float, difference: Array) -> JudgedChange:
+    values, covariance = detector.estimate(test.which, 1 / np.sqrt(np.diag(change.square)), difference)
+    motion = float(np.sqrt(values @ change.square @ values))
+    slope = change.square @ values / max(motion, 1e-12)
+    std = float(np.sqrt(slope @ covariance @ slope))
+    return JudgedChange(change, test, lead, motion, std, values, detector.detectable(test.which, change.square))
+
+
+def _samples(run: Run, cell: Cell, baseline: Baseline) -> Samples:
+    """Return the samples with places and points numbered as in the baseline."""
+    cell.gauge.check_run(cell, run)
+    if run.robot is not None and run.robot != cell.robot.name:
+        raise InputError(f"{run.name}: was measured on '{run.robot}', but the baseline is of '{cell.robot.name}'")
+    if run.continuous:
+        raise InputError(f"{run.name}: was measured while moving; a check is measured at rest, as its plan drives it")
+    if len(run) < LEAST:
+        raise InputError(f"{run.name}: {len(run)} poses; a check needs {LEAST} at least, better the ten of its plan")
+    run, setup = add_motion(run), baseline.model.setup
+    place = _renumber(run, run.samples.place, run.places, setup.place_names, "fixture")
+    where = np.zeros(len(run), dtype=int) if run.samples.point is None else run.samples.point
+    point = _renumber(run, where, run.points, setup.point_names, "tool point")
+    return replace(run.samples, place=place, point=point)
+
+
+def _renumber(run: Run, which: np.ndarray, names: tuple[str, ...], known: tuple[str, ...], what: str) -> np.ndarray:
+    if len(known) == 1 and len(names) == 1:
+        return np.zeros(len(which), dtype=int)
+    strange = [n for n in names if n not in known]
+    if strange:
+        raise InputError(f"{run.name}: the {what} '{strange[0]}' is not in the baseline (there: {', '.join(known)})")
+    return np.asarray(np.array([known.index(n) for n in names])[which])

@@ -1,0 +1,115 @@
+"""What a planned check will show (``shows.json``) and what a check finds (``check.json``), in files and words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.units import in_units, significant, to_deg, to_mm
+from planner.identification.baseline import Baseline
+from planner.instruments.check.changes import Change, possible_changes
+from planner.instruments.check.detection import FALSE_ALARM, POWER
+from planner.instruments.check.evaluation import ANYTHING, CheckVerdict, JudgedChange, build_detector
+from planner.runs.run import Samples
+
+DIGITS = 4
+RATES = {"false_alarm": FALSE_ALARM, "power": POWER}
+
+
+@dataclass(frozen=True)
+class CheckForecast:
+    """What a planned check will tell: least motion of the tool [m] found with the stated power, of every change."""
+
+    changes: tuple[Change, ...]
+    detectable: tuple[float, ...]
+
+    @classmethod
+    def of(cls, baseline: Baseline, cell: Cell, samples: Samples) -> "CheckForecast":
+        """Foresee the check of some poses."""
+        known = baseline.for_samples(samples)
+        changes = possible_changes(cell, known.model.setup, with_play=False)
+        detector = build_detector(known, changes, samples)
+        return cls(changes, tuple(detector.detectable(k, c.square) for k, c in enumerate(changes)))
+
+    def content(self) -> dict[str, object]:
+        """Return ``shows.json``."""
+        each = zip(self.changes, self.detectable, strict=True)
+        changes = [{"change": c.name, "detectable_mm": _mm(d)} for c, d in each]
+        return {"schema": "edbb-check-forecast/1", **RATES, "changes": changes}
+
+    def lines(self) -> list[str]:
+        """Return the same in words."""
+        rates = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
+        each = zip(self.changes, self.detectable, strict=True)
+        return [f"  shows       {c.name}: from {to_mm(d):.3f} mm of the tool" for c, d in each] + [
+            f"  rates       {rates}"
+        ]
+
+
+def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
+    """Return ``check.json``."""
+    best = verdict.best
+    return {
+        "schema": "edbb-check/1",
+        "robot": robot,
+        "run": verdict.run,
+        "outcome": verdict.outcome,
+        "passed": verdict.passed,
+        "advice": verdict.advice,
+        "cause": None if verdict.outcome == "unchanged" else ANYTHING if best is None else best.change.name,
+        "rivals": [] if verdict.outcome == "unchanged" else [j.change.name for j in verdict.rivals],
+        "p_value": significant(verdict.smallest),
+        "threshold": significant(verdict.threshold),
+        **RATES,
+        **in_units(DIGITS, limit_mm=verdict.limit),
+        "changes": [_change_section(j) for j in verdict.judged],
+        "readings": [
+            {"pose": int(p), **in_units(2, difference_um=d, std_um=s)}
+            for p, d, s in zip(verdict.poses, verdict.difference, verdict.std, strict=True)
+        ],
+        "notes": list(verdict.notes),
+    }
+
+
+def _change_section(j: JudgedChange) -> dict[str, object]:
+    values = {p.name: float(v) for p, v in zip(j.change.parameters, j.values, strict=True)}
+    sized = {f"{n}_mm": to_mm(v) for n, v in values.items() if n.startswith(("tool", "fixture"))}
+    sized |= {f"{n}_deg": to_deg(v) for n, v in values.items() if f"{n}_mm" not in sized}
+    return {
+        "change": j.change.name,
+        "p_value": significant(j.test.p_value),
+        "lead": round(j.lead, 2),
+        **{f"{k}_mm": _mm(v) for k, v in (("motion", j.motion), ("std", j.motion_std), ("detectable", j.detectable))},
+        "values": {k: round(float(v), 5) for k, v in sized.items()},
+    }
+
+
+def _mm(value: float) -> float | None:
+    return round(float(to_mm(value)), DIGITS) if np.isfinite(value) else None
+
+
+def verdict_lines(verdict: CheckVerdict) -> list[str]:
+    """Return the verdict in words."""
+    said = "passed" if verdict.passed else "FAILED"
+    head = [f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({len(verdict.poses)} poses)"]
+    head.append(f"  do          {verdict.advice}")
+    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
+    if verdict.outcome != "unchanged":
+        best = verdict.best
+        head.append(f"  cause       {ANYTHING if best is None else _cause_text(best)}")
+        head += [f"  or          {_cause_text(j)}" for j in verdict.rivals]
+    else:
+        least = sorted((j for j in verdict.judged if j.change.kind != "collision"), key=lambda j: j.detectable)
+        some = ", ".join(f"{j.change.name} {to_mm(j.detectable):.3f}" for j in (*least[:2], *least[-2:]))
+        head.append(f"  would show  changes from these motions of the tool on, mm: {some}")
+    return [*head, f"  test        {p} ({100 * FALSE_ALARM:g} of 100 sound robots)", *_notes(verdict)]
+
+
+def _notes(verdict: CheckVerdict) -> list[str]:
+    return [f"  note        {n}" for n in verdict.notes]
+
+
+def _cause_text(j: JudgedChange) -> str:
+    """Name a change with its size."""
+    turn = f", {to_deg(j.values[0]):+.4f} deg" if j.change.kind == "zero" else ""
+    return f"{j.change.name}{turn}: {to_mm(j.motion):.3f} ± {to_mm(j.motion_std):.3f} mm of the tool"

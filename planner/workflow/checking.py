@@ -1,0 +1,143 @@
+"""``plan_check()`` and ``check()``: a few poses tell whether and where a calibrated robot has changed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import document_text, write_text
+from planner.common.progress import Progress, Stages, no_progress
+from planner.common.result import Result
+from planner.common.result_folder import draft_folder, move_all
+from planner.common.units import MM
+from planner.identification.baseline import Baseline
+from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
+from planner.instruments.check.planning import CheckPoses
+from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
+from planner.runs.loader import load_runs
+from planner.session.document import check_run_of_plan, read_plan
+from planner.session.options import PlanOptions
+from planner.session.planning import plan_session
+from planner.workflow.plan_results import PlanResult
+from planner.workflow.unit_checks import check_unit
+from planner.workflow.writing import write_plan
+
+POSES = 10
+
+
+@dataclass(frozen=True)
+class CheckPlanResult(PlanResult):
+    """A planned check, with what it will tell."""
+
+    forecast: CheckForecast = field(kw_only=True)
+
+    def summary(self) -> str:
+        """Return what is driven, and from which size on it shows each change."""
+        kept = [line for line in super().summary().split("\n") if not line.startswith("  O")]
+        return "\n".join([*kept, *self.forecast.lines()])
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write what every plan has, and ``shows.json``."""
+        return write_plan(self.plan, Path(folder), self.stages, {"shows.json": document_text(self.forecast.content())})
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the check is measured and judged."""
+        plan = folder / "plan.json"
+        return f"run the program and log it; then edbb check run.csv --plan {plan} --baseline FOLDER -o checked"
+
+
+@dataclass(frozen=True)
+class CheckResult(Result):
+    """What a check found."""
+
+    robot: str
+    verdict: CheckVerdict
+
+    def summary(self) -> str:
+        """Return the verdict, what to do, and why."""
+        return "\n".join(verdict_lines(self.verdict))
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``check.json`` says."""
+        return verdict_content(self.verdict, self.robot)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``check.json``, ``report.html`` and its picture."""
+        from planner.report.check_report import report_check  # plotting takes long to load
+
+        with draft_folder(Path(folder)) as draft:
+            write_text(draft / "check.json", self.to_json())
+            report_check(self.robot, self.verdict).write(draft)
+            return move_all(draft, Path(folder))
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "check.json, report.html"
+
+
+def plan_check(
+    cell: Path | str,
+    baseline: Path | str,
+    *,
+    poses: int = POSES,
+    seed: int = 0,
+    dialect: tuple[str, ...] = (),
+    progress: Progress = no_progress,
+) -> CheckPlanResult:
+    """Plan the poses that tell whether and where a robot has changed since its calibration.
+
+    Args:
+        cell: the cell that was calibrated, a file or ``robot/cell``.
+        baseline: folder of its identification.
+        poses: how many.
+        seed: the same seed gives the same bytes.
+        dialect: robot languages; by default those that the cell names.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: a file is wrong, or cell and baseline do not belong together.
+        NoSolutionError: a stage has no solution.
+    """
+    where, stages = load_cell(str(cell)), Stages(progress)
+    known = Baseline.read(Path(baseline), where)
+    session = CheckPoses(where, PlanOptions(seed=seed, dialects=dialect), known, poses)
+    plan = plan_session(session, session.options, stages)
+    return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, plan.choice.samples))
+
+
+def check(
+    run: Path | str,
+    baseline: Path | str,
+    *,
+    plan: Path | str | None = None,
+    cell: Path | str | None = None,
+    limit_mm: float | None = None,
+    progress: Progress = no_progress,
+) -> CheckResult:
+    """Judge the run of a check: has the robot changed since its calibration, where, and what is to be done.
+
+    Args:
+        run: what was measured.
+        baseline: folder of the identification.
+        plan: that was driven; or the ``cell`` that was measured in.
+        limit_mm: motion of the tool that is allowed [mm]; by default any change fails.
+        progress: called with the stage.
+
+    Raises:
+        InputError: a file is wrong, or run, plan, cell and baseline do not belong together.
+    """
+    if (plan is None) == (cell is None):
+        raise InputError("a check needs either its plan (--plan) or the cell that was measured in (--cell)")
+    stages = Stages(progress)
+    with stages.stage("reading"):
+        where = load_cell(str(cell) if plan is None else str(Path(plan).parent / "cell.toml"), planning=False)
+        known = Baseline.read(Path(baseline), where)
+        measured = load_runs([Path(run)], where.robot.n_joints)
+        if plan is not None:
+            check_run_of_plan(measured, Path(plan), read_plan(Path(plan), "drives"), where.robot.name)
+        check_unit(measured, where)
+    with stages.stage("judging"):
+        limit = None if limit_mm is None else limit_mm * MM
+        return CheckResult(where.robot.name, evaluate_check(known, where, measured, limit))

@@ -1,0 +1,89 @@
+"""What a person is told of one robot: sound, with an axis that lost its zero, with a tool that was moved."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from planner.common.errors import InputError
+from planner.common.units import DEG, MM
+from planner.identification.baseline import Baseline
+from planner.instruments.check.evaluation import evaluate_check
+from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
+from planner.report.check_report import report_check
+from tests.instruments.check.fleet import NAME, fleet
+from tests.simulation.generator.truth import draw_errors
+
+
+@cache
+def robot():
+    rng = np.random.default_rng(5)
+    errors = draw_errors(fleet().world.arm, rng)
+    return errors, fleet().baseline(errors, rng)
+
+
+@cache
+def judged(limit=None, gear=0.0, **changes):
+    errors, baseline = robot()
+    after = {k: v + changes.get(k, 0.0) for k, v in errors.items()}
+    run = fleet().read(after, np.random.default_rng(7), {1: gear * np.sin(fleet().check.q[:, 1])})
+    return evaluate_check(baseline, fleet().cell, run, limit)
+
+
+def test_a_sound_robot_passes():
+    verdict = judged()
+    assert verdict.passed
+    assert verdict.outcome == "unchanged"
+    assert any("go on" in line for line in verdict_lines(verdict))
+
+
+def test_an_axis_that_lost_its_zero_is_named_with_its_size():
+    verdict = judged(theta3=0.03 * DEG)
+    assert verdict.best.change.name == "zero of joint 3"
+    assert verdict.advice == "master axis 3 and check again"
+    assert verdict.best.values[0] == pytest.approx(0.03 * DEG, rel=0.3)
+    said = verdict_content(verdict, NAME)
+    assert (said["outcome"], said["passed"], said["cause"]) == ("changed", False, "zero of joint 3")
+    page = report_check(NAME, verdict)
+    assert "master axis 3" in " ".join(page.content["sentences"])
+    assert page.charts[0].panels[1].y_names[0] == "zero of joint 3"
+
+
+def test_a_worn_gear_and_a_tool_that_was_hit_are_told_apart():
+    gear = judged(gear=0.06 * DEG)
+    assert "gear of joint 2" in [j.change.name for j in (gear.best, *gear.rivals) if j]
+    tool = judged(map_x=0.5 * MM, map_y=-0.4 * MM)
+    assert tool.best.change.name == "tool"
+    assert tool.best.motion == pytest.approx(np.hypot(0.5, 0.4) * MM, rel=0.3)
+
+
+def test_a_change_within_the_users_limit_passes():
+    errors = {"theta3": 0.03 * DEG}
+    assert judged(5 * MM, **errors).outcome == "changed within the limit"
+    assert judged(0.05 * MM, **errors).outcome == "changed"
+
+
+def test_a_forecast_is_of_the_sizes_that_the_check_then_has():
+    errors, baseline = robot()
+    run = fleet().read(errors, np.random.default_rng(1))
+    forecast = CheckForecast.of(baseline, fleet().cell, run.samples)
+    sizes = {c.name: d for c, d in zip(forecast.changes, forecast.detectable, strict=True)}
+    for j in judged().judged:
+        if j.change.kind in ("zero", "tool", "fixture"):
+            assert sizes[j.change.name] == pytest.approx(j.detectable, rel=0.15)
+
+
+def test_runs_that_are_no_check_are_refused():
+    errors, baseline = robot()
+    run = fleet().read(errors, np.random.default_rng(1))
+    for wrong, words in (
+        (replace(run, continuous=True), "at rest"),
+        (replace(run.take(slice(0, 3))), "needs 4"),
+        (replace(run, robot="ur10"), "ur10"),
+    ):
+        with pytest.raises(InputError, match=words):
+            evaluate_check(baseline, fleet().cell, wrong)
+    other = baseline.file.model_copy(update={"gauge": "tracker"})
+    with pytest.raises(InputError, match="gauge of the baseline"):
+        Baseline.of(other, fleet().cell, "posterior.json")

@@ -1,0 +1,75 @@
+"""A fleet of 200 robots: how often a check cries wolf, how often it finds what changed, and whether it says what."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from planner.common.units import DEG
+from planner.instruments.check.detection import FALSE_ALARM, POWER, Detector
+from planner.instruments.check.evaluation import evaluate_check
+from tests.instruments.check.fleet import fleet
+from tests.simulation.generator.truth import draw_errors
+
+ROBOTS, COLLISIONS = 200, 40
+SINGLE = ("zero of joint 2", "zero of joint 5", "tool", "fixture A")
+
+
+@pytest.fixture
+def one_threshold(monkeypatch):
+    """One threshold for all robots: they differ in it by less than draws can tell, and each would cost 0.1 s."""
+    whole, known = Detector.threshold.func, []
+
+    def threshold(detector):
+        if not known:
+            known.append(whole(detector))
+        return known[0]
+
+    monkeypatch.setattr(Detector, "threshold", property(threshold))
+
+
+def robot(k):
+    rng = np.random.default_rng([21, k])
+    errors = draw_errors(fleet().world.arm, rng)
+    return errors, fleet().baseline(errors, rng), rng
+
+
+def changed(errors, name, size, rng):
+    """The errors of an arm after a change that moves its tool by ``size`` [m]; for an axis by so many radians."""
+    after = dict(errors)
+    if name.startswith("zero"):
+        after[f"theta{name[-1]}"] += size * rng.choice([-1.0, 1.0])
+        return after
+    way = rng.standard_normal(3)
+    for axis, v in zip("xyz", way / np.linalg.norm(way) * size, strict=True):
+        after[f"{'map' if name == 'tool' else 'fixture_A'}_{axis}"] += v
+    return after
+
+
+def judge(baseline, run):
+    return evaluate_check(baseline, fleet().cell, run)
+
+
+@pytest.mark.long
+def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold):
+    f = fleet()
+    alarms, found, right, hit = 0, 0, 0, 0
+    for k in range(ROBOTS):
+        errors, baseline, rng = robot(k)
+        verdict = judge(baseline, f.read(errors, rng))
+        alarms += verdict.outcome != "unchanged"
+        name = SINGLE[k % len(SINGLE)]
+        mine = next(j for j in verdict.judged if j.change.name == name)
+        lever = float(np.sqrt(mine.change.square[0, 0]))  # of an axis; 1 of what moves as a whole
+        verdict = judge(baseline, f.read(changed(errors, name, mine.detectable / lever, rng), rng))
+        found += verdict.outcome != "unchanged"
+        right += verdict.outcome != "unchanged" and name in [
+            j.change.name for j in (verdict.best, *verdict.rivals) if j
+        ]
+        if k < COLLISIONS:
+            bent = {**errors, **{f"theta{i}": errors[f"theta{i}"] + rng.normal(0, 0.03) * DEG for i in (1, 2, 3, 4, 5)}}
+            verdict = judge(baseline, f.read(changed(bent, "tool", 1e-3, rng), rng))
+            hit += verdict.outcome == "changed"
+    assert stats.binom.sf(alarms - 1, ROBOTS, FALSE_ALARM) > 1e-3
+    assert stats.binom.cdf(found, ROBOTS, POWER) > 1e-3
+    assert right > 0.9 * found
+    assert hit == COLLISIONS
