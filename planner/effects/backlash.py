@@ -1,7 +1,7 @@
 """Effects of how a joint came to where it stands: backlash, hysteresis, angles read before it settled, servo lag."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ class EffectSize:
 BACKLASH = EffectSize(
     "rad", 1e-4, 1e-2, "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(5): backlash of a serial robot, 0.01-0.1 mm"
 )
+PLAY_OF_SCATTER = 3.0  # usual play over what a joint repeats to, where that is more than an industrial arm's
 LAG = EffectSize("s", 2e-3, 0.1, "estimated")
 SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
@@ -133,16 +134,24 @@ class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="
         return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.setup.robot.sense_matrix[self.joint])
 
 
+def _play(run: Excitation) -> EffectSize:
+    """Return the play to be expected: an arm that repeats badly has much."""
+    factor = max(1.0, PLAY_OF_SCATTER * run.setup.joint_sigma / BACKLASH.usual)
+    return replace(BACKLASH, usual=factor * BACKLASH.usual, largest=factor * BACKLASH.largest)
+
+
 @register("backlash", needs="poses come to from both sides of the joint")
 def backlash(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side from which a joint comes: its speed's sign, or its last approach."""
     if not (run.has("speed") or run.has("direction")):
         return
     phi = SpeedSign if run.has("speed") else ApproachDirection
-    for i in run.moving_joints:
-        if np.ptp(run.values(phi(i))) > 0.5:
-            sentence = f"joint {i + 1}: play of {{size}} between the two directions"
-            yield _of_joint(run, "backlash", i, phi(i), BACKLASH, sentence)
+    seen = [i for i in run.moving_joints if np.ptp(run.values(phi(i))) > 0.5]
+    for i in seen:
+        sentence = f"joint {i + 1}: play of {{size}} between the two directions"
+        yield _of_joint(run, "backlash", i, phi(i), _play(run), sentence)
+    if len(seen) == len(list(run.joints)):  # of an arm whose drives are all alike
+        yield _of_all_joints(run, "backlash", phi, _play(run), "each joint: play of {size} between the two directions")
 
 
 @register("backlash by load", background=Background.BY_PLACE)
@@ -153,7 +162,7 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
             sentence = f"joint {i + 1}: play of {{size}}, on the side on which the load lies"
             role = Role.LIKE_ANY_COMPLIANCE
-            yield _of_joint(run, "backlash by load", i, TorqueSign(i), BACKLASH, sentence, static=True, role=role)
+            yield _of_joint(run, "backlash by load", i, TorqueSign(i), _play(run), sentence, static=True, role=role)
 
 
 @register("hysteresis", needs=CONTINUOUS_RUN)
@@ -162,12 +171,12 @@ def hysteresis(run: Excitation) -> Iterator[Effect]:
     for i in run.moving_joints if run.has("reversals") else ():
 
         def parameter(width: float, i: int = i) -> tuple[Parameter, ...]:
-            return (_parameter(run, "hysteresis", i, Hysteresis(i, width), BACKLASH),)
+            return (_parameter(run, "hysteresis", i, Hysteresis(i, width), _play(run)),)
 
         yield Effect(
             "hysteresis", joint_place(i), parameter,
             f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel",
-            BACKLASH.largest, BACKLASH.literature,
+            _play(run).largest, BACKLASH.literature,
             NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True), static=False,
         )  # fmt: skip
 

@@ -11,6 +11,7 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array
+from planner.runs.clock_alignment import AlignedClocks, align_clocks
 from planner.runs.columns import NAMES, WHOLE, split_key
 from planner.runs.joint_motion import DENSE
 from planner.runs.quantities import check_jumps, has_reading
@@ -84,9 +85,10 @@ def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
     """Return one table with the gauge's readings and the controller's angles.
 
     With ``t_s`` in both and angles logged closely, the angles are interpolated at the gauge's stamps (cubic Hermite) on
-    the controller's clock; the clocks' offset comes from the marks in ``sync`` where both have them, else it is taken
-    for 0 with a warning. What is finer than that is the gauge's lag, a parameter of the fit. With ``pose`` in both and
-    one row a pose, rows are matched by it.
+    the controller's clock; the clocks' offset comes from the marks in ``sync`` where both have them, else from the
+    readings where they tell it (:mod:`planner.runs.clock_alignment`), else it is taken for 0 with a warning. What is
+    finer than that is the gauge's lag, a parameter of the fit. With ``pose`` in both and one row a pose, rows are
+    matched by it.
 
     Raises:
         InputError: the logs cannot be joined in either way, do not overlap, or a clock does not go forward.
@@ -145,19 +147,35 @@ def _offset(gauge: RunTable, axes: RunTable, t_gauge: Array, t_axes: Array) -> t
     """Return what is to be added to the gauge's clock [s], and a sentence on where it comes from."""
     names = f"{gauge.source.name} and {axes.source.name}"
     if not (gauge.has("sync") and axes.has("sync")):
+        found = _by_readings(gauge, axes, t_gauge, t_axes)
+        if found is not None:
+            return found.seconds, [
+                f"{names}: {found.seconds:.3f} s was added to the gauge's clock, as there is no column sync in both: "
+                f"there the readings fit the angles best ({found.left:.2%} of their variance is left, at any other "
+                f"offset {found.rival:.1%} or more)"
+            ]
         return 0.0, [
             f"{names}: the clocks are taken for the same, as there is no column sync in both; "
             "a small offset is found by the fit as the gauge's lag, a large one is not"
         ]
     g, a = (rising_edges(t, table.array("sync")) for t, table in ((t_gauge, gauge), (t_axes, axes)))
     try:
-        found = edge_offset(g, a, _time_step(gauge) + _time_step(axes))
+        marked = edge_offset(g, a, _time_step(gauge) + _time_step(axes))
     except InputError as err:
         raise InputError(f"{gauge.source.file} and {axes.source.file}: {err}") from err
-    return found.seconds, [
-        f"{names}: {found.seconds:.6f} s was added to the gauge's clock; {found.marks} sync marks agree on it "
-        f"(RMS {1e3 * found.rms:.3f} ms)"
+    return marked.seconds, [
+        f"{names}: {marked.seconds:.6f} s was added to the gauge's clock; {marked.marks} sync marks agree on it "
+        f"(RMS {1e3 * marked.rms:.3f} ms)"
     ]
+
+
+def _by_readings(gauge: RunTable, axes: RunTable, t_gauge: Array, t_axes: Array) -> AlignedClocks | None:
+    read = [gauge.array(key) for key in ("length", "x", "y", "z") if gauge.has(key)]
+    stem = "q" if axes.has("q1") else "cmd"
+    angles = [axes.array(f"{stem}{i}") for i in range(1, axes.n_joints + 1) if axes.has(f"{stem}{i}")]
+    if not read or len(angles) < axes.n_joints:
+        return None
+    return align_clocks(t_gauge, np.stack(read, axis=1), t_axes, np.stack(angles, axis=1))
 
 
 def _column_at(axes: RunTable, key: str, t_axes: Array, t: Array) -> pl.Series:

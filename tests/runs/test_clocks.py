@@ -3,8 +3,11 @@
 import numpy as np
 import polars as pl
 import pytest
+from scipy.interpolate import CubicSpline
 
+from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.runs.clock_alignment import align_clocks
 from planner.runs.joint_motion import joint_speeds
 from planner.runs.loader import load_runs
 from planner.runs.synchronisation import edge_offset, rising_edges
@@ -140,3 +143,27 @@ def test_a_half_without_its_other_half(tmp_path):
         load_runs([gauge, *axes], 1)
     with pytest.raises(InputError, match="there are no joint angles"):
         load_runs([gauge], 1)
+
+
+@pytest.mark.parametrize("name", ["ur5e/edbb", "panda/tracker"])
+def test_clocks_seconds_apart_are_aligned_by_the_readings(name, tmp_path):
+    """A drive through random poses; the true offset is known, and the import says how sure it is."""
+    cell, rng, offset = load_cell(name), np.random.default_rng(4), -7.3
+    t, n = np.arange(0, 300, 0.04), cell.robot.n_joints
+    via = cell.home + rng.uniform(-0.5, 0.5, (60, n))
+    q = CubicSpline(np.linspace(0, 300, len(via)), via)
+    true = np.arange(5.0, 290.0, 0.05)
+    x = cell.map_position(q(true))
+    read = x if n == 7 else np.linalg.norm(x - cell.fixtures[0].p_BX, axis=1)[:, None]
+    titles = ["x_mm", "y_mm", "z_mm"] if n == 7 else ["length_mm"]
+    read = 1e3 * read + rng.normal(0, 0.01, read.shape)
+    pl.DataFrame({"t_s": true - offset, **dict(zip(titles, read.T, strict=True))}).write_csv(tmp_path / "gauge.csv")
+    angles = {f"q{j}_deg": a for j, a in enumerate(np.rad2deg(q(t)).T, start=1)}
+    pl.DataFrame({"t_s": t, **angles}).write_csv(tmp_path / "axes.csv")
+    (run,) = [load_runs([tmp_path / "gauge.csv", tmp_path / "axes.csv"], n)]
+    (said,) = [w for w in run.warnings if "was added to the gauge's clock" in w]
+    assert float(said.split(": ")[1].split()[0]) == pytest.approx(offset, abs=0.06)  # the rest is the fit's lag
+    assert "of their variance is left" in said
+    noise = align_clocks(true, rng.normal(size=read.shape), t, q(t))
+    assert noise is None  # readings that follow nothing
+    assert align_clocks(true, read, t, q(t)) is None  # clocks that agree stay as they are
