@@ -16,11 +16,11 @@ from planner.cell.gauge_types import GaugeBody
 from planner.cell.places import nests_frame
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
-from planner.common.errors import InputError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.parameters import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.frames import are_collinear, place_frames
+from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
 from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
@@ -28,6 +28,8 @@ from planner.runs.reference_readings import ReferenceReadings
 from planner.runs.run import Mounting, Readings, Run, Samples
 
 NESTS = 3  # that a frame takes
+FAR = 10 * MM  # more than a robot as it is bought misses by (rms)
+MIRROR, MIRRORED_GAIN = np.array([1.0, 1.0, -1.0]), 3.0  # times better in a mirror: the axes are left-handed
 
 
 @register_gauge
@@ -86,9 +88,7 @@ class Tracker(FrameGauge):
 
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find the stations, and the targets where the cell has none."""
-        p_BF, R_BF = flange_poses(setup, run.samples.q)
-        assert run.readings.position is not None
-        seen = place_frames(p_BF, R_BF, run.readings.position, run.samples.place, points_of(run), p_FM)
+        seen = _place_frames(setup, run, p_FM)
         return replace(setup, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
 
     def simulate(
@@ -157,9 +157,44 @@ class PoseTracker(Tracker):
 
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find the stations and how the probes sit on the flange."""
-        p_BF, R_BF = flange_poses(setup, run.samples.q)
-        r = run.readings
-        assert r.position is not None
-        assert r.rotation is not None
-        probe = place_frames(p_BF, R_BF, r.position, run.samples.place, points_of(run), p_FM, r.rotation)
+        probe = _place_frames(setup, run, p_FM)
         return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
+
+
+def _place_frames(setup: MeasurementSetup, run: Run, p_FM: Array | None) -> FramePlacement:
+    """Find the stations, and how targets or probes sit on the flange.
+
+    Raises:
+        InputError: the positions are those of a left-handed frame.
+        NoSolutionError: the poses leave a direction open.
+    """
+    p_BF, R_BF = flange_poses(setup, run.samples.q)
+    p_GM, R_GM = run.readings.position, run.readings.rotation
+    assert p_GM is not None
+
+    def place(p: Array, R: Array | None) -> FramePlacement:
+        return place_frames(p_BF, R_BF, p, run.samples.place, points_of(run), p_FM, R)
+
+    try:
+        seen = place(p_GM, R_GM)
+    except NoSolutionError:
+        _check_handedness(run, np.inf, lambda: place(p_GM * MIRROR, None))
+        raise
+    if seen.rms > FAR:
+        _check_handedness(run, seen.rms, lambda: place(p_GM * MIRROR, None))
+    return seen
+
+
+def _check_handedness(run: Run, rms: float, mirrored: Callable[[], FramePlacement]) -> None:
+    """Refuse positions that fit the arm far better, against ``rms`` [m], once they are seen in a mirror."""
+    try:
+        found = mirrored().rms
+    except NoSolutionError:
+        return
+    if found < min(rms / MIRRORED_GAIN, FAR):
+        instead = "not at all" if np.isinf(rms) else f"to {float(to_mm(rms)):.3g} mm"
+        raise InputError(
+            f"{run.name}: the positions fit the arm {instead} as they are, and to {float(to_mm(found)):.3g} mm with "
+            "one axis turned round: the tracker's axes are left-handed; change the sign of one of x_mm, y_mm, z_mm "
+            "(factor = -1 in the map of edbb import), or exchange two of them"
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -160,10 +161,31 @@ def numbers_in(text: pl.DataFrame, source: RowSource, numbers: frozenset[str], d
         if decimal != ".":  # a point is then no decimal sign, and might group thousands
             field = field.str.replace(".", "point", literal=True).str.replace(decimal, ".", literal=True)
         value = field.cast(pl.Float64, strict=False)
+        if name == "pose" and value.null_count() > field.null_count():
+            numbered = number_labels(field)
+            value = value if numbered is None else numbered
         if (row := first_row(value.is_null() & field.is_not_null())) is not None:
+            hint = " (poses are numbered, or called like P1 or A1, B1)" if name == "pose" else hint
             raise source.error(row, name, f"{text[name][row]!r} is no number{hint}")
         text = text.with_columns(value.alias(name))
     return text
+
+
+def number_labels(labels: pl.Series) -> pl.Series | None:
+    """Return numbers (n,) for labels of poses such as ``P12``, or ``A1`` and ``B1``, blanks kept; ``None`` for others.
+
+    With one beginning it is the number behind it; with several, of one or two letters, these count ten thousands.
+    """
+    parts = labels.str.to_uppercase().str.extract_groups(r"^(?<begin>.*?)(?<number>\d{1,4})$").struct.unnest()
+    begins = sorted(parts["begin"].drop_nulls().unique())
+    if (parts["number"].is_null() & labels.is_not_null()).any():
+        return None
+    if len(begins) == 1:
+        return parts["number"].cast(pl.Float64)
+    if not all(re.fullmatch("[A-Z]{0,2}", begin) for begin in begins):
+        return None
+    thousands = {begin: 1e4 * sum((ord(c) - 64) * 27**k for k, c in enumerate(begin[::-1])) for begin in begins}
+    return parts["number"].cast(pl.Float64) + parts["begin"].replace_strict(thousands, return_dtype=pl.Float64)
 
 
 def first_row(wrong: pl.Series | np.ndarray) -> int | None:

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.identification.assessment import collect_warnings
-from planner.identification.run_setup import check_pull
+from planner.identification.run_setup import check_pull, locate_gauge, setup_for_run
 from planner.runs.run import Readings, Run, Samples
 
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
@@ -30,6 +31,21 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     )
     bare = replace(run, samples=replace(samples, file=None, line=None))
     assert "(number 4; number 20; " in "".join(collect_warnings(bare, cell, found, None))
+
+
+def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
+    (tmp_path / "cell.toml").write_text(CELL)
+    cell, rng = load_cell(str(tmp_path / "cell.toml"), planning=False), np.random.default_rng(0)
+    q = rng.uniform(-1.5, 1.5, (40, 6))
+    R = Rotation.random(rng=rng).as_matrix()
+    seen = 1e-3 * rng.normal(size=(40, 3)) + cell.map_position(q) @ R
+    for turned, told in ((np.eye(3), False), (np.diag([1.0, -1.0, 1.0]), True)):
+        run = Run("run.csv", Samples(q, np.zeros(40, dtype=int)), Readings(position=seen @ turned))
+        if told:
+            with pytest.raises(InputError, match="the tracker's axes are left-handed; change the sign of one"):
+                locate_gauge(setup_for_run(cell, run), run)
+        else:
+            locate_gauge(setup_for_run(cell, run), run)
 
 
 def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():

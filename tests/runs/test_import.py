@@ -8,6 +8,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects
 from planner.programs.program_files import import_map, write_program
+from planner.runs.loader import load_runs
 from planner.runs.traces import import_run
 from tests.programs.sessions import PLAN_ID, static
 from tests.runs.made import rows, sine_path, write
@@ -269,3 +270,23 @@ def test_no_trace_and_several_whole_runs(tmp_path):
         import_run([], path)
     with pytest.raises(InputError, match="are several runs, each whole; import them one by one"):
         import_run([write(tmp_path / f"{i}.csv", rows()) for i in range(2)], path)
+
+
+@pytest.mark.parametrize(
+    ("labels", "numbers"),
+    [
+        (["P1", "P12", "P3"], [1, 12, 3]),
+        (["pose 7", "pose 8", ""], [7, 8, -1]),
+        (["A1", "B1", "AB2"], [10001, 20001, 290002]),
+    ],
+)
+def test_labels_of_poses_become_numbers(tmp_path, labels, numbers):
+    rows = "".join(f"{k},{10 * k},{400 + k},{label}\n" for k, label in enumerate(labels))
+    path = write(tmp_path / "run.csv", "t_s,q1_deg,length_mm,pose\n" + rows)
+    assert load_runs([path], 1).samples.pose.tolist() == numbers
+
+
+def test_a_pose_without_a_number_is_told(tmp_path):
+    path = write(tmp_path / "run.csv", "t_s,q1_deg,length_mm,pose\n0,10,400,left\n1,20,401,P1\n")
+    with pytest.raises(InputError, match=r"line 2, column 'pose': 'left' is no number \(poses are numbered, or called"):
+        load_runs([path], 1)
