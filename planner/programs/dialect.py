@@ -2,7 +2,8 @@
 
 ``dialect.toml``
     What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
-    file, ``block_ms`` to prepare a block), comment, the kind and word of its blending (``none``, ``mm``, ``percent``
+    file, ``max_lines`` where a program has no parts, ``block_ms`` to prepare a block), comment, the kind and word of
+    its blending (``none``, ``mm``, ``percent``
     of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
     ``duration`` of the leg), the circle of the tool where the language has one (``[circle]``), dwell, the pulse at
@@ -274,6 +275,7 @@ class Dialect(StrictModel):
     line_ending: Literal["lf", "crlf"] = "lf"
     max_line: int = Field(ge=40)
     part_lines: int | None = Field(default=None, ge=20)
+    max_lines: int | None = Field(default=None, ge=20)
     block_ms: float = Field(gt=0, le=1000)
     number_step: int = Field(default=0, ge=0)
     output: str = "{number}"

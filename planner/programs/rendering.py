@@ -114,10 +114,11 @@ class ProgramFile:
 
 
 def _check_length(dialect: Dialect, lines: int, limit: int | None) -> None:
-    """Refuse a file that is longer than the cell allows, of a language whose programs have no parts."""
+    """Refuse a file that is longer than cell or controller allow, of a language whose programs have no parts."""
+    limit, who = (limit, "controller.part_lines") if limit is not None else (dialect.max_lines, "the controller")
     if limit is not None and lines > limit:
         raise InputError(
-            f"the program has {lines} lines, controller.part_lines allows {limit}, and a program of {dialect.title} "
+            f"the program has {lines} lines, {who} allows {limit}, and a program of {dialect.title} "
             "has no parts: take another dialect, or fewer poses"
         )
 

@@ -11,6 +11,7 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
 from planner.programs.program_files import read_back, verify, write_program
+from planner.programs.rendering import render_program
 from planner.programs.verification import ProgramMismatchError
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
@@ -131,6 +132,13 @@ def test_a_file_beyond_the_limit_of_a_controller_without_parts_is_refused(name: 
     program = replace(sessions.dense(6, 300), part_lines=100)
     with pytest.raises(InputError, match=r"part_lines allows 100"):
         write_program(program, name, "a")
+
+
+def test_a_program_that_the_controller_takes_not_is_refused() -> None:
+    dialect = load_dialect("fanuc-tp")
+    assert dialect.max_lines == 9999
+    with pytest.raises(InputError, match=r"the controller allows 100"):
+        render_program(sessions.dense(6, 200), dialect.model_copy(update={"max_lines": 100}), "a")
 
 
 def test_blocks_that_are_quicker_than_the_controller_are_told() -> None:

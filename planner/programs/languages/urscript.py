@@ -13,9 +13,9 @@ _ANGLE = rf"d2r\(({NUMBER})\)"
 _ROUTINE = re.compile(r"(?:def|thread)\s+(\w+)\(\)\s*:")
 _BLOCK = re.compile(r"(?:while|if)\b.*:")
 _MOTION = re.compile(r"\b(?:move[jlpc]|servo[jc]|speed[jl]|stop[jl]|force_mode|freedrive_mode|teach_mode)\b")
-_MOVE = re.compile(
-    rf"movej\(\[(?P<angles>{_ANGLE}(?:, {_ANGLE})*)\], v=d2r\((?P<speed>{NUMBER})\)(?:, r=(?P<radius>{NUMBER}))?\)"
-)
+_JOINTS = rf"\[({_ANGLE}(?:, {_ANGLE})*)\]"
+_MOVE = re.compile(rf"movej\({_JOINTS}, v=d2r\((?P<speed>{NUMBER})\)(?:, r=(?P<radius>{NUMBER}))?\)")
+_CIRCLE = re.compile(rf"movec\({_JOINTS}, {_JOINTS}, v=(?P<speed>{NUMBER})(?:, r=(?P<radius>{NUMBER}))?\)")
 
 
 @dataclass(frozen=True)
@@ -85,13 +85,18 @@ class UrScriptExecution(Execution):
                 raise InputError(f"line {statement.line}: '{statement.text}' stands before the program")
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a movej; motions other than joint moves raise InputError."""
+        """Take in a movej or a movec; motions other than these raise InputError."""
         if not isinstance(statement, UrMove):
             return False
-        match = _MOVE.fullmatch(statement.text)
+        match = _MOVE.fullmatch(statement.text) or _CIRCLE.fullmatch(statement.text)
         if match is None or statement.depth != 1:
             raise InputError(f"line {statement.line}: '{statement.text}' is no joint move of this family")
-        angles = [st.parse_fixed(m[1], statement.text) for m in re.finditer(_ANGLE, match["angles"])]
+        lists = re.findall(r"\[[^\]]*\]", statement.text)
+        *via, goal = ([st.parse_fixed(m[1], statement.text) for m in re.finditer(_ANGLE, text)] for text in lists)
         radius = None if match["radius"] is None else 1e3 * st.parse_fixed(match["radius"], statement.text)
-        self.move(angles, radius, st.parse_fixed(match["speed"], statement.text))
+        speed = st.parse_fixed(match["speed"], statement.text)
+        if via:
+            self.circle(via[0], goal, radius, 1e3 * speed)
+        else:
+            self.move(goal, radius, speed)
         return True
