@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import Coordinate, PositiveFloat, StrictModel, read_toml
+from planner.common.schema import Coordinate, PositiveFloat, StrictModel, read_toml, validate
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.calibration_tables import (
@@ -20,12 +20,12 @@ from planner.kinematics.calibration_tables import (
     nominal_from_table,
 )
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
+from planner.kinematics.dh_table import SPEED_TIME, read_dh_table
 from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.srdf import NEXT_BUT_ONE, read_allowed_pairs
-from planner.kinematics.urdf import UrdfChain, UrdfJoint, read_urdf
+from planner.kinematics.urdf import UrdfChain, UrdfJoint, is_urdf, plain_name, read_urdf
 
 FEWEST_JOINTS = 5
-SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a URDF leaves both unsaid
 
 
 class JointTable(StrictModel):
@@ -159,7 +159,7 @@ def list_robots() -> tuple[str, ...]:
 
 
 def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
-    """Load a robot by shipped name, or by path to a ``robot.toml`` or ``.urdf`` (relative to ``beside``).
+    """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro`` or table of DH rows (relative to ``beside``).
 
     Args:
         reference: name or path.
@@ -173,24 +173,12 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
     reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
     if "/" not in reference and shipped.is_file():
-        return _from_toml(shipped, beta)
+        return _from_file(shipped, beta)
     path = beside / reference
-    if path.suffix == ".urdf" and path.is_file():
-        return _from_urdf(
-            RobotDescription(
-                schema="edbb-robot/1",
-                name=path.stem,
-                convention="urdf",
-                urdf=path.name,
-                tip=tip,
-                srdf=f"{path.stem}.srdf" if path.with_suffix(".srdf").is_file() else None,
-            ),
-            path,
-        )
     if path.is_dir():
         path = path / "robot.toml"
     if path.is_file():
-        return _from_toml(path, beta)
+        return _from_file(path, beta, tip)
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
@@ -198,8 +186,31 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
     )
 
 
-def _from_toml(path: Path, beta: str) -> Robot:
-    file = read_toml(path, RobotDescription)
+def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
+    """Return what a ``robot.toml``, a bare URDF (or ``.xacro``) with the link ``tip``, or a table of DH rows says.
+
+    Raises:
+        InputError: the file is wrong.
+    """
+    if is_urdf(path):
+        srdf = plain_name(path).with_suffix(".srdf")
+        return RobotDescription(
+            schema="edbb-robot/1",
+            name=plain_name(path).stem,
+            convention="urdf",
+            urdf=path.name,
+            tip=tip,
+            srdf=srdf.name if srdf.is_file() else None,
+        )
+    if path.suffix == ".csv":
+        return validate(
+            {"schema": "edbb-robot/1", "name": path.stem} | read_dh_table(path), RobotDescription, str(path)
+        )
+    return read_toml(path, RobotDescription)
+
+
+def _from_file(path: Path, beta: str, tip: str | None = None) -> Robot:
+    file = describe_robot(path, tip)
     if file.convention == "urdf":
         return _from_urdf(file, path)
     n = len(file.joints)

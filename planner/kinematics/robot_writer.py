@@ -7,13 +7,12 @@ from pathlib import Path
 
 import tomli_w
 
-from planner.common.schema import read_toml
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.calibration_tables import nominal_key
 from planner.kinematics.joint_origins import exported_models
 from planner.kinematics.robot import Loads, Robot, RobotEffect
-from planner.kinematics.robot_reader import RobotDescription
-from planner.kinematics.urdf import read_urdf, write_urdf
+from planner.kinematics.robot_reader import describe_robot
+from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
 
 DIGITS = {"translation": 8, "rotation": 10}  # decimals of mm and deg: 1e-11 m, 2e-12 rad
 ROW_KEYS = {"theta": "theta_deg", "d": "d_mm", "a": "a_mm", "alpha": "alpha_deg", "beta": "beta_deg"}
@@ -94,23 +93,21 @@ def mesh_files(robot: Robot) -> tuple[tuple[str, bytes], ...]:
 
 def urdf_path(robot: Robot) -> Path:
     """Return the URDF that the robot was read from."""
-    if robot.path.suffix == ".urdf":
-        return robot.path
-    return robot.path.parent / str(read_toml(robot.path, RobotDescription).urdf)
+    return robot.path.parent / str(describe_robot(robot.path).urdf)
 
 
 def _nominal_content(robot: Robot) -> dict[str, object]:
     """Return the file's content without what an earlier calibration added; a bare URDF gets the few keys it needs."""
-    if robot.path.suffix == ".urdf":
+    if is_urdf(robot.path):
         return {"schema": "edbb-robot/1", "name": robot.name, "convention": "urdf"}
-    file = read_toml(robot.path, RobotDescription)
+    file = describe_robot(robot.path)
     added = {"effects", "loads", "nominal"}
     return file.model_dump(mode="json", by_alias=True, exclude=added, exclude_unset=True, exclude_none=True)
 
 
 def _head_comments(path: Path) -> str:
     """Return the comments that the nominal file begins with, from a calibrated file those that it has carried on."""
-    if path.suffix == ".urdf":
+    if path.suffix != ".toml":
         return ""
     text = re.match(r"(?:\s*#.*\n)*", path.read_text(encoding="utf-8"))
     head = text[0] if text else ""

@@ -71,13 +71,42 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
         raise InputError(f"{path}: {err}") from err
 
 
+def is_urdf(path: Path) -> bool:
+    """Tell whether a file is a URDF, or a template of one."""
+    return path.suffix in (".urdf", ".xacro")
+
+
+def plain_name(path: Path) -> Path:
+    """Return the path of the URDF that ``xacro`` makes of a template: ``arm.urdf`` for ``arm.urdf.xacro``."""
+    return path if path.suffix != ".xacro" else path.with_suffix("").with_suffix(".urdf")
+
+
+def _expand_xacro(path: Path) -> bytes:
+    """Return the URDF that a template makes with its own default arguments."""
+    plain = plain_name(path).name
+    try:
+        import xacro
+    except ImportError as err:
+        raise InputError(
+            f"{path}: is a template of a URDF, and the package that expands it is not installed: pip install xacro, or "
+            f"xacro {path.name} > {plain} where ROS is"
+        ) from err
+    try:
+        return bytes(xacro.process_file(str(path)).toxml(encoding="utf-8"))
+    except Exception as err:  # whatever a template's own expressions raise
+        raise InputError(
+            f"{path}: xacro cannot expand it ({err}); where the packages that it names are installed, make the URDF by "
+            f"xacro {path.name} > {plain}, with its arguments"
+        ) from err
+
+
 class _UrdfError(Exception):
     """What is wrong with an element."""
 
 
 def _parse_xml(path: Path, parser: ET.XMLParser | None = None) -> ET.Element:
     try:
-        return ET.fromstring(read_bytes(path, MOST_TOML), parser)
+        return ET.fromstring(_expand_xacro(path) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML), parser)
     except (ET.ParseError, ValueError, LookupError, RecursionError) as err:
         raise InputError(f"{path}: cannot be read as URDF ({err})") from err
 

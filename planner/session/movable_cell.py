@@ -12,7 +12,7 @@ from planner.common.files import data_folder
 from planner.common.reading import read_bytes
 from planner.common.schema import read_toml_content
 from planner.kinematics.robot_writer import mesh_names, urdf_path
-from planner.kinematics.urdf import write_urdf
+from planner.kinematics.urdf import plain_name, write_urdf
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ def movable_cell(cell: Cell) -> MovableCell:
     """Return the cell's content with names that hold in any folder: the robot's file name, a mesh by its own hash."""
     content = cell.file.model_dump(mode="json", by_alias=True)
     if not is_shipped(cell):
-        content["robot"] = cell.robot.path.name
+        content["robot"] = plain_name(cell.robot.path).name
     meshes: dict[str, Path] = {}
     for body in _bodies(content):
         if body.get("kind") == "mesh" and body.get("file"):
@@ -57,11 +57,14 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     if robot.convention == "urdf":
         urdf = urdf_path(robot)
         text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned")
-        yield urdf.name, text.encode()
+        yield plain_name(urdf).name, text.encode()
         if robot.srdf is not None:
             yield robot.srdf.name, read_bytes(robot.srdf)
         if robot.path == urdf:
             return
+    if robot.path.suffix == ".csv":
+        yield robot.path.name, read_bytes(robot.path)
+        return
     content = read_toml_content(robot.path)
     found = [b for b in _tables(content.get("bodies")) if "file" in b]
     if not found and robot.convention != "urdf":
@@ -70,7 +73,7 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     for body in found:
         body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
     if robot.convention == "urdf":
-        content["urdf"] = urdf_path(robot).name
+        content["urdf"] = plain_name(urdf_path(robot)).name
         if robot.srdf is not None:
             content["srdf"] = robot.srdf.name
     yield robot.path.name, tomli_w.dumps(content).encode()

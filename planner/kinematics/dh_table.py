@@ -1,0 +1,89 @@
+"""Tables of DH or MDH rows as other software has them (RoboDK, pybotics, spreadsheets), in CSV."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+
+from planner.common.errors import InputError, did_you_mean
+from planner.common.reading import read_utf8
+
+ROW = ("alpha", "a", "theta", "d")
+ANGLES = ("alpha", "theta", "beta", "zero", "lower", "upper", "speed")
+LENGTHS = ("a", "d")
+PLAIN = ("sense", "name")
+FACTORS = {"deg": 1.0, "rad": 180.0 / np.pi, "mm": 1.0, "m": 1e3, "deg_s": 1.0, "rad_s": 180.0 / np.pi}
+KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "zero": "zero_deg", "a": "a_mm", "d": "d_mm"}
+SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a table leaves both unsaid
+CONVENTION = re.compile(r"#\s*convention\s*:\s*(\S+)", re.IGNORECASE)
+
+
+def read_dh_table(path: Path) -> dict[str, object]:
+    """Return convention and joints, as ``robot.toml`` has them, of a table with one row a joint, from base to flange.
+
+    Its first line names the columns with their units (``alpha_rad, a_mm, theta_rad, d_mm``, in any order; ``beta``,
+    ``zero``, ``lower``, ``upper``, ``speed``, ``sense``, ``name`` where they are known); a line ``# convention: mdh``
+    (or ``dh``) above it says what the rows mean.
+
+    Raises:
+        InputError: with the line, what was found and what is allowed.
+    """
+    lines = [(n, line.strip()) for n, line in enumerate(read_utf8(path).splitlines(), 1) if line.strip()]
+    said = [m[1].lower() for _, line in lines if (m := CONVENTION.match(line))]
+    if said not in (["dh"], ["mdh"]):
+        raise InputError(
+            f"{path}: a line '# convention: mdh' (modified DH, as RoboDK and pybotics have it) or '# convention: dh' "
+            f"must say what the rows mean{f', found {said}' if said else ''}"
+        )
+    (top, header), *rows = [(n, line) for n, line in lines if not line.startswith("#")] or [(1, "")]
+    sign = ";" if ";" in header else ","
+    columns = [_column(path, top, title) for title in header.split(sign)]
+    if gone := [key for key in ROW if key not in {key for key, _ in columns}]:
+        raise InputError(
+            f"{path}, line {top}: no column {', '.join(gone)}; the columns are {', '.join(ROW)} with units"
+        )
+    fields = csv.reader((line for _, line in rows), delimiter=sign)
+    joints = [_joint(f"{path}, line {n}", columns, row) for (n, _), row in zip(rows, fields, strict=True)]
+    return {"convention": said[0], "joints": joints}
+
+
+def _column(path: Path, line: int, title: str) -> tuple[str, float]:
+    """Return what a column holds and the factor to degrees or millimetres; ``α (°)`` is ``alpha_deg``."""
+    plain = title.strip().strip('"').lower().replace("α", "alpha").replace("θ", "theta").replace("°", "deg")
+    key, _, unit = re.sub(r"[\s(\[/]+", "_", plain).rstrip(")]_").partition("_")
+    if key in PLAIN and not unit:
+        return key, 1.0
+    allowed = ("mm", "m") if key in LENGTHS else ("deg_s", "rad_s") if key == "speed" else ("deg", "rad")
+    if key not in (*LENGTHS, *ANGLES):
+        known = [*LENGTHS, *ANGLES, *PLAIN]
+        raise InputError(f"{path}, line {line}: '{title.strip()}' is no column of a DH table{did_you_mean(key, known)}")
+    if unit not in allowed:
+        raise InputError(
+            f"{path}, line {line}: '{title.strip()}' does not say its unit: {' or '.join(f'{key}_{u}' for u in allowed)}"
+        )
+    return key, FACTORS[unit]
+
+
+def _joint(where: str, columns: list[tuple[str, float]], row: list[str]) -> dict[str, object]:
+    if len(row) != len(columns):
+        raise InputError(f"{where}: {len(row)} fields, but {len(columns)} columns")
+    found: dict[str, float] = {}
+    joint: dict[str, object] = {}
+    for (key, factor), field in zip(columns, row, strict=True):
+        if key == "name":
+            joint["name"] = field.strip()
+            continue
+        try:
+            found[key] = float(field) * factor
+        except ValueError as err:
+            raise InputError(f"{where}, column '{key}': {field.strip()!r} is no number") from err
+    joint |= {KEYS[key]: value for key, value in found.items() if key in KEYS}
+    if "sense" in found:
+        joint["sense"] = int(found["sense"])
+    if "lower" in found and "upper" in found:
+        joint["limit_deg"] = (found["lower"], found["upper"])
+    if speed := found.get("speed"):
+        joint |= {"speed_deg_s": speed, "acceleration_deg_s2": speed / SPEED_TIME}
+        joint["jerk_deg_s3"] = speed / SPEED_TIME**2
+    return joint
