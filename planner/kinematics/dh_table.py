@@ -59,9 +59,8 @@ def _column(path: Path, line: int, title: str) -> tuple[str, float]:
         known = [*LENGTHS, *ANGLES, *PLAIN]
         raise InputError(f"{path}, line {line}: '{title.strip()}' is no column of a DH table{did_you_mean(key, known)}")
     if unit not in allowed:
-        raise InputError(
-            f"{path}, line {line}: '{title.strip()}' does not say its unit: {' or '.join(f'{key}_{u}' for u in allowed)}"
-        )
+        called = " or ".join(f"{key}_{u}" for u in allowed)
+        raise InputError(f"{path}, line {line}: '{title.strip()}' does not say its unit: {called}")
     return key, FACTORS[unit]
 
 
