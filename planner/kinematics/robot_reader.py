@@ -159,7 +159,7 @@ def list_robots() -> tuple[str, ...]:
 
 
 def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
-    """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro`` or ``.csv`` (a table of DH rows).
+    """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
     Args:
         reference: name or path.
