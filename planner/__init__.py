@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult as PlanResult
     from planner.workflow.plan_results import SimulationResult as SimulationResult
     from planner.workflow.planning import plan as plan
+    from planner.workflow.recording import record as record
 
 _MODULES = {
     "cell.cell": ("Cell",),
@@ -60,6 +61,7 @@ _MODULES = {
     "workflow.plan_reading": ("export", "simulate"),
     "workflow.plan_results": ("CircularPlanResult", "ExportResult", "PlanResult", "SimulationResult"),
     "workflow.planning": ("plan",),
+    "workflow.recording": ("record",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}  # imported when it is first used
 __all__ = ["__version__", *sorted(_HOME)]

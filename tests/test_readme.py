@@ -114,6 +114,7 @@ def test_every_command_of_the_readme_is_known():
         "plan-both",
         "plan-check",
         "check",
+        "record",
         "accuracy",
         "study",
         "export",
@@ -136,7 +137,7 @@ def test_every_command_of_the_readme_is_known():
     "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
-    verbs = ("plan", "plan-check", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
+    verbs = ("plan", "plan-check", "record", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
     assert any(option in help_of(verb) for verb in verbs)
 
 

@@ -32,6 +32,7 @@ VERBS = {  # name: (module, function, line in the list of commands)
     ),
     "plan-check": ("check_commands", "plan_check_command", "Plan ten poses that tell whether a robot has changed."),
     "check": ("check_commands", "check_command", "Judge a check: what has changed, and what to do."),
+    "record": ("check_commands", "record_command", "Keep the history of one robot, and show its drift."),
     "circular": (CALIBRATION, "circular_command", "Evaluate a circular test in the manner of ISO 230-4."),
     "loaded": (CALIBRATION, "loaded_command", "Evaluate circles driven under load: joint compliances."),
     "loaded-places": (PLANNING, "places_command", "Find where loaded circles tell the compliances apart."),

@@ -17,4 +17,5 @@ __all__ = [
     "plan_charts",
     "plan_data",
     "plan_report",
+    "record_report",
 ]

@@ -11,4 +11,5 @@ __all__ = [
     "plan_reading",
     "plan_results",
     "planning",
+    "recording",
 ]

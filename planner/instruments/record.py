@@ -1,0 +1,216 @@
+"""The record of one physical robot: a plain folder of what was done to it, and what changed in between.
+
+``record.toml`` says which robot it is; ``entries/0001-calibration/`` and so on hold ``entry.json`` and the results as
+they were. Nothing is ever changed or taken out.
+"""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date, timedelta
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tomli_w
+from pydantic import Field
+
+from planner.common.errors import InputError
+from planner.common.files import document_text, write_text
+from planner.common.reading import read_bytes
+from planner.common.result_folder import draft_folder, file_hash, move_all
+from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
+from planner.common.units import to_mm
+from planner.model.identification_document import Identification
+
+EntryKind = Literal["calibration", "validation", "check"]
+DOCUMENTS: dict[str, EntryKind] = {
+    "identification.json": "calibration",
+    "accuracy.json": "validation",
+    "check.json": "check",
+}
+BESIDE = ("robot.toml", "posterior.json", "expected_error.json")  # kept with a calibration
+MOVED = 3.0  # standard deviations between two calibrations
+
+
+class RecordFile(StrictModel):
+    """``record.toml``: serial number and model of the robot, and how often it is to be checked."""
+
+    schema_: Literal["edbb-record/1"] = Field(alias="schema")
+    serial: Annotated[str, Field(min_length=1, max_length=100)]
+    robot: str
+    check_days: Annotated[int, Field(ge=1, le=3650)] = 30
+
+
+class Circumstances(StrictModel):
+    """Who, when, and with what."""
+
+    date: date
+    operator: str = ""
+    temperature_degC: Annotated[float, Field(ge=-30, le=80)] | None = None
+    tool: str = ""
+    gauge: str = ""
+    certificate: str = ""
+
+
+class EntryFile(StrictModel):
+    """``entry.json``: what was added, by the hash of its document."""
+
+    schema_: Literal["edbb-record-entry/1"] = Field(alias="schema")
+    kind: EntryKind
+    document_sha256: str
+    circumstances: Circumstances
+
+
+class CheckedChange(PartialModel):
+    """What ``check.json`` says of one change."""
+
+    change: str
+    motion_mm: float
+    std_mm: float
+    values: dict[str, float]
+
+
+class CheckFile(PartialModel):
+    """What the record needs of ``check.json``."""
+
+    robot: str
+    outcome: str
+    advice: str
+    cause: str | None
+    p_value: float
+    threshold: float
+    changes: tuple[CheckedChange, ...]
+
+
+class AccuracyFigures(PartialModel):
+    """Errors of ``accuracy.json``."""
+
+    mean_mm: float
+    max_mm: float
+
+
+class AccuracyFile(PartialModel):
+    """What the record needs of ``accuracy.json``."""
+
+    robot: str
+    before: AccuracyFigures | None = None
+    after: AccuracyFigures | None = None
+
+
+@dataclass(frozen=True)
+class RecordEntry:
+    """One entry with its document; ``said`` sums it up."""
+
+    number: int
+    file: EntryFile
+    document: Identification | CheckFile | AccuracyFile
+
+    @property
+    def said(self) -> str:
+        """Return the entry in words."""
+        d = self.document
+        if isinstance(d, CheckFile):
+            return d.outcome if d.cause is None else f"{d.outcome}: {d.cause}; {d.advice}"
+        if isinstance(d, AccuracyFile):
+            parts = (("before", d.before), ("after", d.after))
+            return "; ".join(f"{n} {f.mean_mm:.3f} mm mean, {f.max_mm:.3f} mm largest" for n, f in parts if f)
+        before = None if d.release is None else d.release.nominal_anywhere
+        lead = "" if before is None else f"{to_mm(before):.3f} mm → "
+        return f"tool error over the workspace {lead}{to_mm(d.workspace_error):.3f} mm"
+
+
+@dataclass(frozen=True)
+class RobotRecord:
+    """One robot and its entries, the oldest first."""
+
+    file: RecordFile
+    entries: tuple[RecordEntry, ...]
+
+    @classmethod
+    def read(cls, folder: Path) -> "RobotRecord":
+        """Read a record.
+
+        Raises:
+            InputError: it is none, or a document is not what was added.
+        """
+        file = read_toml(folder / "record.toml", RecordFile)
+        found = sorted(p for p in (folder / "entries").glob("[0-9]*-*") if p.is_dir())
+        return cls(file, tuple(_read_entry(p) for p in found))
+
+    @property
+    def due(self) -> date | None:
+        """Day of the next check."""
+        days = [e.file.circumstances.date for e in self.entries if e.file.kind != "validation"]
+        return max(days) + timedelta(days=self.file.check_days) if days else None
+
+    def moved(self) -> Iterator[tuple[int, str]]:
+        """Yield what differs between a calibration and the one before by more than chance: entry, and in words."""
+        found = [(e.number, e.document) for e in self.entries if isinstance(e.document, Identification)]
+        for (_, first), (number, second) in pairwise(found):
+            known = {p.name: p for p in first.estimates if p.std}
+            for p in second.estimates:
+                old = known.get(p.name)
+                if old is None or not p.std or not old.std or p.group != "geometry":
+                    continue
+                std = float((p.std**2 + old.std**2) ** 0.5)
+                if abs(p.value - old.value) > MOVED * std:
+                    yield number, f"{p.name} {p.value - old.value:+.2e} ± {std:.1e} {p.unit}"
+
+
+def _read_entry(folder: Path) -> RecordEntry:
+    file = validate(read_json(folder / "entry.json"), EntryFile, str(folder / "entry.json"))
+    path = folder / next(name for name, kind in DOCUMENTS.items() if kind == file.kind)
+    _ = read_bytes(path)
+    if file_hash(path) != file.document_sha256:
+        raise InputError(f"{path} is not what was added to the record: its hash differs; fetch it from a backup")
+    return RecordEntry(int(folder.name.partition("-")[0]), file, _read_document(path, file.kind))
+
+
+def _read_document(path: Path, kind: EntryKind) -> Identification | CheckFile | AccuracyFile:
+    if kind == "calibration":
+        return Identification.read(path)
+    if kind == "check":
+        return validate(read_json(path), CheckFile, str(path))
+    return validate(read_json(path), AccuracyFile, str(path))
+
+
+def add_entry(record: Path, results: Path, circumstances: Circumstances, serial: str | None) -> RobotRecord:
+    """Add a folder of results to a record, which is made if ``serial`` says of which robot.
+
+    Raises:
+        InputError: the folder holds no results for a record, or those of another robot; there is no record.
+    """
+    name = next((n for n in DOCUMENTS if (results / n).is_file()), None)
+    if name is None:
+        raise InputError(f"{results} holds none of {', '.join(DOCUMENTS)}: add what identify, accuracy or check wrote")
+    kind, robot = DOCUMENTS[name], _read_document(results / name, DOCUMENTS[name]).robot
+    if not (record / "record.toml").is_file():
+        if serial is None:
+            raise InputError(f"{record} is no record yet: name the robot's serial number with --serial")
+        record.mkdir(parents=True, exist_ok=True)
+        content = RecordFile(schema="edbb-record/1", serial=serial, robot=robot).model_dump(by_alias=True)
+        write_text(record / "record.toml", tomli_w.dumps(content))
+    known = RobotRecord.read(record)
+    if robot != known.file.robot:
+        raise InputError(f"{results / name} is of {robot}, but {record} is the record of {known.file.robot}")
+    if serial not in (None, known.file.serial):
+        raise InputError(f"{record} is the record of serial number {known.file.serial}, found {serial}")
+    if file_hash(results / name) in [e.file.document_sha256 for e in known.entries]:
+        raise InputError(f"{results / name} is in the record already")
+    entry = EntryFile(
+        schema="edbb-record-entry/1",
+        kind=kind,
+        document_sha256=file_hash(results / name),
+        circumstances=circumstances,
+    )
+    number = max((e.number for e in known.entries), default=0) + 1
+    (record / "entries").mkdir(exist_ok=True)
+    folder = record / "entries" / f"{number:04d}-{kind}"
+    with draft_folder(folder) as draft:
+        for file in (name, *BESIDE):
+            if (results / file).is_file():
+                shutil.copyfile(results / file, draft / file)
+        write_text(draft / "entry.json", document_text(entry.model_dump(mode="json", by_alias=True)))
+        move_all(draft, folder)
+    return RobotRecord.read(record)

@@ -1,0 +1,86 @@
+"""``record()``: the history of one physical robot, added to and shown."""
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from planner.common.files import write_text
+from planner.common.result import Result
+from planner.common.result_folder import draft_folder, move_all
+from planner.instruments.record import Circumstances, RobotRecord, add_entry
+
+
+@dataclass(frozen=True)
+class RecordResult(Result):
+    """The record of a robot."""
+
+    record: RobotRecord
+
+    def summary(self) -> str:
+        """Return the history in lines."""
+        known = self.record
+        due = "" if known.due is None else f", next check due {known.due.isoformat()}"
+        lines = [f"{known.file.serial} ({known.file.robot}): {len(known.entries)} entries{due}"]
+        moved = list(known.moved())
+        for e in known.entries:
+            lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.said}")
+            lines += [f"              since before: {text}" for number, text in moved if number == e.number]
+        return "\n".join(lines)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return the history as one document."""
+        known = self.record
+        return {
+            "schema": "edbb-history/1",
+            "serial": known.file.serial,
+            "robot": known.file.robot,
+            "next_check": None if known.due is None else known.due.isoformat(),
+            "entries": [
+                {"number": e.number, "kind": e.file.kind, "result": e.said}
+                | e.file.circumstances.model_dump(mode="json")
+                | {"document_sha256": e.file.document_sha256}
+                for e in known.entries
+            ],
+        }
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``history.json``, ``history.csv`` and the report."""
+        from planner.report.record_report import HEAD, record_rows, report_record  # plotting takes long to load
+
+        table = io.StringIO()
+        csv.writer(table, lineterminator="\n").writerows([HEAD, *record_rows(self.record)])
+        with draft_folder(Path(folder)) as draft:
+            write_text(draft / "history.json", self.to_json())
+            write_text(draft / "history.csv", table.getvalue())
+            report_record(self.record).write(draft)
+            return move_all(draft, Path(folder))
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "history.json, history.csv, report.html"
+
+
+def record(
+    folder: Path | str,
+    *,
+    add: Path | str | None = None,
+    serial: str | None = None,
+    circumstances: Circumstances | None = None,
+) -> RecordResult:
+    """Show the record of a robot, after adding a folder of results to it.
+
+    Args:
+        folder: of the record; made with the first entry.
+        add: folder that ``identify``, ``accuracy`` or ``check`` wrote.
+        serial: number of the robot, for a new record.
+        circumstances: date, operator, temperature, tool and gauge of what is added.
+
+    Raises:
+        InputError: there is no record, or what is to be added does not belong to it.
+    """
+    if add is not None and circumstances is not None:
+        return RecordResult(add_entry(Path(folder), Path(add), circumstances, serial))
+    return RecordResult(RobotRecord.read(Path(folder)))

@@ -1,0 +1,88 @@
+"""A robot's record: what is added stays as it was, belongs to one robot, and shows what changed."""
+
+import json
+from datetime import date
+
+import pytest
+
+from planner.common.errors import InputError
+from planner.common.files import document_text
+from planner.common.units import DEG
+from planner.instruments.check.results import verdict_content
+from planner.instruments.record import Circumstances, RobotRecord, add_entry
+from planner.report.record_report import drift_chart, record_rows
+from tests.command import edbb
+from tests.instruments.check.fleet import NAME
+from tests.instruments.check.test_evaluation import judged
+
+
+def calibration(theta3, robot=NAME):
+    errors = {"rms_mm": 0.1, "mean_mm": 0.1, "max_mm": 0.2}
+    parameters = [{"name": "theta3", "value": theta3, "std": 0.002, "unit": "deg", "group": "geometry"}]
+    parameters += [{"name": "a2", "value": 400.01 + theta3 / 10, "std": 0.05, "unit": "mm", "group": "geometry"}]
+    return {
+        "schema": "edbb-identification/1", "robot": robot, "n_samples": 40, "degrees_of_freedom": 20, "findings": [],
+        "stages": [{"name": "geometry", "train": errors, "held_out": errors}], "parameters": parameters,
+        "known_anywhere_mm": 0.08,
+    }  # fmt: skip
+
+
+def results(folder, name, content):
+    folder.mkdir()
+    (folder / name).write_text(document_text(content))
+    return folder
+
+
+@pytest.fixture
+def record(tmp_path):
+    """Calibrated, checked twice (an axis lost its zero), calibrated again."""
+    documents = [
+        ("identification.json", calibration(0.01)),
+        ("check.json", verdict_content(judged(), NAME)),
+        ("check.json", verdict_content(judged(theta3=0.03 * DEG), NAME)),
+        ("identification.json", calibration(0.04)),
+    ]
+    for month, (name, content) in enumerate(documents, 1):
+        folder = results(tmp_path / str(month), name, content)
+        add_entry(tmp_path / "record", folder, Circumstances(date=date(2026, month, 1), operator="W"), "S1")
+    return tmp_path / "record"
+
+
+def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
+    known = RobotRecord.read(record)
+    assert [e.file.kind for e in known.entries] == ["calibration", "check", "check", "calibration"]
+    assert "master axis 3" in known.entries[2].said
+    (moved,) = known.moved()  # a2 moved by less than chance
+    assert moved[0] == 4
+    assert moved[1].startswith("theta3 +5.24e-04 ± 4.9e-05 rad")
+    assert known.due == date(2026, 5, 1)
+    assert "theta3" in record_rows(known)[3][3]
+    zeros, evidence = drift_chart(known).panels
+    joint3 = next(s for s in zeros.series if s.name == "joint 3")
+    assert abs(joint3.y[1]) > 0.1 > abs(joint3.y[0])
+    assert evidence.series[0].y[0] < 0 < evidence.series[0].y[1]
+
+
+def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
+    day = Circumstances(date=date(2026, 6, 1))
+    with pytest.raises(InputError, match="already"):
+        add_entry(record, tmp_path / "2", day, None)
+    with pytest.raises(InputError, match="serial number S1"):
+        add_entry(record, results(tmp_path / "a", "identification.json", calibration(0.02)), day, "S2")
+    other = results(tmp_path / "b", "identification.json", calibration(0.02, "ur10"))
+    with pytest.raises(InputError, match="ur10"):
+        add_entry(record, other, day, None)
+    with pytest.raises(InputError, match="no record yet"):
+        add_entry(tmp_path / "none", other, day, None)
+    path = record / "entries" / "0002-check" / "check.json"
+    path.write_text(path.read_text().replace("unchanged", "changed"))
+    with pytest.raises(InputError, match="not what was added"):
+        RobotRecord.read(record)
+
+
+def test_the_command_shows_it(record):
+    done = edbb("record", record, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert (said["serial"], said["next_check"], len(said["entries"])) == ("S1", "2026-05-01", 4)
+    assert edbb("record", record, "--add", record, "--date", "tomorrow").returncode == 2
