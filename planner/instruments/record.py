@@ -144,7 +144,7 @@ class RobotRecord:
         days = [e.file.circumstances.date for e in self.entries if e.file.kind != "validation"]
         return max(days) + timedelta(days=self.file.check_days) if days else None
 
-    def moved(self) -> Iterator[tuple[int, str]]:
+    def differences(self) -> Iterator[tuple[int, str]]:
         """Yield what differs between a calibration and the one before by more than chance: entry, and in words."""
         found = [(e.number, e.document) for e in self.entries if isinstance(e.document, Identification)]
         for (_, first), (number, second) in pairwise(found):

@@ -82,6 +82,11 @@ def report_validation(title: str, found: Validation) -> Report:
             f"Calibrated: mean {_mm(after.mean)} mm, at most {_mm(after.largest)} mm, standard deviation "
             f"{_mm(after.std)} mm."
         )
+    said += [
+        f"{name}: {m.performance.text()}."
+        for name, m in (("Data sheet", found.before), ("Calibrated", found.after))
+        if m is not None and m.performance is not None
+    ]
     said.append(f"The tracker's frame was found from {len(found.nests)} nests; it misses {misses}.")
     said.append(found.floor.text() + ".")
     head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))

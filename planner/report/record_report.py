@@ -52,7 +52,7 @@ def drift_chart(record: RobotRecord) -> Chart | None:
 def record_rows(record: RobotRecord) -> list[Row]:
     """Return one row an entry, as the page and the table show it."""
     moved: dict[int, list[str]] = {}
-    for number, text in record.moved():
+    for number, text in record.differences():
         moved.setdefault(number, []).append(text)
     rows: list[Row] = []
     for e in record.entries:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from planner import load_cell
 from planner.cell.file import CellFile
+from planner.cell.gauge_registry import gauge_kinds
 from planner.common.schema import read_toml
 from planner.common.units import to_mm
 from planner.kinematics.robot_reader import RobotDescription
@@ -17,6 +18,7 @@ from planner.service.page_content import CalibrationPage, read_calibration
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
 the distances then follow Maxwell's distribution."""
+SPACE_AXES = 3
 HASHED = ("identification.json", "robot.toml", "residuals.csv")
 
 
@@ -53,6 +55,7 @@ class CalibrationCertificate:
     fitted: int
     results: list[CertifiedError]
     repeatability_mm: float
+    measured_rp_mm: float | None
     hashes: list[FileHash]
     software: str
 
@@ -71,13 +74,17 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
     plan_id = "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
     hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
     hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
+    cell = _cell_file(context, record.command.words, inputs)
+    width = 1 if gauge_kinds()[cell.gauge.kind].columns == "length_mm" else SPACE_AXES
+    scatter, rp = _repeatability(context, job, found, width)
     return CalibrationCertificate(
         found=found,
-        gauge=_gauge(context, record.command.words, inputs),
+        gauge=_gauge(cell),
         plan_id=plan_id,
         fitted=sum(e.identifiable for e in found.document.estimates),
         results=_results(found),
-        repeatability_mm=_repeatability(context, job),
+        repeatability_mm=scatter,
+        measured_rp_mm=rp,
         hashes=[h for h in hashes if not h.name.endswith("trajectory.csv")],
         software=record.version,
     )
@@ -95,20 +102,30 @@ def _results(found: CalibrationPage) -> list[CertifiedError]:
     return rows
 
 
-def _gauge(context: ServiceContext, words: tuple[str, ...], inputs: dict[str, str]) -> str:
-    """The kind of gauge that the cell names, with its range."""
+def _cell_file(context: ServiceContext, words: tuple[str, ...], inputs: dict[str, str]) -> CellFile:
+    """The cell that was identified in."""
     name = words[words.index("--cell") + 1]
-    file = (
-        read_toml(context.files.path(inputs[name]), CellFile)
-        if name in inputs
-        else load_cell(name, planning=False).file
-    )
+    if name in inputs:
+        return read_toml(context.files.path(inputs[name]), CellFile)
+    return load_cell(name, planning=False).file
+
+
+def _gauge(file: CellFile) -> str:
+    """The kind of gauge, with its range."""
     gauge = file.gauge
     span = f", {gauge.length_mm[0]:g} to {gauge.length_mm[1]:g} mm" if gauge.length_mm else ""
     return f"{gauge.kind}{span}"
 
 
-def _repeatability(context: ServiceContext, job: Job) -> float:
-    """Scatter of the tool's position, rms in space [mm], of the repeatability that the robot's file publishes."""
+def _repeatability(context: ServiceContext, job: Job, found: CalibrationPage, width: int) -> tuple[float, float | None]:
+    """Return the scatter of the tool's position, rms in space, and RP [mm]: of the run's own repeats, if it has any.
+
+    Without repeats the scatter is that of the repeatability which the robot's file publishes. A bar sees one axis of
+    three; the scatter is taken for alike in space.
+    """
+    floor = found.document.noise_floor
+    if floor is not None:
+        in_space = float(to_mm(floor)) * (SPACE_AXES / min(width, SPACE_AXES)) ** 0.5
+        return in_space, in_space / RMS_OF_REPEATABILITY
     file = read_toml(context.files.path(find_output(context, job.id, "robot.toml").sha256), RobotDescription)
-    return RMS_OF_REPEATABILITY * file.repeatability_mm
+    return RMS_OF_REPEATABILITY * file.repeatability_mm, None

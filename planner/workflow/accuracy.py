@@ -148,6 +148,7 @@ def _validation(found: Validation) -> list[str]:
     lines = [f"{found.run.name}: {len(found.run)} poses", f"  frame       from the nests, which miss by {misses}"]
     for name, judged in (("before", found.before), ("after", found.after)):
         lines += [] if judged is None else [f"  {name:<12}{judged.figures.text()}"]
+        lines += [f"  {'':<12}{judged.performance.text()}"] if judged is not None and judged.performance else []
     return [*lines, f"  floor       {found.floor.text()}"]
 
 

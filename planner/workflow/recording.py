@@ -24,7 +24,7 @@ class RecordResult(Result):
         known = self.record
         due = "" if known.due is None else f", next check due {known.due.isoformat()}"
         lines = [f"{known.file.serial} ({known.file.robot}): {len(known.entries)} entries{due}"]
-        moved = list(known.moved())
+        moved = list(known.differences())
         for e in known.entries:
             lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.said}")
             lines += [f"              since before: {text}" for number, text in moved if number == e.number]

@@ -23,8 +23,8 @@ def validation_content(robot: str, found: Validation) -> dict[str, object]:
         "run": found.run.name,
         "n_poses": len(found.run),
         "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
-        "before": _figures_section(found.before.figures),
-        "after": None if found.after is None else _figures_section(found.after.figures),
+        "before": _model_section(found.before),
+        "after": None if found.after is None else _model_section(found.after),
         "floor": in_units(DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm),
         "notes": list(found.notes),
     }
@@ -68,6 +68,11 @@ def _error_columns(name: str, judged: ModelErrors) -> dict[str, object]:
     error = to_mm(judged.error)
     out: dict[str, object] = {f"{name}_{axis}_mm": np.round(e, DIGITS) for axis, e in zip("xyz", error.T, strict=True)}
     return out | {f"{name}_mm": np.round(np.linalg.norm(error, axis=1), DIGITS)}
+
+
+def _model_section(judged: ModelErrors) -> dict[str, object]:
+    iso = {} if judged.performance is None else {"iso9283": judged.performance.section()}
+    return _figures_section(judged.figures) | iso
 
 
 def _figures_section(f: ErrorFigures) -> dict[str, object]:

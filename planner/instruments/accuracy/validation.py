@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM, Array, read_only, to_mm
+from planner.instruments.accuracy.performance import PosePerformance, pose_performance
 from planner.instruments.accuracy.reference_frame import (
     ErrorFloor,
     TrackerRegistration,
@@ -65,11 +66,12 @@ ENOUGH_POSES = 100  # poses below which the outer percentiles say little
 
 @dataclass(frozen=True)
 class ModelErrors:
-    """One robot model against the tracker: errors seen − model in the base frame (n, 3) [m], and their figures."""
+    """One robot model against the tracker: errors seen − model in the base frame (n, 3) [m], and figures of them."""
 
     arm: RobotModel
     error: Array
     figures: ErrorFigures
+    performance: PosePerformance | None = None
 
 
 @dataclass(frozen=True)
@@ -161,4 +163,4 @@ def with_nests(cell: Cell, said: ReferenceReadings) -> tuple[Cell, list[str]]:
 
 def _model_errors(arm: RobotModel, frame: TrackerRegistration, run: Run) -> ModelErrors:
     error = position_errors(arm.robot, arm.p_FM, arm.stand, frame, run)
-    return ModelErrors(arm, read_only(np.array(error)), error_figures(error))
+    return ModelErrors(arm, read_only(np.array(error)), error_figures(error), pose_performance(run, error))
