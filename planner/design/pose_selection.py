@@ -32,9 +32,11 @@ from planner.runs.run import Samples
 
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
 LOOSE, TIGHT = 5e-4, 1e-4  # tolerance of the bound: from nothing, and from a certificate nearby
+ROUGH = 5e-3  # where the index did not choose the poses, and only judges them
 PROBED = 400  # states at each mounting that tell how many parameters there are before candidates are drawn
 CLEARLY_TOO_FEW = 0.9  # share of the readings that the parameters take, below which no candidates are drawn
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
+SHOWN_SIZES = (22, 28, 40, 60, 100, 200)  # where the number of poses is given, and the curve only shown
 
 
 @dataclass(frozen=True)
@@ -144,14 +146,12 @@ def select_poses(
     poses: int | None,
     index: str,
     seed: int,
-    given: Positions | None = None,
     near: Certificate | None = None,
 ) -> tuple[PoseChoice, BackgroundCurve]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
 
-    By exchange, or by DETMAX with as many at each ball where an artifact's balls are measured. ``given``: positions
-    of poses that were not chosen by the index, and are only judged by it. ``near``: a certificate of the index over the
-    pool for some number of poses, where the bounds begin.
+    By exchange, or by DETMAX with as many at each ball where an artifact's balls are measured. ``near``: a
+    certificate of the index over the pool for some number of poses, where the bounds begin.
 
     Returns:
         The choice, and the curve, which is still being computed on the other processor.
@@ -162,25 +162,43 @@ def select_poses(
     """
     model, seen, rows = identify_candidates(cell, pool)
     least = -(-seen.rank // model.width)
-    wanted = poses if given is None else len(given)
-    _check_count(wanted, least, len(pool), seen.rank)
+    _check_count(poses, least, len(pool), seen.rank)
     if pool.ball is not None and poses is not None:
         _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
-    sizes = [n for n in sorted({*CURVE_SIZES, *([poses] if poses else [])}) if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed, near, help_out=wanted is None) as curve:
-        n = wanted or curve.result().knee
-        near = near if wanted else curve.result().certificate(n)
+    sizes = [n for n in sorted({poses, *SHOWN_SIZES} if poses else CURVE_SIZES) if least < n <= len(pool)]
+    with BackgroundCurve(rows, sizes, index, seed, near, help_out=poses is None) as curve:
+        n = poses or curve.result().knee
+        near = near if poses else curve.result().certificate(n)
         certificate = certify_bound(rows, index, n, tolerance=TIGHT if near else LOOSE, near=near)
-        if given is not None:
-            chosen = given
-        elif pool.ball is None:
+        if pool.ball is None:
             chosen = exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
         else:
             chosen = detmax(rows, n, seed=seed, group=pool.ball)
-    there = pool.take(chosen)
-    final, grid = model.rows(there.samples), index_value(index, rows[chosen])
-    values = index_value(index, final), grid, certificate, all_indices(final), all_indices(final, model.prior)
-    return PoseChoice(model, seen, there.samples, chosen, index, *values, there.ball), curve
+    return _judge_chosen(model, seen, pool, chosen, certificate), curve
+
+
+def judge_poses(
+    cell: Cell, pool: PoseSet, chosen: Positions, index: str, near: Certificate | None = None
+) -> PoseChoice:
+    """Return the choice of poses that chance or another criterion made, as the index judges it (``near`` as above).
+
+    Raises:
+        InputError: fewer poses than parameters.
+    """
+    model, seen, rows = identify_candidates(cell, pool)
+    _check_count(len(chosen), -(-seen.rank // model.width), len(pool), seen.rank)
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH, near=near)
+    return _judge_chosen(model, seen, pool, chosen, certificate)
+
+
+def _judge_chosen(
+    model: Model, seen: Identifiability, pool: PoseSet, chosen: Positions, certificate: Certificate
+) -> PoseChoice:
+    there, index = pool.take(chosen), certificate.index
+    rows = model.rows(there.samples)
+    value = index_value(index, rows)
+    values = value, value, certificate, all_indices(rows), all_indices(rows, model.prior)
+    return PoseChoice(model, seen, there.samples, chosen, index, *values, there.ball)
 
 
 def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:

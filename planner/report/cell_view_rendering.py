@@ -5,7 +5,6 @@ import json
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -16,7 +15,7 @@ from planner.common.units import Array
 from planner.report.cell_view import STAND, CellView, Mesh
 from planner.report.chart import ROLES
 from planner.report.matplotlib_backend import figure_png, print_style
-from planner.report.plotly_backend import FONT, INK
+from planner.report.plotly_backend import FONT, INK, Properties, figure_json
 
 SURFACE = {
     "hoverinfo": "skip",
@@ -38,17 +37,15 @@ def view_json(view: CellView) -> str:
     span = np.stack([view.low, view.high], axis=1).tolist()
     spans = {f"{x}axis": {"title": {"text": f"{x} (mm)"}, "range": span[k], **AXIS} for k, x in enumerate("xyz")}
     eye = {"eye": {"x": 1.35, "y": 1.2, "z": 0.6}, "center": {"x": 0, "y": 0, "z": -0.2}}
-    fig = go.Figure([*_bodies(view), *_lines(view), *_poses(view)])
-    fig.update_layout(
-        template=None,
-        height=640,
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        font={"family": FONT, "size": 13, "color": INK},
-        paper_bgcolor="white",
-        legend={"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
-        scene={"aspectmode": "data", "camera": eye, **spans},
-    )
-    return str(fig.to_json())
+    layout = {
+        "height": 640,
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "font": {"family": FONT, "size": 13, "color": INK},
+        "paper_bgcolor": "white",
+        "legend": {"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
+        "scene": {"aspectmode": "data", "camera": eye, **spans},
+    }
+    return figure_json([*_bodies(view), *_lines(view), *_poses(view)], layout)
 
 
 def player_json(view: CellView) -> str:
@@ -69,13 +66,13 @@ def _encode(values: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _mesh(mesh: Mesh, name: str, **look: object) -> go.Mesh3d:
+def _mesh(mesh: Mesh, name: str, **look: object) -> Properties:
     x, y, z = mesh.vertices.T.astype(np.float32)
     i, j, k = mesh.triangles.T.astype(np.int32)
-    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, name=name, **SURFACE, **look)
+    return {"type": "mesh3d", "x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "name": name, **SURFACE, **look}
 
 
-def _bodies(view: CellView) -> list[go.Mesh3d]:
+def _bodies(view: CellView) -> list[Properties]:
     """Robot, tool and bar in the first frame, then obstacles, shells of the bar's reach and the floor."""
     out = []
     for m in view.moving:
@@ -93,7 +90,7 @@ def _bodies(view: CellView) -> list[go.Mesh3d]:
     return out
 
 
-def _lines(view: CellView) -> list[go.Scatter3d]:
+def _lines(view: CellView) -> list[Properties]:
     """Candidates, measuring paths, and ways without the bar."""
     out = []
     if len(view.cloud):
@@ -108,7 +105,7 @@ def _lines(view: CellView) -> list[go.Scatter3d]:
     return out
 
 
-def _poses(view: CellView) -> list[go.Scatter3d]:
+def _poses(view: CellView) -> list[Properties]:
     """The measuring poses by role."""
     out = []
     for role, colour in ROLES.items():
@@ -121,10 +118,11 @@ def _poses(view: CellView) -> list[go.Scatter3d]:
     return out
 
 
-def _scatter(points: Array, name: str, mode: str, show: bool = True, **look: Any) -> go.Scatter3d:
+def _scatter(points: Array, name: str, mode: str, show: bool = True, **look: Any) -> Properties:
     x, y, z = points.T.astype(np.float32)
     look = {"hoverinfo": "skip"} | look
-    return go.Scatter3d(x=x, y=y, z=z, name=name, legendgroup=name, mode=mode, showlegend=show, **look)
+    look |= {"name": name, "legendgroup": name, "mode": mode, "showlegend": show}
+    return {"type": "scatter3d", "x": x, "y": y, "z": z, **look}
 
 
 PRINT_LIGHT = np.array([0.35, 0.45, 0.82])

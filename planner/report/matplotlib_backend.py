@@ -61,7 +61,7 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
     with print_style():
         tall = sum(heights) + 0.75 * len(heights) + 0.1
         size = (POLAR, POLAR) if polar else (WIDTH, tall)
-        figure = Figure(figsize=size, layout="constrained" if many == 1 else None)
+        figure = Figure(figsize=size, dpi=DPI, layout="constrained" if many == 1 else None)
         kind = {"projection": "polar"} if polar else None
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
@@ -73,6 +73,9 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
             figure.subplots_adjust(**margin, wspace=0.26 if scaled else 0.2, hspace=0.68 * len(heights) / sum(heights))
         for ax in axes[len(chart.panels) :]:
             ax.set_axis_off()
+        if engine := figure.get_layout_engine():  # once: savefig would lay out and draw twice
+            engine.execute(figure)
+            figure.set_layout_engine("none")
         return figure_png(figure, small)
 
 

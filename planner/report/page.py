@@ -1,15 +1,16 @@
 """Reports: one page that needs nothing else, and a PNG of each of its charts."""
 
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
 
 import jinja2
-from plotly.offline import get_plotlyjs
 
 from planner.common.files import write_bytes, write_text
+from planner.common.second_process import run_beside
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
 from planner.report.cell_view_rendering import player_json, view_json, view_png
@@ -57,11 +58,19 @@ class Report:
     @cached_property
     def pngs(self) -> dict[str, bytes]:
         """Every picture for print, name → bytes."""
+        return self._drawing()
+
+    @cached_property
+    def _drawing(self) -> Callable[[], dict[str, bytes]]:
+        return run_beside(self._draw)
+
+    def _draw(self) -> dict[str, bytes]:
         view = {} if self.view is None else {"view": view_png(self.view)}
         return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts}
 
     def html(self) -> str:
         """Return the page."""
+        _ = self._drawing  # begins beside what follows
         figures = {c.name: chart_json(c) for c in self.charts}
         if self.view is not None:
             figures["view"] = view_json(self.view)
@@ -71,7 +80,7 @@ class Report:
             print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
             figures={name: _safe_json(text) for name, text in figures.items()},
             player_data=None if self.view is None else _safe_json(player_json(self.view)),
-            plotly=get_plotlyjs(),
+            plotly=(files("plotly") / "package_data/plotly.min.js").read_text("utf-8"),  # as plotly.offline reads it
         )
 
     def write(self, folder: Path) -> list[Path]:

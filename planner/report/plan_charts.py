@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign, describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
+from planner.design.selection.index_curves import IndexCurve
 from planner.report.chart import (
     BLUE,
     GREEN,
@@ -36,9 +37,9 @@ SHORT_LABEL = 40  # letters of a label that stand beside an axis
 TIME_LABEL = "time (s)"
 
 
-def index_chart(plan: Plan) -> Chart:
+def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     """Index against the number of poses, with the bound that no set of candidates can beat."""
-    choice, curve = plan.choice, plan.curve
+    choice = plan.choice
     rule, n = INDEX_RULES[choice.index], len(choice.q)
     sizes, values, bounds = (np.asarray(v, float) for v in (curve.sizes, curve.values, curve.bounds))
     hover = tuple(f"{int(k)} poses: {v:.4g}, bound {b:.4g}" for k, v, b in zip(sizes, values, bounds, strict=True))

@@ -19,8 +19,9 @@ from planner.session.tour_cost import cost_name
 def report_plan(plan: Plan) -> Report:
     """Return the page of a plan and its pictures."""
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
-    overview = (plan_charts.index_chart(plan), plan_charts.funnel_chart(plan), plan_charts.parameter_chart(forecasts))
-    ahead = (plan_charts.foreseen_error_chart(plan.foresight),) if plan.foresight else ()
+    overview = (plan_charts.funnel_chart(plan), plan_charts.parameter_chart(forecasts))
+    ahead = [plan_charts.foreseen_error_chart(plan.foresight)] if plan.foresight else []
+    ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
     content = {
         "plan": plan,
         "about": _about(plan.cell),
@@ -32,7 +33,7 @@ def report_plan(plan: Plan) -> Report:
         "rules": INDEX_RULES,
         "visits": [v for d in plan.drives for v in d.visits],
     }
-    charts = (*overview, *ahead, *(c for d in drives for c in d["charts"]))
+    charts = (*ahead, *overview, *(c for d in drives for c in d["charts"]))
     return Report("plan.html.j2", content, charts, build_cell_view(plan))
 
 

@@ -1,16 +1,22 @@
-"""Draws a chart for the page: plotly figures as JSON, the same bytes every time."""
+"""Draws a chart for the page: plotly figures as JSON, the same bytes every time.
 
+The figures are plain dictionaries in plotly's own terms (plotly.com/javascript/reference): plotly's Python objects
+check every property, which takes longer than everything else on the page.
+"""
+
+import json
+from base64 import b64encode
+from dataclasses import dataclass
 from math import log10
+from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
-PAGE = {"template": None, "paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}
+PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}
 GAP = 78  # [px] between two panels, room for a label and the next title
 TOP, BOTTOM, LEFT, RIGHT = 36, 52, 74, 30
 ASIDE = 0.16  # part of the width between panels side by side, for each of them
@@ -18,49 +24,79 @@ LOG = {"type": "log", "dtick": 1, "exponentformat": "power"}
 AXIS = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
 
 
+Properties = dict[str, Any]
+"""Part of a figure, in plotly's terms."""
+
+
+def figure_json(data: list[Properties], layout: Properties) -> str:
+    """Return a figure as JSON, its arrays packed."""
+    return json.dumps({"data": data, "layout": layout}, default=_pack, allow_nan=False)
+
+
+def _pack(values: object) -> object:
+    """Return an array as plotly's page reads it (base64 of its numbers), a number as Python's own."""
+    if not isinstance(values, np.ndarray):
+        return values.item()  # type: ignore[attr-defined]
+    kind = values.dtype.str[1:] if values.dtype.kind == "f" else "i4"
+    packed = {
+        "dtype": kind,
+        "bdata": b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode("ascii"),
+    }
+    return packed if values.ndim == 1 else packed | {"shape": ", ".join(str(n) for n in values.shape)}
+
+
 def chart_json(chart: Chart) -> str:
     """Return the plotly figure of a chart as JSON."""
-    figure = _polar_figure(chart.panels[0]) if chart.panels[0].rings else _figure(chart)
-    return str(figure.to_json())
+    return _polar_figure(chart.panels[0]) if chart.panels[0].rings else _figure(chart)
 
 
-def _figure(chart: Chart) -> go.Figure:
-    many, heights = chart.columns, [max(p.height for p in row) for row in chart.rows]
+def _figure(chart: Chart) -> str:
+    heights = [max(p.height for p in row) for row in chart.rows]
     inner = sum(heights) + GAP * (len(heights) - 1)
-    fig = make_subplots(
-        rows=len(heights),
-        cols=many,
-        row_heights=heights,
-        vertical_spacing=GAP / inner,
-        **({"horizontal_spacing": ASIDE / many} if many > 1 else {}),
-        subplot_titles=[p.title for p in chart.panels],
-    )
     left = max([LEFT, *(14 + 7 * len(name) for p in chart.panels for name in p.y_names)])
-    fig.update_layout(
-        **PAGE,
-        height=inner + TOP + BOTTOM,
-        margin={"l": left, "r": RIGHT, "t": TOP, "b": BOTTOM},
-        plot_bgcolor="white",
-        hovermode="closest",
-        hoverlabel={"bgcolor": "white", "font": {"family": FONT, "size": 13}},
-        bargap=0.35,
-    )
-    titled = [k for k, panel in enumerate(chart.panels) if panel.title]  # plotly notes no empty titles
-    for k, note in zip(titled, fig.layout.annotations, strict=True):
-        left = 0 if many == 1 else next(fig.select_xaxes(row=k // many + 1, col=k % many + 1)).domain[0]
-        note.update(x=left, xanchor="left", font_size=15)
+    layout: Properties = PAGE | {
+        "height": inner + TOP + BOTTOM,
+        "margin": {"l": left, "r": RIGHT, "t": TOP, "b": BOTTOM},
+        "plot_bgcolor": "white",
+        "hovermode": "closest",
+        "hoverlabel": {"bgcolor": "white", "font": {"family": FONT, "size": 13}},
+        "bargap": 0.35,
+        "annotations": [],
+        "shapes": [],
+    }
+    data: list[Properties] = []
     named: set[str] = set()
+    width = (1 - ASIDE / chart.columns * (chart.columns - 1)) / chart.columns
     for k, panel in enumerate(chart.panels):
-        _draw(fig, panel, k, many, named)
-    return fig
+        row, column = divmod(k, chart.columns)
+        top = 1 - (sum(heights[:row]) + GAP * row) / inner
+        start = column * (width + ASIDE / chart.columns)
+        place = _Place(k, (start, start + width), (top - heights[row] / inner, top))
+        _draw(data, layout, panel, place, named)
+    return figure_json(data, layout)
 
 
-def _polar_figure(panel: Panel) -> go.Figure:
+@dataclass(frozen=True)
+class _Place:
+    """Where panel number ``k`` lies: its part of the figure's width and height, from the left and from below."""
+
+    k: int
+    across: tuple[float, float]
+    upwards: tuple[float, float]
+
+    @property
+    def number(self) -> str:
+        """What plotly puts behind the names of its axes."""
+        return str(self.k + 1) if self.k else ""
+
+
+def _polar_figure(panel: Panel) -> str:
     ring, rings = panel.rings, (panel.rings * np.array([-2, 0, 2])).tolist()
-    fig = go.Figure()
+    data = []
     for s in panel.series:
         hover = {"hovertext": s.hover, "hoverinfo": "text"} if s.hover else {"hoverinfo": "skip"}
-        fig.add_trace(go.Scatterpolar(theta=s.x, r=s.y, mode="lines", name=s.name, line=_line(s), **hover))
+        look = {"type": "scatterpolar", "mode": "lines", "name": s.name, "line": _line(s), **hover}
+        data.append({"theta": s.x, "r": s.y, **look})
     radial = {
         "range": [-BASE * ring, 3.4 * ring],
         "tickvals": rings,
@@ -72,109 +108,114 @@ def _polar_figure(panel: Panel) -> go.Figure:
     }
     angular = {"gridcolor": "#EEEEEE", "linecolor": "#CCCCCC", "ticksuffix": "°"}
     polar = {"bgcolor": "white", "angularaxis": angular, "radialaxis": radial}
-    return fig.update_layout(**PAGE, height=panel.height, margin={"l": 40, "r": 40, "t": 30, "b": 30}, polar=polar)
+    margin = {"l": 40, "r": 40, "t": 30, "b": 30}
+    return figure_json(data, PAGE | {"height": panel.height, "margin": margin, "polar": polar})
 
 
-def _draw(fig: go.Figure, panel: Panel, k: int, many: int, named: set[str]) -> None:
-    """Draw panel number ``k`` of a chart with so ``many`` side by side."""
-    cell = {"row": k // many + 1, "col": k % many + 1}
-    legend = "legend" if k == 0 else f"legend{k + 1}"
+def _draw(data: list[Properties], layout: Properties, panel: Panel, place: _Place, named: set[str]) -> None:
+    number, (left, right), top = place.number, place.across, place.upwards[1]
+    axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
+    if panel.title:
+        where = {"x": left, "y": top, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+        layout["annotations"].append({"text": panel.title, "font": {"size": 15}, "showarrow": False, **where})
     for series in panel.series:
         show = len(panel.series) > 1 and bool(series.name) and series.name not in named
         named.add(series.name)
-        fig.add_trace(_trace(series, show).update(legend=legend), **cell)
+        data.append(_trace(series, show) | axes | {"legend": f"legend{number}"})
     if panel.cells is not None:
-        fig.add_trace(_heatmap(panel, panel.cells), **cell)
-    top = next(fig.select_yaxes(**cell)).domain[1]
-    right = 1 if many == 1 else next(fig.select_xaxes(**cell)).domain[1]
+        data.append(_heatmap(panel, panel.cells) | axes)
     if panel.field is not None:
-        fig.add_trace(_field(panel.field, right, top), **cell)
-        fig.data = (fig.data[-1], *fig.data[:-1])  # points lie on it
-    place = {"orientation": "h", "x": right, "xanchor": "right", "y": top, "yanchor": "bottom"}
-    fig.update_layout({legend: place | {"itemsizing": "constant"}})
+        data.insert(0, _field(panel.field, right, top) | axes)  # points lie on it
+    legend = {
+        "orientation": "h",
+        "x": right,
+        "xanchor": "right",
+        "y": top,
+        "yanchor": "bottom",
+        "itemsizing": "constant",
+    }
+    layout[f"legend{number}"] = legend
     for line in panel.limits:
-        _reference_line(fig, panel, line, cell)
-    _axes(fig, panel, cell)
+        _reference_line(layout, panel, line, number)
+    layout[f"xaxis{number}"] = _across(panel) | {"anchor": f"y{number}", "domain": place.across}
+    layout[f"yaxis{number}"] = _down(panel) | {"anchor": f"x{number}", "domain": place.upwards}
 
 
-def _axes(fig: go.Figure, panel: Panel, cell: dict[str, int]) -> None:
-    along: dict[str, object] = {"range": _log(panel.x_range) if panel.log_x else panel.x_range}
+def _across(panel: Panel) -> Properties:
+    along = _range(panel.x_range, panel.log_x)
     if panel.cells is not None:
         along |= _names(panel.cells.x_names) | {"tickangle": -90}
     elif panel.log_x:
         along |= LOG
-    fig.update_xaxes(
-        **cell,
-        **along,
-        **AXIS,
-        title={"text": panel.x_label, "standoff": 8},
-        showgrid=bool(panel.y_names),
-        gridcolor=GRID_COLOUR,
-    )
-    down: dict[str, object] = {"range": _log(panel.y_range) if panel.log_y else panel.y_range}
+    title = {"text": panel.x_label, "standoff": 8}
+    return AXIS | along | {"title": title, "showgrid": bool(panel.y_names), "gridcolor": GRID_COLOUR}
+
+
+def _down(panel: Panel) -> Properties:
+    down = _range(panel.y_range, panel.log_y)
     if panel.y_names:
         down = {"range": [len(panel.y_names) - 0.4, -0.6], **_names(panel.y_names)}
     if panel.log_y:
         down |= LOG
-    fig.update_yaxes(
-        **cell, **down, **AXIS, title_text=panel.y_label, showgrid=panel.cells is None, gridcolor=GRID_COLOUR
-    )
+    return AXIS | down | {"title": {"text": panel.y_label}, "showgrid": panel.cells is None, "gridcolor": GRID_COLOUR}
 
 
-def _names(names: tuple[str, ...]) -> dict[str, object]:
-    return {"tickmode": "array", "tickvals": list(range(len(names))), "ticktext": list(names)}
+def _names(names: tuple[str, ...]) -> Properties:
+    return {"tickmode": "array", "tickvals": list(range(len(names))), "ticktext": names}
 
 
-def _log(span: tuple[float, float] | None) -> tuple[float, float] | None:
-    return None if span is None else (log10(span[0]), log10(span[1]))
+def _range(span: tuple[float, float] | None, logarithmic: bool) -> Properties:
+    if span is None:
+        return {}
+    return {"range": [log10(v) for v in span] if logarithmic else list(span)}
 
 
-def _trace(series: Series, show: bool) -> go.Scatter | go.Bar:
-    common = {"name": series.name, "x": series.x, "y": series.y, "showlegend": show, "legendgroup": series.name}
+def _trace(series: Series, show: bool) -> Properties:
+    common: Properties = {"type": "scatter", "name": series.name, "x": series.x, "y": series.y}
+    common |= {"showlegend": show, "legendgroup": series.name}
     if series.hover:
         common |= {"hovertext": series.hover, "hoverinfo": "text"}
     if series.mark == "bars":
         outside = {"text": series.texts, "textposition": "outside", "cliponaxis": False, "hoverinfo": "skip"}
-        return go.Bar(orientation="h", marker={"color": series.colour}, **common, **outside)
+        return common | {"type": "bar", "orientation": "h", "marker": {"color": series.colour}} | outside
     if series.mark == "points":
         faint = {} if series.opacity == 1.0 else {"opacity": series.opacity}
-        return go.Scatter(mode="markers", marker={"color": series.colour, "size": series.size} | faint, **common)
+        return common | {"mode": "markers", "marker": {"color": series.colour, "size": series.size} | faint}
     fill = {"fill": "tozeroy", "fillcolor": f"{series.colour}33"} if series.filled else {}
-    return go.Scatter(mode="lines", line=_line(series), **common, **fill)
+    return common | {"mode": "lines", "line": _line(series)} | fill
 
 
-def _line(series: Series) -> dict[str, object]:
+def _line(series: Series) -> Properties:
     return {"color": series.colour, "width": series.width, "dash": "dash" if series.dashed else "solid"}
 
 
-def _heatmap(panel: Panel, cells: Heatmap) -> go.Heatmap:
+def _heatmap(panel: Panel, cells: Heatmap) -> Properties:
     texts = [
         [f"{y} and {x}: {v:+.2f}" for x, v in zip(cells.x_names, row, strict=True)]
         for y, row in zip(panel.y_names, cells.values, strict=True)
     ]
     look = {"zmin": -1, "zmax": 1, "colorscale": [[0, RED], [0.5, "#FFFFFF"], [1, BLUE]], "xgap": 1, "ygap": 1}
     bar = {"thickness": 14, "len": 0.5, "outlinewidth": 0}
-    return go.Heatmap(z=cells.values, text=texts, hoverinfo="text", colorbar=bar, **look)
+    return {"type": "heatmap", "z": cells.values, "text": texts, "hoverinfo": "text", "colorbar": bar, **look}
 
 
-def _field(field: ColourField, right: float, top: float) -> go.Heatmap:
+def _field(field: ColourField, right: float, top: float) -> Properties:
     """Draw a field whose scale of colours stands at the right of the panel that ends at ``right`` and ``top``."""
     bar = {"thickness": 10, "outlinewidth": 0, "len": 0.5, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
     hover = f"%{{x:.0f}}, %{{y:.0f}}: {field.label} %{{z:.3g}}<extra></extra>"
-    return go.Heatmap(
-        x=field.x, y=field.y, z=field.values.astype(np.float32), colorscale="YlOrRd", colorbar=bar, hovertemplate=hover
-    )
+    look = {"type": "heatmap", "colorscale": "YlOrRd", "colorbar": bar, "hovertemplate": hover}
+    return {"x": field.x, "y": field.y, "z": field.values.astype(np.float32), **look}
 
 
-def _reference_line(fig: go.Figure, panel: Panel, line: ReferenceLine, cell: dict[str, int]) -> None:
-    look = {"line_color": "#666666", "line_width": 1, "line_dash": "dot", **cell}
-    if line.upright:
-        fig.add_vline(x=line.at, **look)
-        # on a logarithmic axis plotly places notes by the exponent
-        where = {"x": log10(line.at) if panel.log_x else line.at, "y": 1, "yref": "y domain", "xanchor": "left"}
-        text = {"text": line.text, "font": {"size": 13, "color": "#444444"}, "showarrow": False, "yanchor": "top"}
-        fig.add_annotation(**where, **text, **cell)
-        return
-    note = {"annotation_text": line.text, "annotation_font_size": 13, "annotation_font_color": "#444444"}
-    place = "bottom right" if line.below else "top right"
-    fig.add_hline(y=line.at, annotation_position=place, **look, **note)
+def _reference_line(layout: Properties, panel: Panel, line: ReferenceLine, number: str) -> None:
+    look = {"type": "line", "line": {"color": "#666666", "width": 1, "dash": "dot"}}
+    note = {"text": line.text, "font": {"size": 13, "color": "#444444"}, "showarrow": False}
+    along, over = ("x", "y") if line.upright else ("y", "x")
+    span = {f"{along}0": line.at, f"{along}1": line.at, f"{over}0": 0, f"{over}1": 1}
+    refs = {f"{along}ref": f"{along}{number}", f"{over}ref": f"{over}{number} domain"}
+    layout["shapes"].append(look | span | refs)
+    # on a logarithmic axis plotly places notes by the exponent
+    at = log10(line.at) if (panel.log_x if line.upright else panel.log_y) else line.at
+    sides = ("left", "top") if line.upright else ("right", "top" if line.below else "bottom")
+    place = {along: at, over: 1, "xanchor": sides[0], "yanchor": sides[1]}
+    layout["annotations"].append(note | place | refs)

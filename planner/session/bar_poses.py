@@ -13,6 +13,7 @@ from planner.design.fixtures.addition import add_fixtures, describe_added_fixtur
 from planner.design.pose_selection import (
     PoseChoice,
     check_pose_number,
+    judge_poses,
     refine_poses,
     replace_all,
     replace_pose,
@@ -76,7 +77,7 @@ class BarPoses(PoseSession):
             with stages.stage("foresight") as progress:
                 ahead = select_bayesian_poses(cell, pool, poses, progress)
             with stages.stage("selection"):
-                return Selection(*select_poses(cell, pool, None, index, seed, ahead.chosen, self.near), foreseen=ahead)
+                return Selection(judge_poses(cell, pool, ahead.chosen, index, self.near), foreseen=ahead)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
             choice, curve = select_poses(cell, pool, poses, index, seed, near=self.near)

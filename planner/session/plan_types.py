@@ -120,7 +120,7 @@ class Plan(SessionPlan):
 
     Attributes:
         pool: candidates; choice: those that are measured.
-        curve: index and bound against the number of poses.
+        curve: index and bound against the number of poses, where the index chose them.
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
         foresight: the error that the robot would keep, where the poses were chosen by that.
@@ -129,7 +129,7 @@ class Plan(SessionPlan):
     drives: tuple[Drive, ...]
     pool: PoseSet
     choice: PoseChoice
-    curve: IndexCurve
+    curve: IndexCurve | None
     driven: float
     separation: Discrimination | None = None
     foresight: BayesianDesign | None = None

@@ -1,6 +1,7 @@
 """``plan_session()``: from a cell to a robot program, stage by stage, whatever is measured."""
 
 from abc import ABC, abstractmethod
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
@@ -37,13 +38,13 @@ class Selection:
 
     Attributes:
         choice: the poses.
-        curve: the index against their number, still being computed.
+        curve: the index against their number, still being computed, where the index chose the poses.
         discriminating: where they tell the findings of an identification from their rivals.
         foreseen: where they were chosen by the error that is left once hidden effects are traced.
     """
 
     choice: PoseChoice
-    curve: BackgroundCurve
+    curve: BackgroundCurve | None = None
     discriminating: DiscriminatingChoice | None = None
     foreseen: BayesianDesign | None = None
 
@@ -103,12 +104,12 @@ class PoseSession(ABC):
         """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
         chosen = self.select(stages)
-        with chosen.curve:
+        with chosen.curve or nullcontext():
             choice = self.refine(chosen, stages)
             with stages.stage("path"):
                 drives, choice = self._drive_places(choice)
         with stages.stage("index curve"):
-            curve = chosen.curve.result()
+            curve = chosen.curve.result() if chosen.curve else None
         cell, ahead, parted = self.cell, chosen.foreseen, chosen.discriminating
         told = discrimination_as_driven(cell, parted, drives) if parted else None
         notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, told, choice, drives)]

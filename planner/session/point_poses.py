@@ -10,7 +10,7 @@ from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
-from planner.design.pose_selection import PoseChoice, replace_all, replace_pose, select_poses
+from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, replace_pose, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import FIRST_MOUNTING
@@ -82,7 +82,7 @@ class PointPoses(PoseSession):
             if not self.only_validates:
                 return Selection(*select_poses(cell, pool, self.poses, index, seed))
             given = _draw_poses(pool, cell.plan.validate, seed)
-            return Selection(*select_poses(cell, pool, None, index, seed, given))
+            return Selection(judge_poses(cell, pool, given, index))
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace poses whose last way to the ball is not proven; settle which are centred several times."""

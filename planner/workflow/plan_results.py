@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import Plot, Result
@@ -95,14 +96,24 @@ class PlanResult(SessionResult):
         return plan_document(self.plan)
 
     def preview(self) -> Plot:
-        """Return the index against the number of poses."""
-        return self.plot_index()
+        """Return what chose the poses against their number; the parameters where neither index nor foresight did."""
+        if self.plan.foresight:
+            from planner.report.plan_charts import foreseen_error_chart
+
+            return _plot(foreseen_error_chart(self.plan.foresight))
+        return self.plot_index() if self.plan.curve else self.plot_parameters()
 
     def plot_index(self) -> Plot:
-        """Return the observability index and its bound against the number of poses."""
+        """Return the observability index and its bound against the number of poses.
+
+        Raises:
+            InputError: the index did not choose the poses, so it was not computed.
+        """
         from planner.report.plan_charts import index_chart
 
-        return _plot(index_chart(self.plan))
+        if self.plan.curve is None:
+            raise InputError("the index did not choose these poses: plan with aim='index', or study the cell")
+        return _plot(index_chart(self.plan, self.plan.curve))
 
     def plot_parameters(self) -> Plot:
         """Return how surely each parameter will be known."""

@@ -11,9 +11,10 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.second_process import available_threads
 from planner.common.time_limit import CANDIDATES, must_stop
 from planner.common.units import Array
-from planner.motion.collision.engines import CollisionWorld, available_threads
+from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Mounting, Samples
 
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last

@@ -24,7 +24,10 @@ def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
     products = tall @ left @ tall.T
     products *= products if right is left else tall @ right @ tall.T
     r = rows.shape[1]
-    return np.asarray(products if r == 1 else products.reshape(len(rows), r, len(rows), r).sum(axis=(1, 3)))
+    if r > 1:  # strided sums are several times as quick as a sum over two axes of four
+        products = np.asarray(sum(products[k::r] for k in range(r)))
+        products = np.asarray(sum(products[:, k::r] for k in range(r)))
+    return np.asarray(products)
 
 
 def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.0) -> Array:

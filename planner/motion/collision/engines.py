@@ -1,7 +1,6 @@
 """The two collision engines: pinocchio with coal for bulk checks, python-fcl with our own forward pass as second
 judge."""
 
-import os
 from functools import cached_property
 
 import fcl
@@ -9,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from planner.cell.cell import Cell
+from planner.common.second_process import available_threads
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
@@ -22,11 +22,6 @@ BATCH = 20_000
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
 SLACK = 1e-5  # [m] that fcl's collision test is given
 BISECTIONS = 14  # of a distance that was too large
-
-
-def available_threads() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
 class CollisionWorld:

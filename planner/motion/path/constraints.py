@@ -108,7 +108,7 @@ class Constraints:
             return judge.prove(corners)
         if new:
             proof = judge.prove(corners[new])
-            self._proofs |= {keys[k]: proof.only(i) for i, k in enumerate(new)}
+            self._proofs |= {keys[k]: proof.take(np.array([i])) for i, k in enumerate(new)}
         return Proof.concatenate([self._proofs[key] for key in keys])
 
     def extremes(self, corners: Array, tolerance: float) -> Extremes:

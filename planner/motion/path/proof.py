@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.common.second_process import run_beside
 from planner.common.time_limit import check_time
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
@@ -67,6 +68,7 @@ class Neighbourhoods:
 
 LEVELS = 26  # of bisection; what is still open then is not proven (a margin below some 1e-7 of the motion)
 FAR = 1e6  # [m] a bound that proves nothing
+MANY = 48  # motions that are worth a second processor
 CROWD = 4096  # open cells of one motion: it runs along the edge of a constraint, and is not proven
 
 
@@ -103,9 +105,9 @@ class Proof:
         """States looked at."""
         return int(self.looks.sum())
 
-    def only(self, k: int) -> "Proof":
-        """Return what is known of motion ``k`` alone."""
-        return Proof(*(getattr(self, f.name)[k : k + 1] for f in fields(self)))
+    def take(self, motions: np.ndarray) -> "Proof":
+        """Return what is known of the motions at these positions."""
+        return Proof(*(getattr(self, f.name)[motions] for f in fields(self)))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Proof"]) -> "Proof":
@@ -129,7 +131,14 @@ class Prover:
     clearance: float
 
     def prove(self, corners: Array) -> Proof:
-        """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles."""
+        """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles; many on two processors."""
+        if len(corners) < MANY:
+            return self._prove(corners)
+        beside = run_beside(lambda: self._prove(corners[1::2]))
+        both = Proof.concatenate([self._prove(corners[::2]), beside()])
+        return both.take(np.argsort(np.concatenate([np.arange(k, len(corners), 2) for k in range(2)])))
+
+    def _prove(self, corners: Array) -> Proof:
         record, cells = _Record(len(corners)), Neighbourhoods.of(corners)
         asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
         for level in range(LEVELS):

@@ -55,10 +55,11 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | Non
     relaxation = Relaxation(instance, instance.length(tour), np.concatenate([first, _legs(tour)]))
     reduced = relaxation.optimize()
     search.neighbours = nearest_neighbours(reduced, _NEIGHBOURS)
-    search.improve(2 * size)
-    tour = search.tour if instance.length(search.tour) < instance.length(tour) else tour  # of equals the first found
     length, root = instance.length(tour), relaxation.bound(reduced)
     bound = -(-root // _GRID)
+    search.improve(2 * size, most=length - bound)
+    if instance.length(search.tour) < length:  # of equals the first found
+        tour, length = search.tour, instance.length(search.tour)
     limit = _NODE_LIMIT if nodes is None else nodes
     if bound >= length or limit == 0:
         return Outcome(tour, min(bound, length), 0)

@@ -31,20 +31,25 @@ class LocalSearch:
         for place, node in enumerate(self.tour):
             self._position[node] = place
 
-    def improve(self, kicks: int) -> None:
-        """Descend to a local optimum, then perturb and repair ``kicks`` times, keeping what is not worse."""
+    def improve(self, kicks: int, most: float = np.inf) -> None:
+        """Descend to a local optimum, then perturb and repair ``kicks`` times, keeping what is not worse.
+
+        It ends once ``most`` is gained: where a bound tells that no tour is shorter.
+        """
         self._near: list[list[int]] = self.neighbours.tolist()
-        self._descend(list(self.tour))
+        gained = -self._descend(list(self.tour))
         if self._size < 8:
             return
         for _ in range(kicks):
-            if must_stop(TOUR, "the order of the poses was searched only in part"):
+            if gained >= most or must_stop(TOUR, "the order of the poses was searched only in part"):
                 break
             tour, position = self.tour.copy(), self._position.copy()
             change, ends = self._kick()
             change += self._descend(ends)
             if change > 0:
                 self.tour, self._position = tour, position
+            else:
+                gained -= change
 
     def _descend(self, queue: list[int]) -> int:
         """Improve until no queued node starts a gainful chain; return the change of cost (<= 0)."""
