@@ -1,16 +1,21 @@
 """Work beside the caller's on another processor: a copy of this process does it and sends back what it returns.
 
-A fork needs no import and no pickled arguments, so work of a fifth of a second is worth one. The copy must not start
-parallel regions of OpenMP (their threads are not copied); everything else of this program may be done in it.
+A copy (fork) needs neither imports nor pickled arguments, so work of a tenth of a second is worth one. It must not
+start parallel regions of OpenMP, whose threads are not copied; everything else of this program may be done in it.
 """
 
 import os
 import pickle
+import signal
 import sys
+import threading
+import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
+LOOK = 0.5  # [s] between two looks whether the parent lives
+_inside = False  # of a copy: it starts no further ones
 
 
 def available_threads() -> int:
@@ -18,44 +23,57 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-_inside = False  # of a copy: it starts no further ones
+class Beside(Generic[T]):
+    """A task that a copy of this process has begun; where there can be none it is done once its result is wanted.
 
-
-def run_beside(task: Callable[[], T]) -> Callable[[], T]:
-    """Start ``task`` in a copy of this process, and return what waits for its answer, or raises its error.
-
-    Where there is no second processor, or processes cannot be copied, the task is done at once. What it changes in
-    memory is lost either way only in a copy: it must be a function of what it is given.
+    What the task changes in memory may be lost: it must be a function of what it is given.
     """
-    if _inside or sys.platform != "linux" or available_threads() < 2:
-        value = task()
-        return lambda: value
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        _answer(task, read, write)
-    os.close(write)
 
-    def wait() -> T:
-        with os.fdopen(read, "rb") as pipe:
+    def __init__(self, task: Callable[[], T]) -> None:
+        self._task, self.pid = task, 0
+        if _inside or sys.platform != "linux" or available_threads() < 2:
+            return
+        parent, (self._read, write) = os.getpid(), os.pipe()
+        self.pid = os.fork()
+        if self.pid == 0:
+            os.close(self._read)
+            _answer(task, write, parent)
+        os.close(write)
+
+    def result(self) -> T:
+        """Wait for what the task returns, or raise its error; to be called once.
+
+        Raises:
+            RuntimeError: the copy was ended from outside.
+        """
+        if not self.pid:
+            return self._task()
+        with os.fdopen(self._read, "rb") as pipe:
             told = pipe.read()
-        os.waitpid(child, 0)
+        os.waitpid(self.pid, 0)
+        self.pid = 0
         if not told:
-            raise RuntimeError("a process that worked beside this one was ended from outside")
+            raise RuntimeError("a process that worked beside this one was ended from outside: is there memory enough?")
         answer, error = pickle.loads(told)
         if error is not None:
             raise error
         return answer  # type: ignore[no-any-return]
 
-    return wait
+    def stop(self) -> None:
+        """End the copy: nobody waits for it any more."""
+        if self.pid:
+            os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+            os.close(self._read)
+            self.pid = 0
 
 
-def _answer(task: Callable[[], object], read: int, write: int) -> None:
+def _answer(task: Callable[[], object], write: int, parent: int) -> None:
     """Do the task and send its answer or error; never returns into the caller's code."""
     global _inside
     _inside = True
+    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
     try:
-        os.close(read)
         try:
             told = pickle.dumps((task(), None), protocol=5)
         except BaseException as error:
@@ -64,3 +82,10 @@ def _answer(task: Callable[[], object], read: int, write: int) -> None:
             pipe.write(told)
     finally:
         os._exit(0)
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process once its parent is gone, however that ended."""
+    while os.getppid() == parent:
+        time.sleep(LOOK)
+    os._exit(1)

@@ -1,7 +1,7 @@
 """Reports: one page that needs nothing else, and a PNG of each of its charts."""
 
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -10,7 +10,7 @@ from pathlib import Path
 import jinja2
 
 from planner.common.files import write_bytes, write_text
-from planner.common.second_process import run_beside
+from planner.common.second_process import Beside
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
 from planner.report.cell_view_rendering import player_json, view_json, view_png
@@ -58,11 +58,11 @@ class Report:
     @cached_property
     def pngs(self) -> dict[str, bytes]:
         """Every picture for print, name → bytes."""
-        return self._drawing()
+        return self._drawing.result()
 
     @cached_property
-    def _drawing(self) -> Callable[[], dict[str, bytes]]:
-        return run_beside(self._draw)
+    def _drawing(self) -> Beside[dict[str, bytes]]:
+        return Beside(self._draw)
 
     def _draw(self) -> dict[str, bytes]:
         view = {} if self.view is None else {"view": view_png(self.view)}

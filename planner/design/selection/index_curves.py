@@ -1,16 +1,8 @@
-"""The index against the number of poses, its certified bound and bend, and the worker process that computes it."""
+"""The index against the number of poses, its certified bound and bend, computed beside other work."""
 
-import os
-import pickle
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 from types import TracebackType
 from typing import Self
 
@@ -18,7 +10,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.time_limit import current_limit, limit_time
+from planner.common.second_process import Beside
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
@@ -116,15 +108,8 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
     return int(n[order][int(np.argmax(np.round(y - x, 9)))])
 
 
-ROOT = str(Path(__file__).resolve().parents[3])  # where the package lies, installed or not
-WORKER = "from planner.design.selection.index_curves import run_worker; run_worker()"
-LOOK = 0.5  # [s] between two looks whether the parent lives
-
-
 class BackgroundCurve:
-    """Computes :func:`compute_index_curve` in another process; the context ends that process if its caller fails.
-
-    The process is a plain call of this module, not :mod:`multiprocessing`, so that scripts need no main guard.
+    """Computes :func:`compute_index_curve` on another processor; the context ends that if its caller fails.
 
     Args:
         rows: of the candidates, (N, r, P), reduced to identifiable columns.
@@ -144,31 +129,18 @@ class BackgroundCurve:
         near: Certificate | None = None,
         help_out: bool = False,
     ) -> None:
-        self._task, self._own = (rows, index, seed, near), list(sizes)[1::2] if help_out else []
-        task = pickle.dumps((current_limit(), *self._task, [n for n in sizes if n not in self._own]))
-        # -P: no module is taken from the folder that the command runs in
-        command = [sys.executable, "-P", "-c", f"import sys; sys.path.append({ROOT!r}); {WORKER}", str(os.getpid())]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        self._thread = ThreadPoolExecutor(1)
-        self._answer = self._thread.submit(self._process.communicate, task)
+        self._compute = partial(compute_index_curve, rows, index=index, seed=seed, near=near)
+        self._own = list(sizes)[1::2] if help_out else []
+        self.beside = Beside(partial(self._compute, [n for n in sizes if n not in self._own]))
 
     def result(self) -> IndexCurve:
-        """Wait for the curve.
-
-        Raises:
-            RuntimeError: the worker failed; its last words are in the message.
-        """
+        """Wait for the curve."""
         return self._curve
 
     @cached_property
     def _curve(self) -> IndexCurve:
-        mine = _compute(*self._task, self._own) if self._own else None
-        answer, words = self._answer.result()
-        self._thread.shutdown()
-        if self._process.returncode != 0:
-            raise RuntimeError(f"the worker for the index curve failed: {words.decode(errors='replace')[-2000:]}")
-        curve = pickle.loads(answer)
-        assert isinstance(curve, IndexCurve)
+        mine = self._compute(self._own) if self._own else None
+        curve = self.beside.result()
         return curve if mine is None else curve.merge(mine)
 
     def __enter__(self) -> Self:
@@ -178,26 +150,6 @@ class BackgroundCurve:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the worker if the caller failed or was interrupted; else let it go on."""
+        """End the task if the caller failed or was interrupted; else let it go on."""
         if kind is not None:
-            self._process.kill()
-            self._thread.shutdown()
-
-
-def run_worker() -> None:
-    """Body of the worker: a task on standard input, the curve on standard output; it ends when its parent has."""
-    threading.Thread(target=_end_with_parent, args=(int(sys.argv[1]),), daemon=True).start()
-    limit, *task = pickle.load(sys.stdin.buffer)
-    with limit_time(limit):
-        sys.stdout.buffer.write(pickle.dumps(_compute(*task)))
-
-
-def _compute(rows: Array, index: str, seed: int, near: Certificate | None, sizes: Sequence[int]) -> IndexCurve:
-    return compute_index_curve(rows, sizes, index, seed, near=near)
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this process once its parent is gone, however that ended."""
-    while os.getppid() == parent:
-        time.sleep(LOOK)
-    os._exit(1)
+            self.beside.stop()

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.common.second_process import run_beside
+from planner.common.second_process import Beside
 from planner.common.time_limit import check_time
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
@@ -134,8 +134,8 @@ class Prover:
         """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles; many on two processors."""
         if len(corners) < MANY:
             return self._prove(corners)
-        beside = run_beside(lambda: self._prove(corners[1::2]))
-        both = Proof.concatenate([self._prove(corners[::2]), beside()])
+        beside = Beside(lambda: self._prove(corners[1::2]))
+        both = Proof.concatenate([self._prove(corners[::2]), beside.result()])
         return both.take(np.argsort(np.concatenate([np.arange(k, len(corners), 2) for k in range(2)])))
 
     def _prove(self, corners: Array) -> Proof:

@@ -1,4 +1,4 @@
-"""The worker in the background runs no code of the folder that one is in, and ends with its parent."""
+"""What is computed beside other work is the same, and ends with its parent."""
 
 import os
 import signal
@@ -7,7 +7,10 @@ import sys
 import time
 
 import numpy as np
+import pytest
 
+from planner.common.errors import InputError
+from planner.common.second_process import Beside
 from planner.design.selection.index_curves import BackgroundCurve, compute_index_curve
 
 SLOW = """
@@ -15,21 +18,25 @@ import sys, time, numpy as np
 from planner.design.selection.index_curves import BackgroundCurve
 rows = np.random.default_rng(0).normal(size=(3000, 1, 25))
 curve = BackgroundCurve(rows, range(26, 300), "O2", 0)
-print(curve._process.pid, flush=True)
+print(curve.beside.pid, flush=True)
 time.sleep(60)
 """
 
 
-def test_no_module_is_taken_from_the_current_folder(tmp_path, monkeypatch):
-    for name in ("pickle", "numpy", "planner"):
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close(); raise SystemExit(3)")
-    monkeypatch.chdir(tmp_path)
+def test_it_finds_what_one_process_finds():
     rows = np.random.default_rng(0).normal(size=(60, 1, 4))
-    with BackgroundCurve(rows, [5, 6, 7], "O2", 0) as curve:
+    with BackgroundCurve(rows, [5, 6, 7], "O2", 0, help_out=True) as curve:
         found = curve.result()
-    assert not (tmp_path / "ran").exists()
-    again = compute_index_curve(rows, [5, 6, 7], "O2", 0)
-    np.testing.assert_array_equal(found.values, again.values)
+    again = [compute_index_curve(rows, sizes, "O2", 0).values for sizes in ([5, 7], [6])]
+    np.testing.assert_array_equal(found.values, [again[0][0], again[1][0], again[0][1]])
+
+
+def test_errors_come_back():
+    def fail():
+        raise InputError("no such thing")
+
+    with pytest.raises(InputError, match="no such thing"):
+        Beside(fail).result()
 
 
 def test_the_worker_ends_with_its_parent():
