@@ -4,6 +4,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.progress import Stages
+from planner.common.time_limit import REFINEMENT, ROADMAP, must_stop
 from planner.common.units import Array
 from planner.design.bayesian_design import select_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
@@ -39,7 +40,7 @@ DRIVEN_SAMPLES = 2000
 class BarPoses(PoseSession):
     """Where the poses of a bar come from."""
 
-    near: Certificate
+    near: Certificate | None
 
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
         super().__init__(cell, options)
@@ -62,12 +63,13 @@ class BarPoses(PoseSession):
         with stages.stage("roadmap"):
             joined = join_to_mounts(self.cell, pool, seed)
             moved = move_mounts(self.cell, given, pool, joined, seed)
-            if moved is not self.cell:
+            if moved is not self.cell and not must_stop(ROADMAP, "another mount pose was not tried"):
                 other = draw_candidates(moved, moved.plan.candidates, seed)
                 there = join_to_mounts(moved, other, seed)
                 if there.sum() > joined.sum():
                     self.cell, pool, joined = moved, other, there
-            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, self.index, self.poses, seed)
+            index = None if self.tracing else self.index
+            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, index, self.poses, seed)
             self.notes += notes
 
     def select(self, stages: Stages) -> Selection:
@@ -107,12 +109,12 @@ class BarPoses(PoseSession):
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
-        lost = []
+        lost, seed = [], self.options.seed
         for m in self.cell.mountings:
             mine = np.flatnonzero(choice.samples.at_mounting(m))
             near = self.pool.q[self.pool.samples.at_mounting(m)]
             states = np.vstack([np.array(self.cell.mount(m)), choice.q[mine], near])
-            part = connected_parts(Constraints(self.cell, m), states, self.options.seed, certain=1 + len(mine))
+            part = connected_parts(Constraints(self.cell, m), states, seed, 1 + len(mine), REFINEMENT)
             lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
         return np.concatenate(lost)
 

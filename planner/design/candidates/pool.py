@@ -12,7 +12,7 @@ from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.second_process import available_threads
-from planner.common.time_limit import CANDIDATES, must_stop
+from planner.common.time_limit import CANDIDATES, ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Mounting, Samples
@@ -149,7 +149,7 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         hopeless = total == 0 and funnel.cable > HOPELESS
         if (total >= count and not whole) or hopeless:
             break
-        if total and must_stop(CANDIDATES, f"{min(total, count)} of {count} candidates were drawn"):
+        if must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
             break
     q = np.vstack(found)
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off

@@ -96,6 +96,8 @@ def exchange_singly(
     for _ in range(passes):
         before = out.copy()
         for k in order(out):
+            if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+                return out
             criterion.change(int(out[k]), -1)
             gains = criterion.gains()
             best = _best_addition(gains, np.delete(out, k))

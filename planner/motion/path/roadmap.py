@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from planner.common.time_limit import ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.ompl_search import rrt_connect
@@ -76,14 +77,19 @@ class LazyGraph:
             open_ = later
         return found
 
-    def parts(self) -> np.ndarray:
-        """Number of the connected part of each state, (V,), largest part 0; proves no more edges than that takes."""
+    def parts(self, share: float = 1.0) -> np.ndarray:
+        """Number of the connected part of each state, (V,), largest part 0; proves no more edges than that takes.
+
+        After ``share`` of a limit of time what nothing is known against counts as joined: a path is proven anyway.
+        """
         while True:
             part = self._parts(self.known == PROVEN)
             a, b = part[self.edges].T
             rows = np.flatnonzero((self.known == UNKNOWN) & (a != b))
             if len(rows) == 0:
                 return part
+            if must_stop(share, "which poses can be joined was not proven for all before they were chosen"):
+                return self._parts(self.known != BROKEN)
             self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
 
     def _parts(self, good: np.ndarray) -> np.ndarray:
@@ -222,7 +228,9 @@ def join_to_earlier(points: Array, count: int) -> np.ndarray:
     return np.concatenate(edges)
 
 
-def connected_parts(constraints: Constraints, q: Array, seed: int = 0, certain: int = 1) -> np.ndarray:
+def connected_parts(
+    constraints: Constraints, q: Array, seed: int = 0, certain: int = 1, share: float = ROADMAP
+) -> np.ndarray:
     """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
 
     Between different parts no way was found, so a tour must keep to one of them. The parts are those of a roadmap over
@@ -233,9 +241,10 @@ def connected_parts(constraints: Constraints, q: Array, seed: int = 0, certain: 
         q: valid poses (n, N) [rad], those that matter most (the start) first.
         seed: of the sample.
         certain: how many of the first poses must be in the roadmap itself.
+        share: of a limit of time after which no more ways are proven.
     """
     roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
-    part = roadmap.graph.parts()
+    part = roadmap.graph.parts(share)
     speed = constraints.cell.robot.speed
     _, nearest = cKDTree(roadmap.graph.q / speed).query(q / speed, workers=-1)
     return np.asarray(part[nearest])
