@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import PlannerError
+from planner.common.time_limit import TOUR, seconds_left
 from planner.motion.tour.instance import IntArray, TourInstance
 
 TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s
@@ -68,14 +69,14 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
         ConcordeError: it crashed, hung or wrote what is not an optimal tour.
 
     """
-    matrix = _matrix(instance, upper + 1)
+    matrix, timeout = _matrix(instance, upper + 1), min(TIMEOUT_S, seconds_left(TOUR))
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
         command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]
         try:
-            code, text = _run(command, folder, TIMEOUT_S)
+            code, text = _run(command, folder, timeout)
         except subprocess.TimeoutExpired as error:
-            raise ConcordeError(f"Concorde did not finish in {TIMEOUT_S:g} s and was stopped") from error
+            raise ConcordeError(f"Concorde did not finish in {timeout:.0f} s and was stopped") from error
         except OSError as error:
             raise ConcordeError(f"Concorde cannot be run: {error}") from error
         if _CRASHED.decode() in text:
