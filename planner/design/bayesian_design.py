@@ -13,6 +13,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
+from planner.common.second_process import Beside
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
 from planner.design.error_bound import bound_tool_error
@@ -156,18 +157,19 @@ def select_bayesian_poses(
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
+    others = Beside(lambda: _forecast_errors(white[even_positions(len(white), SAMPLE)], weight, start))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     after = errors_after(white[chosen], weight)
-    sample = white[even_positions(len(white), SAMPLE)]
-    forecasts = {len(chosen): float(after[-1])} | _forecast_errors(sample, weight, start)
+    bound = bound_tool_error(white, weight, chosen)
+    forecasts = {len(chosen): float(after[-1])} | others.result()
     return BayesianDesign(
         unknown,
         considered[chosen],
         after,
-        bound=bound_tool_error(white, weight, chosen),
+        bound=bound,
         left=float(after[-1]),
         floor=_error_left(white, weight),
         forecasts=tuple(PoseNumberForecast(n, e) for n, e in sorted(forecasts.items())),
