@@ -132,11 +132,12 @@ class SwapTable:
         slope = m * self.below - k * self.above
         return np.asarray(quadratic_form(outer, slope)[None, :] - quadratic_form(inner, slope)[:, None])
 
-    def of_each(self, trials: Array) -> Array:
-        """Scores (n, T) of each of the chosen becoming each of its own ``trials`` (n, T, 1, P), where exact."""
+    def of_each(self, members: Positions, trials: Array) -> Array:
+        """Scores (m, T) of some of the chosen becoming each of their own ``trials`` (m, T, 1, P), where exact."""
         m, k = self.weights
-        scores = m * trial_log_ratios(self.inner[:, 0], trials[:, :, 0], self.below)
-        return scores if k == 0 else scores + k * trial_log_ratios(self.inner[:, 0], trials[:, :, 0], self.above, -1.0)
+        inner, outer = self.inner[members, 0], trials[:, :, 0]
+        scores = m * trial_log_ratios(inner, outer, self.below)
+        return scores if k == 0 else scores + k * trial_log_ratios(inner, outer, self.above, -1.0)
 
     def of_one(self, position: int, trials: Array) -> Array:
         """Scores (T,) of the chosen one at ``position`` becoming each of ``trials`` (T, r, P)."""

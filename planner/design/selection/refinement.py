@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.common.determinism import on_one_thread
+from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.time_limit import REFINEMENT, must_stop
 from planner.common.units import Array, read_only
@@ -28,6 +28,7 @@ _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _TRIALS = 24
 _REACH = 0.2  # [rad] at first
 _SMALLEST = 1e-4  # [rad]
+_FEW = 0.05  # share of the poses that still move, below which they are left there
 
 RowsOf = Callable[[Array, np.ndarray], Array]
 Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
@@ -77,7 +78,7 @@ def refine_off_grid(
             value = index_of_rows(index, rows)
             if find_rule(index).better(value, best[2]):
                 best = q, rows, value
-            if np.all(reach <= _SMALLEST):
+            if np.mean(reach > _SMALLEST) < _FEW:
                 break
             if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
                 break
@@ -95,24 +96,25 @@ def _run_round(
     potential: BarrierPotential,
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array]:
-    """One batch of trials around every pose, then a turn for each."""
-    n, joints = q.shape
-    step = rng.standard_normal((n, _TRIALS, joints)) / np.sqrt(joints)
-    trial = q[:, None] + reach[:, None, None] * step
-    which = np.repeat(np.arange(n), _TRIALS).reshape(n, _TRIALS)
-    trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(n, _TRIALS, *rows.shape[1:])
+    """One batch of trials around every pose that still gains by some, then a turn for each."""
+    joints, busy = q.shape[1], np.flatnonzero(reach > _SMALLEST)
+    step = rng.standard_normal((len(busy), _TRIALS, joints)) / np.sqrt(joints)
+    trial = q[busy, None] + reach[busy, None, None] * step
+    which = np.repeat(busy, _TRIALS).reshape(-1, _TRIALS)
+    trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(*which.shape, *rows.shape[1:])
     scores = _scores(rows, potential)
-    gains = scores.of_each(trial_rows)
+    gains = scores.of_each(busy, trial_rows)
     hopeful = gains > 0
     passed = np.zeros(gains.shape, dtype=bool)
     if hopeful.any():
         passed[hopeful] = valid(trial[hopeful], which[hopeful])
     q, rows, reach = q.copy(), rows.copy(), reach.copy()
-    for k in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
-        gain = np.where(passed[k], scores.of_one(k, trial_rows[k]), -np.inf) if passed[k].any() else gains[k]
+    for turn in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
+        k, fine = busy[turn], passed[turn]
+        gain = np.where(fine, scores.of_one(k, trial_rows[turn]), -np.inf) if fine.any() else gains[turn]
         best = int(np.argmax(gain))
-        if passed[k].any() and gain[best] > 1e-10:
-            q[k], rows[k] = trial[k, best], trial_rows[k, best]
+        if fine.any() and gain[best] > 1e-10:
+            q[k], rows[k] = trial[turn, best], trial_rows[turn, best]
             scores.exchange(k, rows[k])
             reach[k] *= 1.4
         else:
@@ -123,8 +125,8 @@ def _run_round(
 class _TrialScores(Protocol):
     """How much the potential gains when trials take the places of poses, as the set stands."""
 
-    def of_each(self, trials: Array) -> Array:
-        """Gains (n, T) of each pose's own trials (n, T, r, P)."""
+    def of_each(self, members: Positions, trials: Array) -> Array:
+        """Gains (m, T) of the own trials (m, T, r, P) of each of the poses ``members`` (m,)."""
 
     def of_one(self, position: int, trials: Array) -> Array:
         """Gains (T,) when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
@@ -144,9 +146,9 @@ class _MassScores:
         self.rows, self.potential = rows.copy(), potential
         self._settle()
 
-    def of_each(self, trials: Array) -> Array:
+    def of_each(self, members: Positions, trials: Array) -> Array:
         """See :class:`_TrialScores`."""
-        return np.array([self.of_one(k, each) for k, each in enumerate(trials)])
+        return np.array([self.of_one(int(k), each) for k, each in zip(members, trials, strict=True)])
 
     def of_one(self, position: int, trials: Array) -> Array:
         """See :class:`_TrialScores`."""
