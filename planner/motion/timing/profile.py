@@ -231,20 +231,26 @@ def _speed_pass(cap: Array, source: Index, target: Index, steps: Steps) -> Array
     """Lower ``cap`` until each end can be reached from some source; at most one sweep per end is needed, mostly few."""
     order = np.argsort(target, kind="stable")
     source, target = source[order], target[order]
-    limit = tuple(x[order] for x in (steps.length, steps.acceleration, steps.jerk))
-    fastest = steps.speed[order]
+    limits = np.stack([steps.length, steps.acceleration, steps.jerk, steps.speed])[:, order]
     ends, starts = np.unique(target, return_index=True)
     speed = cap.copy()
+    reach = _reach(speed[source], *limits)
     for _ in range(len(cap)):
-        slow = np.minimum(speed[source], fastest)
-        change = (reachable_speed(slow, *limit) - slow) * (1.0 - SAFE[0]) - SAFE[1] * slow
-        reach = np.minimum(slow + np.maximum(change, 0.0), fastest)
         lowered = speed.copy()
         lowered[ends] = np.minimum(speed[ends], np.maximum.reduceat(reach, starts))
+        again = np.flatnonzero((lowered < speed)[source])  # a step whose source stays gives what it gave
         if np.array_equal(lowered, speed):
             break
         speed = lowered
+        reach[again] = _reach(speed[source[again]], *limits[:, again])
     return speed
+
+
+def _reach(v0: Array, length: Array, acceleration: Array, jerk: Array, fastest: Array) -> Array:
+    """Return the highest speeds (n,) [m/s] that steps reach from v0, with some of each change held back."""
+    slow = np.minimum(v0, fastest)
+    change = (reachable_speed(slow, length, acceleration, jerk) - slow) * (1.0 - SAFE[0]) - SAFE[1] * slow
+    return np.asarray(np.minimum(slow + np.maximum(change, 0.0), fastest))
 
 
 def _quickest_chain(steps: Steps, levels: Array) -> Steps:
