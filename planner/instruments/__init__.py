@@ -1,3 +1,3 @@
-"""Measurements with an evaluation of their own: accuracy, centring, checks, the circular test, the loaded bar."""
+"""Measurements with an evaluation of their own: accuracy, centring, checks, circular test, loaded bar, simulation."""
 
-__all__ = ["accuracy", "centring", "check", "circular", "loaded", "record"]
+__all__ = ["accuracy", "centring", "check", "circular", "loaded", "record", "simulation"]

@@ -27,12 +27,12 @@ from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.accuracy.precision import check_mastering
+from planner.instruments.simulation.measurement import SimulatedRun
 from planner.model.identification_document import Metrics, Release
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
-from planner.simulation.measurement import SimulatedRun
 from planner.tracing.trace import trace
 from planner.workflow.unit_checks import check_unit
 

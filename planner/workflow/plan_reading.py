@@ -6,13 +6,13 @@ from pathlib import Path
 from planner.common.determinism import on_one_thread
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
+from planner.instruments.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
+from planner.instruments.simulation.measurement import simulate as simulate_readings
+from planner.instruments.simulation.truth import draw_truth, read_truth
 from planner.programs.dialect import load_dialect
 from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
-from planner.simulation.measurement import simulate as simulate_readings
-from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_results import CircularPlanResult, ExportResult, PlanResult, SimulationResult
 
 

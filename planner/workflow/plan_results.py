@@ -15,13 +15,13 @@ from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
 from planner.instruments.circular.plan import CircularPlan
+from planner.instruments.simulation.measurement import SimulatedRun
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.session.tour_cost import cost_name
-from planner.simulation.measurement import SimulatedRun
 from planner.workflow.writing import plan_content, write_plan, write_program_as
 
 

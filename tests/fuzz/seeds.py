@@ -17,6 +17,7 @@ from planner.design.discrimination.findings import read_identification
 from planner.instruments.centring.journal import open_journal
 from planner.instruments.centring.path import read_planned_path
 from planner.instruments.centring.settings import read_settings
+from planner.instruments.simulation.truth import read_truth
 from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
@@ -28,7 +29,6 @@ from planner.programs.readback import read_texts
 from planner.runs.loader import load_run
 from planner.runs.traces import import_run
 from planner.session.document import read_plan, read_waypoints
-from planner.simulation.truth import read_truth
 from tests.compensation.robots import BentRobot, bent
 from tests.instruments.centring.world import plan as ball_plan
 from tests.motion.collision.test_meshes import stl

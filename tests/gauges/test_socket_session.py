@@ -9,11 +9,11 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.identification.pipeline import identify
+from planner.instruments.simulation.measurement import simulate
+from planner.instruments.simulation.truth import draw_truth
 from planner.programs.program_files import read_back
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
-from planner.simulation.measurement import simulate
-from planner.simulation.truth import draw_truth
 from planner.workflow.planning import plan_cell
 
 APPROACH, WAIT = 0.060, 0.015  # [m] of the shipped cell

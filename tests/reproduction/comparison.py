@@ -16,13 +16,13 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import MM, Array
 from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.plan import CircularPlan, circle_samples
+from planner.instruments.simulation.measurement import SAMPLE_RATE
+from planner.instruments.simulation.truth import draw_truth
 from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.plan_types import Plan
-from planner.simulation.measurement import SAMPLE_RATE
-from planner.simulation.truth import draw_truth
 
 ROUNDS = 60
 APART = ("fixture_", "zero")  # errors that are the set-up's, not the robot's or the tool's

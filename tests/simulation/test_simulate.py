@@ -11,12 +11,12 @@ from planner.cell.reading import load_cell, read_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
+from planner.instruments.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate
+from planner.instruments.simulation.truth import draw_truth, read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
 from planner.session.document import read_plan
-from planner.simulation.measurement import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate
-from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_reading import simulate_plan
 from tests.simulation.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file

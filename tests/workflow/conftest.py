@@ -24,6 +24,9 @@ def small_cell(name, folder, *changes):
     return path
 
 
+FEWER = (("candidates = 3000", "candidates = 800"),)
+
+
 @dataclass(frozen=True)
 class Planned:
     cell_path: Path
@@ -44,12 +47,12 @@ def planned(name, folder, poses, *dialects, changes=()):
 
 @pytest.fixture(scope="session")
 def moving(tmp_path_factory):
-    return planned("comau-nj130/edbb", tmp_path_factory.mktemp("nj"), 30, "bnr", "krl", "linuxcnc")
+    return planned("comau-nj130/edbb", tmp_path_factory.mktemp("nj"), 30, "bnr", "krl", "linuxcnc", changes=FEWER)
 
 
 @pytest.fixture(scope="session")
 def resting(tmp_path_factory):
-    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", "rapid")
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", "rapid", changes=FEWER)
 
 
 @pytest.fixture(params=["moving", "resting"])

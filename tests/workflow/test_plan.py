@@ -225,7 +225,9 @@ def test_same_bytes_with_one_thread_and_two(moving, tmp_path):
 )
 def test_bad_input_is_told_in_one_sentence_with_its_code(tmp_path, monkeypatch, changes, words, code, said):
     path = small_cell("comau-nj130/edbb", tmp_path, *changes)
-    done = edbb("plan", path, "-o", tmp_path / "out", *words, PATH="/usr/bin:/bin", EDBB_CONCORDE="")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    monkeypatch.setenv("EDBB_CONCORDE", "")
+    done = edbb("plan", path, "-o", tmp_path / "out", *words)
     assert done.returncode == code, done.stderr
     assert all(w in done.stderr for w in said), done.stderr
     assert done.stdout == ""

@@ -20,6 +20,7 @@ from planner.runs.run import Mounting, Samples
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
 HOPELESS = 50_000  # states that all collide, after which no more are drawn
+OUT_OF_REACH = 2_000_000  # states of which none reads a length, after which ten more times as many would find a handful
 BLAMED, SHOWN_PAIRS = 300, 4  # states of which it is said what collides, and pairs that are named
 GRID_BLOCK = 1 << 18
 LARGEST_GRID = 200_000_000
@@ -146,7 +147,8 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         found.append(q)
         if progress is not None:
             progress(min(total, count), count)
-        hopeless = total == 0 and funnel.cable > HOPELESS
+        out_of_reach = funnel.workspace == 0 and funnel.sampled > OUT_OF_REACH and not whole
+        hopeless = total == 0 and (funnel.cable > HOPELESS or out_of_reach)
         if (total >= count and not whole) or hopeless:
             break
         if must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):

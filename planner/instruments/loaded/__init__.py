@@ -5,7 +5,6 @@ __all__ = [
     "circle",
     "circle_candidates",
     "common_fit",
-    "equilibrium",
     "evaluation",
     "joint_fit",
     "place_results",

@@ -10,12 +10,12 @@ from planner.common.errors import InputError
 from planner.common.units import MM, UM
 from planner.instruments.accuracy.reference_frame import nest_frame
 from planner.instruments.accuracy.validation import validate_robot
+from planner.instruments.simulation.measurement import simulate
+from planner.instruments.simulation.truth import draw_truth
 from planner.runs.loader import load_run
 from planner.runs.reference_readings import ReferenceReadings, read_reference_readings
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import run_text
-from planner.simulation.measurement import simulate
-from planner.simulation.truth import draw_truth
 from tests.instruments.accuracy.worlds import NAME, calibrated, loaded, poses, tracker_run, world
 
 

@@ -6,9 +6,9 @@ import pytest
 from planner.cell.setup import Targets
 from planner.design.candidates.pool import draw_candidates
 from planner.instruments.circular.plan import circle_samples
+from planner.instruments.simulation.measurement import SAMPLE_RATE
+from planner.instruments.simulation.truth import draw_truth
 from planner.runs.run import Samples
-from planner.simulation.measurement import SAMPLE_RATE
-from planner.simulation.truth import draw_truth
 from tests.reproduction.comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
 
 

@@ -6,11 +6,11 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.circular.planning import plan_circles
+from planner.instruments.simulation.measurement import SAMPLE_RATE
 from planner.programs.dialect import PathForm
 from planner.programs.instructions import Pause
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
-from planner.simulation.measurement import SAMPLE_RATE
 from tests.instruments.circular.conftest import quiet
 
 CIRCLE = """

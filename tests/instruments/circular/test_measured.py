@@ -11,8 +11,8 @@ from planner.common.files import document_text
 from planner.instruments.circular.document import circular_document, read_circular_plan
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import circle_samples
+from planner.instruments.simulation.measurement import SAMPLE_RATE
 from planner.runs.run import Readings, Run
-from planner.simulation.measurement import SAMPLE_RATE
 
 PLAY = 6e-5  # [rad] of joint 1
 SHIFT = np.array([2e-4, -3e-4, 0.0])  # [m] of the fixture

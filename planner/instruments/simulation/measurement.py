@@ -8,11 +8,11 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
+from planner.instruments.simulation.truth import Truth
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
 from planner.runs.run import Run, Samples
 from planner.session.course import Course, is_continuous
 from planner.session.document import PlanDocument, PoseRecord
-from planner.simulation.truth import Truth
 
 SAMPLE_RATE = 100.0  # [Hz] of the samples of a run that is measured while moving
 FIXTURE_CHANGE_TIME = 60.0  # [s] for taking the bar to the next fixture
