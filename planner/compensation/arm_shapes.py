@@ -4,9 +4,12 @@ Bit 0: the wrist's centre is behind axis 1. Bit 1: joint 3 is above the angle at
 Bit 2: joint 5 is negative. KUKA's status and RAPID's cfx count the same three signs.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.common.units import Array
+from planner.compensation.targets import CorrectedArm
 from planner.kinematics.robot import Robot
 
 NEAR = 1e-3  # [m or rad] closer to the border between two shapes, either name will do
@@ -60,3 +63,80 @@ def _wrist(p: Array, u: Array) -> Array:
     """Return the point of axis 5 that is nearest to axis 6, (n, 3) [m]; the two are perpendicular."""
     along = np.sum((p[5] - p[4]) * u[4], axis=-1, keepdims=True)
     return np.asarray(p[4] + along * u[4])
+
+
+ACCURATE = 16  # status bit of a point that was taught on a robot with an accuracy model of its own
+_WRIST = 4  # status bit and joint of the wrist
+
+
+@dataclass(frozen=True)
+class StatusTurn:
+    """KUKA's status and turn: the shape of the arm, and a bit for each joint that is negative."""
+
+    status: int
+    turn: int
+
+    @property
+    def shape(self) -> int | None:
+        """Number of the arm's shape: bits 0 and 1 are KUKA's own; the sign of A5 is taken from the turn.
+
+        Manuals differ about the sense of status bit 2, none about the turn's.
+        """
+        return (self.status & 3) | (self.turn >> 4 & 1) << 2
+
+    def turns(self, q: Array) -> np.ndarray:
+        """Return whether the joints q (n, N) [rad] have the signs that are said; near zero either will do."""
+        negative = (self.turn >> np.arange(q.shape[1])) & 1
+        return np.asarray((np.abs(q) < NEAR) | ((q < 0) == (negative == 1)))
+
+    def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
+        """Return status and turn; a bit changes only where the corrected angle contradicts it."""
+        turn = renewed_bits(self.turn, arm.q, arm.q_slack)
+        status = renewed_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3
+        return status ^ (_WRIST if (turn ^ self.turn) >> _WRIST & 1 else 0), turn
+
+
+def renewed_bits(bits: int, values: Array, slack: Array) -> int:
+    """Return ``bits`` with bit i set where value i is negative, kept where it is zero but for ``slack``."""
+    for i, value in enumerate(values):
+        if abs(value) > slack[i]:
+            bits = bits | 1 << i if value < 0 else bits & ~(1 << i)
+    return bits
+
+
+QUARTER = np.pi / 2
+_CONFIGURED = (0, 3, 5)  # joints whose quarter turns cf1, cf4, cf6 count
+
+
+@dataclass(frozen=True)
+class ConfData:
+    """RAPID's confdata: quarter turns of joints 1, 4 and 6, and the shape of the arm."""
+
+    quarters: tuple[int, int, int]
+    cfx: int
+
+    @property
+    def shape(self) -> int | None:
+        """Number of the arm's shape: cfx counts axis 1, lower arm (in front is 0) and joint 5 from its highest bit."""
+        return (self.cfx >> 2) | ((~self.cfx >> 1 & 1) << 1) | (self.cfx & 1) << 2
+
+    def turns(self, q: Array) -> np.ndarray:
+        """Return whether joints 1, 4, 6 of q (n, 6) [rad] are in their quarters; at a border either will do."""
+        fits = np.ones(q.shape, dtype=bool)
+        for joint, quarter in zip(_CONFIGURED, self.quarters, strict=True):
+            fits[:, joint] = _in_quarter(q[:, joint], quarter, NEAR)
+        return fits
+
+    def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
+        """Return cf1, cf4, cf6, cfx; a number changes only where the corrected angle contradicts it."""
+        quarters = [
+            quarter if _in_quarter(arm.q[j], quarter, arm.q_slack[j]) else int(np.floor(arm.q[j] / QUARTER))
+            for j, quarter in zip(_CONFIGURED, self.quarters, strict=True)
+        ]
+        shape = renewed_bits(self.shape or 0, arm.margins, arm.margins_slack)
+        return (*quarters, (shape & 1) << 2 | (~shape & 2) | shape >> 2)
+
+
+def _in_quarter(angle: Array, quarter: int, tolerance: float) -> np.ndarray:
+    low = quarter * QUARTER
+    return np.asarray((angle > low - tolerance) & (angle < low + QUARTER + tolerance))

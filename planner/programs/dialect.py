@@ -200,7 +200,7 @@ class CentringCall(StrictModel):
 class ReaderWords(StrictModel):
     """What the independent reader looks for; it knows nothing of the template.
 
-    ``family`` names a file of ``planner.programs.readback``; the rest are regular expressions that the
+    ``family`` names a language of ``planner.programs.languages``; the rest are regular expressions that the
     G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so
     that a dwell inside it is not taken for one of the program's; ``with_motion``: G words that may stand beside a move.
     ``passive`` is, for every family, the whole list of what a program may hold beside moves, speeds, dwells and the

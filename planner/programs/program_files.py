@@ -6,10 +6,9 @@ from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import ReadBack
-from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile, operator_cautions, render_program
 from planner.programs.steps import lower_program
-from planner.programs.verification import check_program
+from planner.programs.verification import check_program, read_texts
 
 
 def write_program(program: Program, dialect_name: str, stem: str) -> tuple[ProgramFile, ...]:

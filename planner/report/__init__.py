@@ -10,7 +10,6 @@ __all__ = [
     "check_report",
     "circular_plan_report",
     "circular_report",
-    "loaded_places_charts",
     "loaded_report",
     "matplotlib_backend",
     "page",

@@ -1,14 +1,21 @@
-"""What a person may ask of a plan, and the checks that nothing is asked which a plan of some kind has no use for."""
+"""What a person may ask of a plan, and all that is checked of it and of the cell before any planning."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.choices import Aim
 from planner.common.errors import InputError
+from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import Method, require_concorde
 from planner.programs.dialect import load_dialect
-from planner.session.first_checks import check_cell
+from planner.programs.instructions import Centre, Instruction, JointMove
+from planner.programs.program_files import write_program
+from planner.runs.run import FIRST_MOUNTING
+from planner.session.neutral_program import build_program, preparation
 
 ANY_ROBOT = "poses-csv"
 """Written where neither the cell nor the robot names a language: a list that anybody can read."""
@@ -45,7 +52,7 @@ class PlanOptions:
         """The dialects to write; what is wrong with them, the cell or the solver is told before a minute's work.
 
         Raises:
-            InputError: there is no such dialect, or the cell is wrong (see :mod:`planner.session.first_checks`).
+            InputError: there is no such dialect, or the cell is wrong (see :mod:`planner.session.options`).
             MissingProgramError: Concorde was asked for and is not there.
         """
         if self.tsp == "concorde":
@@ -85,3 +92,33 @@ def check_point_options(cell: Cell, options: PlanOptions) -> None:
             f"{cell.path}: --separate chooses the poses of a bar, {here}, "
             "or measure with a bar what the identification left open"
         )
+
+
+NO_PLAN = "0" * 12
+
+
+def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
+    """Write a program of two moves in every dialect, and hold the surroundings against what the robot can reach.
+
+    Raises:
+        InputError: naming the key.
+    """
+    check_surroundings(cell)
+    _check_home(cell)
+    home = JointMove(tuple(float(v) for v in np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
+    body: list[Instruction] = [home]
+    if cell.gauge.ball_to_centre(cell, cell.home) is not None:
+        body.append(Centre(1, 1))
+    body += preparation(cell, FIRST_MOUNTING)
+    for name in dialects:
+        try:
+            write_program(build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)
+        except InputError as err:
+            raise InputError(f"{cell.path}: the program in '{name}' cannot be written: {err}") from err
+
+
+def _check_home(cell: Cell) -> None:
+    robot = cell.robot
+    off = np.flatnonzero((cell.home < robot.q_lower) | (cell.home > robot.q_upper))
+    if len(off):
+        raise InputError(f"{cell.path}: home_deg lies beyond the limit of joint {off[0] + 1}")

@@ -80,7 +80,7 @@ class BothPlan(Result):
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``unloaded/`` and ``loaded/``, each a whole plan, ``cell.toml`` of the fit and ``both.json``."""
         # plotting: other commands start quicker without
-        from planner.report.loaded_places_charts import draw_common_fit
+        from planner.report.loaded_report import draw_common_fit
         from planner.report.matplotlib_backend import chart_png
 
         with draft_folder(Path(folder)) as draft:

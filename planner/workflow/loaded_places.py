@@ -57,7 +57,7 @@ class CirclePlacesResult(Result):
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
         # plotting: other commands start quicker without
-        from planner.report.loaded_places_charts import draw_places
+        from planner.report.loaded_report import draw_places
         from planner.report.matplotlib_backend import chart_png
 
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):

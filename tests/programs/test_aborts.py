@@ -9,7 +9,7 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.languages.statements import MotionStatement, Waiting
 from planner.programs.program_files import write_program
-from planner.programs.readback import EXECUTIONS
+from planner.programs.verification import EXECUTIONS
 from tests.programs.test_linuxcnc import RS274, _canonical
 
 SESSIONS = [sessions.static(), sessions.continuous(), sessions.mixed(), sessions.dense(), sessions.resumable()]

@@ -12,9 +12,8 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Comment, Program
 from planner.programs.program_files import read_back, verify, write_program
-from planner.programs.readback import EXECUTIONS
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import EXECUTIONS, ProgramMismatchError
 
 NAMES = [d.name for d in dialects()]
 STATEMENTS = {

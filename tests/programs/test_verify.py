@@ -10,9 +10,8 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Pause, Program
 from planner.programs.program_files import read_back, verify, write_program
-from planner.programs.readback import read_texts
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, read_texts
 
 NAMES = [d.name for d in dialects()]
 BY_LINES = sessions.BY_LINES

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
-from planner.compensation.formats.krl_configuration import ACCURATE, StatusTurn
+from planner.compensation.arm_shapes import ACCURATE, StatusTurn
 from planner.compensation.formats.krl_frames import FrameState, frame_sources, transform
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
 from planner.compensation.service_points import SENTENCE, is_service_name

@@ -8,9 +8,8 @@ import numpy as np
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import MM, Array, read_only
-from planner.compensation.formats.rapid_configuration import ConfData
-from planner.compensation.formats.rapid_frames import FrameTable
-from planner.compensation.formats.rapid_scopes import Names, Placed, place
+from planner.compensation.arm_shapes import ConfData
+from planner.compensation.formats.rapid_frames import FrameTable, Names, Placed, place
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.service_points import SENTENCE, is_service_name

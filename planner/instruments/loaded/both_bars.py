@@ -9,9 +9,8 @@ from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, read_only
-from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.plan import CircularPlan
-from planner.instruments.circular.planning import plan_circles
+from planner.instruments.circular.planning import plan_arc, plan_circles
 from planner.instruments.loaded.circle_candidates import ANGLES, CirclePlace, with_circles
 from planner.instruments.loaded.common_fit import UnloadedPoses, check_robots, has_same_tool, select_circles_beside
 from planner.motion.path.constraints import Constraints

@@ -8,7 +8,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.design.candidates.pool import draw_candidates
-from planner.gauges.shell import sample_shell, shell_points
+from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
 

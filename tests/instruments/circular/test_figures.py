@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from planner.cell.circles import Circle
-from planner.instruments.circular.figures import circle_figures, fit_circle, minimum_zone
-from planner.instruments.circular.reversal import find_reversals
+from planner.instruments.circular.figures import circle_figures, find_reversals, fit_circle, minimum_zone
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
 
 R = 0.350

@@ -7,9 +7,8 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
-from planner.instruments.circular.arc import plan_arc
 from planner.instruments.circular.document import read_circular_plan
-from planner.instruments.circular.planning import plan_circles
+from planner.instruments.circular.planning import plan_arc, plan_circles
 from planner.session.options import PlanOptions
 from tests.instruments.circular.conftest import ARC, cell_file, quiet
 
