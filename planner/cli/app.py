@@ -1,5 +1,6 @@
 """The command ``edbb``: its verbs, each loaded when it is called; a failure ends in one sentence and its exit code."""
 
+import os
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -12,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
 from planner.cli.terminal import errors
-from planner.common.errors import PlannerError
+from planner.common.errors import InputError, PlannerError
 from planner.common.files import OVERWRITING
 from planner.common.reading import INPUTS
 
@@ -118,17 +119,45 @@ app = typer.Typer(
 
 
 @app.callback(invoke_without_command=True)
-def root(version: Annotated[bool, typer.Option("--version", help="print the version")] = False) -> None:
+def root(
+    version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
+    server: Annotated[
+        str | None, typer.Option(metavar="URL", help="run the command on an edbb serve (token: EDBB_TOKEN)")
+    ] = None,
+) -> None:
     """Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot."""
     if version:
         typer.echo(f"edbb {__version__}")
         raise typer.Exit
 
 
+ASKS = ("--help", "--version")
+
+
+def _run_on_server(url: str, words: list[str]) -> int:
+    """Check the command here, so that nothing is sent in vain, and run it there."""
+    from planner.cli.remote import Server, run_remotely
+
+    if words[0] not in VERBS:
+        app(words)
+    if not url.startswith(("http://", "https://")):
+        raise InputError(f"--server '{url}': an address such as http://127.0.0.1:8017 is needed")
+    try:
+        load_command(words[0]).make_context(words[0], list(words[1:]))
+    except Exception as err:  # of the library that reads the command line: it is vendored and has no public name
+        if not hasattr(err, "show"):
+            raise
+        err.show()
+        return int(getattr(err, "exit_code", 2))
+    return run_remotely(Server(url.rstrip("/"), os.environ.get("EDBB_TOKEN", "")), words)
+
+
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
     try:
         with INPUTS.watch():
+            if len(sys.argv) > 3 and sys.argv[1] == "--server" and sys.argv[3] not in ASKS:
+                sys.exit(_run_on_server(sys.argv[2], sys.argv[3:]))
             app(standalone_mode=True)
     except PlannerError as err:
         errors.print(f"edbb: {err}", markup=False)

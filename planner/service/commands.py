@@ -10,6 +10,7 @@ from planner.service.file_store import FileStore
 from planner.service.job_requests import (
     CellCheckRequest,
     CellRequest,
+    CommandRequest,
     CompensationRequest,
     ErrorMapRequest,
     ExportRequest,
@@ -17,6 +18,7 @@ from planner.service.job_requests import (
     IdentificationRequest,
     JobRequest,
     MeasuredRequest,
+    PlacedFile,
     PlanRequest,
     PlanViewRequest,
     RunCheckRequest,
@@ -28,6 +30,7 @@ from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
 from planner.service.uploads import UploadList
 
 JSON = "--json"
+TITLE = 120  # signs of a command that name it
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
 
@@ -45,6 +48,7 @@ class CommandBuilder:
     def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList) -> None:
         self._jobs, self._files, self._uploads = jobs, files, uploads
         self._makers: dict[type[JobRequest], Callable[..., JobCommand]] = {
+            CommandRequest: self._command,
             PlanRequest: self._plan,
             StudyRequest: self._study,
             CellCheckRequest: self._cell_check,
@@ -79,11 +83,16 @@ class CommandBuilder:
             return sent.name if sent else request.cell
         if isinstance(request, MeasuredRequest):
             return ", ".join(r.name for r in request.runs) or "simulated run"
+        if isinstance(request, CommandRequest):
+            return " ".join(request.words)[:TITLE]
         if isinstance(request, CompensationRequest):
             return request.program.name
         if isinstance(request, ErrorMapRequest):
             return self._jobs.get(request.identification).title
         return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
+
+    def _command(self, r: CommandRequest) -> JobCommand:
+        return JobCommand(tuple(r.words), tuple(self._file(f) for f in r.files))
 
     def _plan(self, r: PlanRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
@@ -186,7 +195,7 @@ class CommandBuilder:
             return cell, []
         return "cell.toml", [self._file(FileReference(id=cell, name="cell.toml")), *(self._file(f) for f in files)]
 
-    def _file(self, file: FileReference) -> JobInput:
+    def _file(self, file: FileReference | PlacedFile) -> JobInput:
         if not self._files.holds(file.id):
             raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
         return JobInput(file.name, file.id)

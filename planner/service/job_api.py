@@ -14,6 +14,7 @@ from planner.service.guards import REPORT_POLICY
 from planner.service.job_requests import (
     EXAMPLES,
     CellCheckRequest,
+    CommandRequest,
     CompensationRequest,
     ErrorMapRequest,
     ExportRequest,
@@ -32,6 +33,7 @@ from planner.service.problems import Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
 ROUTES: dict[str, type[JobRequest]] = {
+    "commands": CommandRequest,
     "plans": PlanRequest,
     "plan-views": PlanViewRequest,
     "cell-checks": CellCheckRequest,
@@ -46,7 +48,7 @@ ROUTES: dict[str, type[JobRequest]] = {
 }
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
-    "compensation", "error-map",
+    "compensation", "error-map", "command",
 ]  # fmt: skip
 RESULTS = {
     "plan": "plan.json",

@@ -1,6 +1,6 @@
 """What a client may ask for: one model a kind of job; their choices are those of files and command line."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -22,6 +22,19 @@ Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
 FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
 
 
+FilePath = Annotated[
+    str,
+    Field(
+        pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
+    ),
+]
+Verb = Literal[
+    "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
+    "circular", "loaded", "loaded-places", "plan-both", "robots", "dialects",
+]  # fmt: skip
+Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
+
+
 class ServiceModel(BaseModel):
     """A body of the interface: unknown keys are refused."""
 
@@ -33,6 +46,13 @@ class FileReference(ServiceModel):
 
     id: Sha256
     name: FileName
+
+
+class PlacedFile(ServiceModel):
+    """An uploaded file, and where it lies in the folder of the job."""
+
+    id: Sha256
+    name: FilePath
 
 
 RunFiles = Annotated[list[FileReference], Field(min_length=1, max_length=20)]
@@ -52,6 +72,23 @@ class CellRequest(JobRequest):
 
     cell: CellReference
     files: ExtraFiles = []
+
+
+class CommandRequest(JobRequest):
+    """Run a command of ``edbb`` as it would run at the client's: its words, and the files that they name."""
+
+    kind: ClassVar[str] = "command"
+    words: Annotated[list[Word], Field(min_length=1, max_length=100)]
+    files: Annotated[list[PlacedFile], Field(max_length=500)] = []
+
+    @model_validator(mode="after")
+    def _known_verb(self) -> Self:
+        if self.words[0] not in get_args(Verb):
+            raise ValueError(f"'{self.words[0]}' does not run on a server; {', '.join(get_args(Verb))} do")
+        for word in self.words:
+            if word.startswith("/") or "=/" in word or ".." in word:
+                raise ValueError(f"'{word}' leads out of the folder of the job")
+        return self
 
 
 class PlanRequest(CellRequest):
@@ -175,6 +212,7 @@ class CompensationRequest(JobRequest):
 
 
 EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
+    CommandRequest: {"words": ["plan", "comau-nj130/edbb", "--poses", "60", "-o", "out"]},
     PlanRequest: {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]},
     StudyRequest: {"cell": "comau-nj130/edbb"},
     CellCheckRequest: {"cell": "comau-nj130/edbb"},

@@ -1,5 +1,8 @@
 """A service in this process, as a browser on this machine reaches it."""
 
+import re
+import subprocess
+import sys
 import time
 
 import pytest
@@ -40,3 +43,12 @@ def upload(client, route, data, name):
     answer = client.post(f"/api/{route}", params={"name": name}, content=data)
     assert answer.status_code == 201, answer.text
     return {"id": answer.json()["id"], "name": name}
+
+
+@pytest.fixture
+def service(tmp_path):
+    """The address and process of a service of its own."""
+    command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        yield re.search(r"http://\S+?(?=,)", server.stderr.readline())[0], server.pid
+        server.terminate()

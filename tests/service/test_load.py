@@ -2,9 +2,6 @@
 
 import asyncio
 import os
-import re
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,14 +12,6 @@ import pytest
 POLLING, SUBMITTING, STREAMS, SECONDS = 50, 10, 5, 6.0
 MOST_CPU_S = 0.012  # of a core for one request, all threads of the server counted
 GIVEN_UP_S = 10.0
-
-
-@pytest.fixture
-def service(tmp_path):
-    command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-        yield re.search(r"http://\S+?(?=,)", server.stderr.readline())[0], server.pid
-        server.terminate()
 
 
 async def poll(client, job, until, waits, phase):
