@@ -1,5 +1,6 @@
 """Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -49,11 +50,11 @@ def load_cell(reference: str | Path, planning: bool = True) -> Cell:
     """
     reference = str(reference)
     path = Path(reference)
-    if path.suffix == ".toml" or path.is_file():
+    if path.suffix == ".toml" or os.path.isfile(path):
         return read_cell(path, path.stem, planning)
     robot, _, cell = reference.partition("/")
     shipped = data_folder("robots") / robot / "cells" / f"{cell}.toml"
-    if not shipped.is_file():
+    if not os.path.isfile(shipped):  # false for a name that no file can have
         known = list(shipped_cells())
         raise InputError(
             f"cell '{reference}': neither a file nor a shipped cell{did_you_mean(reference, known)} "

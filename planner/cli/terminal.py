@@ -98,6 +98,12 @@ def check_folder(output: Path) -> None:
     """Refuse a file where a folder is to be written, and a place that cannot be written, before the work is done."""
     if str(output) == "-":
         raise InputError("-o needs a folder: several files are written")
+    try:
+        output.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass  # as it should be, or told below
+    except (OSError, ValueError) as err:
+        raise InputError(f"{output}: cannot be written ({getattr(err, 'strerror', None) or err})") from err
     there = next(p for p in (output, *output.absolute().parents) if p.exists())
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")

@@ -196,6 +196,8 @@ def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) ->
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
     for detail in range(MAX_DETAIL, 0, -1):
         joints = {name: rest.beyond(problem, columns) for name, columns in joint_columns(problem, detail)}
+        if not joints:  # no joint moves
+            return None
         correlation = NoiseCorrelation()
         if moving:
             correlation = noise_correlation(rest, orthonormal_basis(np.concatenate(list(joints.values()), axis=1)))

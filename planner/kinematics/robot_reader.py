@@ -1,5 +1,6 @@
 """Reads ``robot.toml`` (and URDF) into a :class:`Robot`, with every check that a typing error deserves."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -172,12 +173,12 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
     """
     reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
-    if "/" not in reference and shipped.is_file():
+    if "/" not in reference and os.path.isfile(shipped):
         return _from_file(shipped, beta)
     path = beside / reference
-    if path.is_dir():
+    if os.path.isdir(path):
         path = path / "robot.toml"
-    if path.is_file():
+    if os.path.isfile(path):  # false for a name that no file can have
         return _from_file(path, beta, tip)
     known = list(list_robots())
     raise InputError(

@@ -14,7 +14,7 @@ EXTRA_UNITS = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}
 
 def _encoding(name: str) -> str:
     try:
-        b"".decode(name)  # refuses what turns bytes into anything but text, such as zlib
+        "a".encode(name)  # refuses what makes anything but text, such as zlib
         return codecs.lookup(name).name
     except (LookupError, ValueError) as err:
         raise ValueError("is no encoding of text; utf-8, latin-1, cp1252 or utf-16 are usual ones") from err

@@ -84,7 +84,10 @@ class RowSource:
 
     def fields(self, row: int) -> int:
         """Return how many fields a row has, 0 where the file has no text."""
-        return len(next(csv.reader([self.texts[row]], delimiter=self.separator))) if self.texts else 0
+        try:
+            return len(next(csv.reader([self.texts[row]], delimiter=self.separator))) if self.texts else 0
+        except csv.Error as err:
+            raise InputError(f"{self.at(row)}: cannot be read ({err})") from err
 
 
 def read_lines(path: Path, encoding: str | None = None) -> list[str]:

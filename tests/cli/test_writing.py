@@ -1,6 +1,7 @@
 """What a command writes: never over what it read, nor over what others wrote; old or new, whenever it is killed."""
 
 import hashlib
+import json
 import os
 import signal
 import time
@@ -188,6 +189,19 @@ def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):
         _killed(lambda k=k: write_program_as(plans[k % 2], tmp_path / "p.src"), rng.uniform(0.0, 2.0 * whole))
         heads = {(tmp_path / n).read_bytes()[:23] for n in ("p.src", "p.dat") if (tmp_path / n).exists()}
         assert len(heads) == 1 or not (tmp_path / "p.src").exists()
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\0b", "r" * 300 + "/cell"])
+def test_names_that_no_file_can_have_are_told(tmp_path, name):
+    cell = tmp_path / "c.toml"
+    cell.write_text(f"schema = 'edbb-cell/1'\nrobot = {json.dumps(name)}\n[gauge]\nkind = 'tracker'\n")
+    for words in (("plan", name, "-o", tmp_path), ("plan", cell, "-o", tmp_path), ("plan", "x/y", "-o", name)):
+        done = edbb(*words)
+        assert done.returncode == 2
+        assert len(done.stderr) < 2700
+    mapped = tmp_path / "map.toml"
+    mapped.write_text(f"{MAP}[units]\n".replace("measure", 'encoding = "zlib"\nmeasure'))
+    assert "is no encoding of text" in edbb("import", cell, "--map", mapped, "-o", tmp_path / "r.csv").stderr
 
 
 def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_used_does_not(tmp_path, capfd):

@@ -20,6 +20,7 @@ CASES = {
     "below comments": ("# a\n\n" + rows(change=(2, 1, "x")), r"line 6, column 'q1_deg': 'x' is no number"),
     "after a blank line": (rows(change=(2, 1, "x")).replace("\n1,", "\n\n# b\n1,"), r"line 6, column 'q1_deg': 'x'"),
     "too many fields": (rows(change=(1, 3, "1,2")), r"line 3: there are 5 fields, but 4 columns"),
+    "endless field": (HEAD + "\n" + "x" * 200_000 + ",1,2,3,4\n", r"line 2: cannot be read \(field larger"),
     "too few fields": (
         rows().replace(",352", ""),
         r"line 4, column 'length_mm': the field is blank \(the line has 3 f.* of 4\)",
