@@ -69,9 +69,9 @@ def _figure(chart: Chart) -> str:
     width = (1 - ASIDE / chart.columns * (chart.columns - 1)) / chart.columns
     for k, panel in enumerate(chart.panels):
         row, column = divmod(k, chart.columns)
-        top = 1 - (sum(heights[:row]) + GAP * row) / inner
+        bottom = inner - sum(heights[: row + 1]) - GAP * row
         start = column * (width + ASIDE / chart.columns)
-        place = _Place(k, (start, start + width), (top - heights[row] / inner, top))
+        place = _Place(k, (start, start + width), (bottom / inner, (bottom + heights[row]) / inner))
         _draw(data, layout, panel, place, named)
     return figure_json(data, layout)
 

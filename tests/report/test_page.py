@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 from planner.common.errors import InputError
@@ -62,6 +63,11 @@ def test_page_names_no_place_of_this_machine(plan: Plan, page: ReadPage) -> None
 def test_every_place_has_its_figure(page: ReadPage) -> None:
     assert {"view", "index_curve", "funnel", "parameters", "tour", "joints", "bar", "speeds"} == set(figures(page))
     assert set(figures(page)) <= page.ids
+
+
+def test_plotly_knows_every_property_of_the_figures(page: ReadPage) -> None:
+    for figure in figures(page).values():
+        go.Figure(figure)
 
 
 def test_figures_hold_finite_numbers(page: ReadPage) -> None:
