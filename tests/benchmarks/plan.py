@@ -22,6 +22,10 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_search import exchange_poses
+from planner.motion.path.constraints import Constraints
+from planner.motion.tour.solve import solve_tour
+from planner.runs.run import FIRST_MOUNTING
+from planner.session.tour_cost import tour_costs
 
 
 def run_plan(cell, folder, *words, threads="1"):
@@ -64,37 +68,38 @@ def every_cell(folder):
         print(f"{name:<20} {runs[0][0]:7.1f} s {plan['clearance_mm']:8.1f} mm  {both}  {same}")
 
 
-def growth():
-    """Cost against candidates and against poses, with the exponent of a power law."""
-    cell = load_cell("comau-nj130/edbb")
-    sizes, seconds = (1_000, 10_000, 100_000, 1_000_000), []
-    print("\ncandidates     draw      rows+rank   bound (35)   memory")
-    rows = None
+def cpu_seconds():
+    """Processor seconds of this process and of its copies that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def print_growth(what, sizes, task):
+    """Time ``task`` for each size and print its processor seconds, peak memory and the exponent of a power law."""
+    spent = []
     for n in sizes:
-        marks = [time.perf_counter()]
-        pool = draw_candidates(cell, n)
-        marks.append(time.perf_counter())
-        _, _, rows = identify_candidates(cell, pool)
-        marks.append(time.perf_counter())
-        certify_bound(rows, "O2", 35)
-        marks.append(time.perf_counter())
-        step = np.diff(marks)
-        seconds.append(step)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(f"{n:>10} {step[0]:8.2f} s {step[1]:10.2f} s {step[2]:10.2f} s {peak:8.0f} MB")
-        if n == 20_000 or n == 10_000:
-            few = rows
-    slopes = np.polyfit(np.log(sizes), np.log(np.array(seconds)), 1)[0]
-    print(f"  exponents: draw {slopes[0]:.2f}, rows and rank {slopes[1]:.2f}, bound {slopes[2]:.2f}")
-    print("\nposes     exchange on 10 000 candidates, one start")
-    counts, spent = (30, 60, 120, 250, 500), []
-    for n in counts:
-        start = time.perf_counter()
-        certificate = certify_bound(few, "O2", n)
-        found = exchange_poses(few, n, "O2", starts=1, certificate=certificate)
-        spent.append(time.perf_counter() - start)
-        print(f"{n:>5} {spent[-1]:9.2f} s   gap {100 * (found.value / certificate.value - 1):.2f} %")
-    print(f"  exponent {np.polyfit(np.log(counts), np.log(spent), 1)[0]:.2f}")
+        begun = cpu_seconds()
+        task(n)
+        spent.append(max(cpu_seconds() - begun, 1e-3))
+    power = np.polyfit(np.log(sizes), np.log(spent), 1)[0]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    cells = "  ".join(f"{n:>9,}: {s:7.2f} s" for n, s in zip(sizes, spent, strict=True))
+    print(f"{what:<22} {cells}   exponent {power:5.2f}, peak so far {peak:5.0f} MB", flush=True)
+
+
+def growth(largest):
+    """How cost grows with candidates, poses, nodes of a tour and motions to be proven."""
+    cell = load_cell("comau-nj130/edbb")
+    sizes = [n for n in (1_000, 10_000, 100_000, 1_000_000) if n <= largest]
+    pools = {}
+    print_growth("candidates drawn", sizes, lambda n: pools.update({n: draw_candidates(cell, n)}))
+    print_growth("rows and rank", sizes, lambda n: pools.update({n: identify_candidates(cell, pools[n])[2]}))
+    print_growth("bound, 35 poses", sizes, lambda n: certify_bound(pools[n], "O2", 35))
+    few, q = pools[10_000], draw_candidates(cell, 4_000).q
+    print_growth("exchange, poses", (30, 60, 120, 240), lambda n: exchange_poses(few, n, "O2", starts=1))
+    print_growth("tour, nodes", (25, 50, 100, 200), lambda n: solve_tour(tour_costs(cell, FIRST_MOUNTING, q[:n])))
+    constraints = Constraints(cell)
+    print_growth("motions proven", (125, 500, 2_000), lambda n: constraints.prove(q[:n], q[n : 2 * n]))
 
 
 def main():
@@ -103,14 +108,16 @@ def main():
     parser.add_argument(
         "part", nargs="*", choices=("whole", "cells", "growth", []), help="whole, cells, growth (default: all)"
     )
-    parts = parser.parse_args().part or ["whole", "cells", "growth"]
+    parser.add_argument("--largest", type=int, default=1_000_000, help="number of candidates in the growth")
+    asked = parser.parse_args()
+    parts = asked.part or ["whole", "cells", "growth"]
     with tempfile.TemporaryDirectory() as name:
         if "whole" in parts:
             whole_plan(Path(name))
         if "cells" in parts:
             every_cell(Path(name))
     if "growth" in parts:
-        growth()
+        growth(asked.largest)
 
 
 if __name__ == "__main__":
