@@ -152,9 +152,9 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
     few = q[:: len(around)]
     work = cell.tool.work
     return (
-        _tool_map(q, run, setup, effects, with_point=True),
-        tuple(_tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
-        None if work is None else _tool_map(q, run, _at_point(setup, work), effects, with_point=False),
+        tool_map(q, run, setup, effects, with_point=True),
+        tuple(tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
+        None if work is None else tool_map(q, run, _at_point(setup, work), effects, with_point=False),
     )
 
 
@@ -168,7 +168,8 @@ def _at_point(setup: MeasurementSetup, p_FM: Array) -> MeasurementSetup:
     return replace(setup, p_FM=read_only(p_FM[None]), R_FM=setup.R_FM[:1])
 
 
-def _tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:
+def tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:
+    """Return the motion at states q (n, N) [rad] of the first tool point of a set-up, loaded as in the run."""
     like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
     samples: Samples = replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)
     names, rows = aligned_rows(samples, setup, effects)

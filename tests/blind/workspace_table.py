@@ -1,101 +1,125 @@
-"""``python -m tests.blind.workspace_table PLAN [PLAN ...] [--arms 12] [--gauge edbb] [--workers 1]``.
+"""``python -m tests.blind.workspace_table FOLDER LOG.jsonl [--arms 2] [--first 70001] [--gauge …] [--plan …]``.
 
-Each PLAN is a folder with a ``plan.json`` of a static session of the Comau NJ-130 (``edbb plan``), or ``random:N`` for
-N poses at random. Every arm is measured with no, one, three and six hidden effects of the catalogue, and with one
-effect that is in no catalogue, alone and beside two others. Errors are means over joint states anywhere [mm].
+FOLDER holds the plans, ``FOLDER/GAUGE/PLAN/plan.json``; what is missing is planned first. Every arm of every cell
+is one line of LOG; a run that was stopped goes on where it was, and the table is that of the whole file. ``--arms 0``
+only prints it. Errors are means over joint states anywhere [mm].
 """
 
 import argparse
 import itertools
 import json
+import subprocess
+import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from tests.blind.workspace import Outcome, Task, try_task
 from tests.simulation.generator.arm import Arm
-from tests.simulation.generator.runs import edbb_static, tracker
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.writing import cell_toml
 
-HIDDEN = ((0, False), (1, False), (3, False), (6, False), (1, True), (3, True))
-FIRST_SEED = 70_001
+ARM = "comau-nj130"
+STATION = "\n[tracker]\nposition_mm = [3000, 1000, 1000]\n"
+NOISE = {"edbb": 3e-6, "tracker": 15e-6}  # [m] as the cell states it
+AIMS = {"O2": ("--index", "O2"), "aim": ("--aim", "tracing")}
+PLANS = tuple(f"{aim}{count}" for count in (80, 40, 120) for aim in AIMS)
+HIDDEN = ((0, False), (1, False), (3, False), (6, False), (1, True))
+FIRST_SEED = 70_001  # odd seeds are for the table alone
 
 
-def safely(task: Task) -> Outcome:
+def safely(task: Task, q: np.ndarray) -> Outcome:
     """Try a task; what goes wrong in it is part of the table."""
     try:
-        return try_task(task)
+        return try_task(task, q)
     except Exception as wrong:
         return Outcome(task, failed=f"{type(wrong).__name__}: {wrong}\n{traceback.format_exc()}")
 
 
-def poses(plan: str, gauge: str) -> np.ndarray:
-    """Return the measured joint states (n, N) [rad] of a plan."""
-    if plan.startswith("random:"):
-        arm, count = Arm.from_toml("comau-nj130"), int(plan.split(":")[1])
-        build = edbb_static if gauge == "edbb" else tracker
-        return build(arm, count, seed=1, repeats=0.0).scene.q
-    document = json.loads((Path(plan) / "plan.json").read_text())
+def poses(folder: Path, gauge: str, plan: str) -> np.ndarray:
+    """Return the joint states (n, N) [rad] that a plan measures; plan them where they are not there yet."""
+    out = folder / gauge / plan
+    if not (out / "plan.json").exists():
+        out.mkdir(parents=True, exist_ok=True)
+        cell = out.parent / "cell.toml"
+        text = cell_toml(Arm.from_toml(ARM), BENCHES[ARM], gauge, NOISE[gauge], False, ARM)
+        cell.write_text(text + STATION * (gauge == "tracker"))
+        aim = next(a for a in AIMS if plan.startswith(a))
+        command = ["plan", str(cell), "--poses", plan.removeprefix(aim), *AIMS[aim], "-o", str(out)]
+        subprocess.run([sys.executable, "-m", "planner.cli", *command], check=True, stdout=subprocess.DEVNULL)
+    document = json.loads((out / "plan.json").read_text())
     return np.radians([p["q_deg"] for p in document["poses"] if p["role"] in ("calibrate", "repeat")])
 
 
+def all_tasks(gauges: Sequence[str], plans: Sequence[str], arms: int, first: int) -> Iterator[Task]:
+    """Yield an arm of every cell before the next one; outside the catalogue one effect alone, or beside two others."""
+    for k, plan, gauge, (hidden, outside) in itertools.product(range(arms), plans, gauges, HIDDEN):
+        yield Task(gauge, plan, hidden + 2 * (k % 2) * outside, outside, first + 2 * k)
+
+
+def read_log(log: Path) -> list[Outcome]:
+    """Return what a log holds; a line that was cut off is none."""
+    out = []
+    for text in log.read_text().splitlines() if log.exists() else ():
+        try:
+            content = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        out.append(Outcome(**content | {"task": Task(**content["task"])}))
+    return out
+
+
 def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
-    """Yield one line for each plan and number of hidden effects."""
+    """Yield one line for each gauge, plan and number of hidden effects."""
     yield (
-        f"{'gauge':8}{'plan':14}{'hidden':>8}{'arms':>5}{'nominal':>9}{'geometry':>9}{'released':>9}{'ratio':>7}"
-        f"{'worst':>7}{'>1':>4}{'>1.1':>5}{'stated/rms':>11}{'(worst)':>8}{'seconds':>8}"
+        f"{'gauge':8}{'plan':8}{'hidden':>8}{'arms':>5}{'nominal':>9}{'geometry':>9}{'released':>9}{'ratio':>7}"
+        f"{'worst':>7}{'>1':>4}{'>1.1':>5}{'stated/rms':>11}{'(least':>7}{'most)':>6}{'in 95 %':>8}{'seconds':>8}"
     )
-    key = lambda o: (o.task.gauge, o.task.plan, o.task.outside, o.task.hidden)  # noqa: E731
-    for (gauge, plan, outside, hidden), group in itertools.groupby(sorted(outcomes, key=key), key):
+    for (gauge, plan, outside, hidden), group in itertools.groupby(sorted(outcomes, key=_cell), _cell):
         some = [o for o in group if not o.failed]
         if not some:
-            yield f"{gauge:8}{plan:14} all failed"
+            yield f"{gauge:8}{plan:8} all failed"
             continue
         ratio = np.array([o.released / o.geometry for o in some])
         truth = np.array([o.stated / o.rms for o in some])
         means = [1e3 * np.mean([getattr(o, name) for o in some]) for name in ("nominal", "geometry", "released")]
         yield (
-            f"{gauge:8}{plan:14}{str(hidden) + ' out' * outside:>8}{len(some):5d}{means[0]:9.3f}{means[1]:9.3f}"
+            f"{gauge:8}{plan:8}{'outside' if outside else hidden:>8}{len(some):5d}{means[0]:9.3f}{means[1]:9.3f}"
             f"{means[2]:9.3f}{np.median(ratio):7.2f}{ratio.max():7.2f}{(ratio > 1).sum():4d}{(ratio > 1.1).sum():5d}"
-            f"{np.median(truth):11.2f}{truth.min():8.2f}{np.median([o.seconds for o in some]):8.1f}"
+            f"{np.median(truth):11.2f}{truth.min():7.2f}{truth.max():6.2f}"
+            f"{100 * np.mean([o.covered for o in some]):8.1f}{np.median([o.seconds for o in some]):8.1f}"
         )
     for o in outcomes:
         if o.failed:
             yield f"failed: {o.task.gauge} {o.task.plan} {o.task.hidden} {o.task.seed}: {o.failed.splitlines()[0]}"
 
 
+def _cell(o: Outcome) -> tuple[str, str, bool, int]:
+    aim = next((a for a in AIMS if o.task.plan.startswith(a)), "")
+    plan = f"{aim:4}{o.task.plan.removeprefix(aim):>4}"
+    return o.task.gauge, plan, o.task.outside, 0 if o.task.outside else o.task.hidden
+
+
 def main() -> None:
-    """Run the trials and print the table."""
+    """Run the trials that the log lacks and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("plan", nargs="+")
-    parser.add_argument("--arms", type=int, default=12)
-    parser.add_argument("--gauge", choices=("edbb", "tracker"), default="edbb")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("log", type=Path)
+    parser.add_argument("--arms", type=int, default=2)
+    parser.add_argument("--first", type=int, default=FIRST_SEED)
+    parser.add_argument("--gauge", action="append", choices=tuple(NOISE))
+    parser.add_argument("--plan", action="append", choices=PLANS)
     a = parser.parse_args()
-    todo = []
-    for plan in a.plan:
-        q = tuple(map(tuple, poses(plan, a.gauge).tolist()))
-        for k, (hidden, outside) in itertools.product(range(a.arms), HIDDEN):
-            todo.append(Task(a.gauge, Path(plan).name, q, hidden, outside, FIRST_SEED + 2 * k))
-    outcomes = []
-    with ProcessPoolExecutor(a.workers) as pool:
-        for o in pool.map(safely, todo):
-            outcomes.append(o)
-            if a.verbose:
-                print(line(o), flush=True)
-    print("\n".join(table(outcomes)))
-
-
-def line(o: Outcome) -> str:
-    """One outcome in a line."""
-    if o.failed:
-        return o.failed.splitlines()[0]
-    numbers = " ".join(f"{1e3 * x:.3f}" for x in (o.nominal, o.geometry, o.released, o.rms, o.stated))
-    effects = ", ".join(f"{e.kind} {e.joint} {e.size:.2g}" for e in o.effects)
-    return f"{o.task.plan} {o.task.seed} {numbers} {o.seconds:.1f}s {'warned' * o.warned} [{effects}] -> {o.found}"
+    done = {o.task for o in read_log(a.log)}
+    for task in all_tasks(a.gauge or tuple(NOISE), a.plan or PLANS, a.arms, a.first):
+        if task not in done:
+            outcome = safely(task, poses(a.folder, task.gauge, task.plan))
+            with a.log.open("a") as file:
+                file.write(json.dumps(asdict(outcome)) + "\n")
+    print("\n".join(table(read_log(a.log))))
 
 
 if __name__ == "__main__":
