@@ -90,7 +90,7 @@ class Gauge(ABC):
     # ---- the cell file
 
     @classmethod
-    def read(cls, path: Path, file: CellFile, planning: bool) -> Self:
+    def read(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> Self:
         """Return the gauge of a cell file; for identification alone its range may be missing.
 
         Raises:
@@ -108,11 +108,11 @@ class Gauge(ABC):
             cone_fixture=float(from_deg(g.cone_deg.fixture)),
             cone_map=float(from_deg(g.cone_deg.map)),
             trim=g.body.trim_mm * MM,
-            **cls.read_own(path, file, planning),
+            **cls.read_own(path, robot, file, planning),
         )
 
     @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+    def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return the fields that only this kind has, from ``OwnKeys`` or from sections of the cell file."""
         own = cls.OwnKeys
         return {} if own is None else dict(validate(file.gauge.own, own, f"{path}: [gauge]"))

@@ -22,6 +22,7 @@ from planner.common.units import MM, Array, read_only, to_deg
 from planner.gauges.balls import BallGauge, artifact_frame, check_names
 from planner.kinematics.bodies import Body
 from planner.kinematics.inverse_kinematics import shift_point
+from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
 
 
@@ -50,7 +51,7 @@ class BallSocket(BallGauge):
     usual_plan: ClassVar[Mapping[str, object]] = {"index": "O1", "poses": 60, "refine": False}
 
     @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+    def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return the approach, and the share of it that is left to a person.
 
         Raises:

@@ -15,7 +15,7 @@ from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
-from planner.common.units import MM, UM, Array, read_only, to_mm
+from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.context import Context
 from planner.effects.effect import Effect
@@ -33,6 +33,7 @@ from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, Run, Samples
 
 PRIOR_ZERO = 1.0 * MM
+STOP_SIGMAS = 2.0  # at the very end one reading in 40 is lost then, and few poses are there
 LARGEST_MARGIN = 0.25  # of the range: what is left of a short one must hold a plan
 
 
@@ -55,19 +56,24 @@ UNITS = {  # what a column of lengths may hold instead of what it says, and how 
 }
 
 
-def choose_stop_margin(file: CellFile, keys: BarKeys) -> float:
-    """Return what a plan keeps from the bar's ends [m]: by default how far off fixture and tool point may stand."""
+def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
+    """Return what a plan keeps from the bar's ends [m].
+
+    By default it is STOP_SIGMAS of how far fixture, tool point and an arm that is not calibrated yet may be off.
+    """
     if file.gauge.length_mm is None:
         return 0.0
     if keys.stop_margin_mm is not None:
         return keys.stop_margin_mm * MM
-    tool = 0.0
+    tool, arm = 0.0, 0.0
     if file.tool is not None:
         sigma = file.tool.map_sigma_um
-        tool = file.tool.prior_mm if sigma is None else sigma * UM / MM
-    prior = float(np.hypot(max((f.prior_mm for f in file.fixtures), default=0.0), tool))
+        tool = file.tool.prior_mm * MM if sigma is None else sigma * UM
+        home = file.home_deg if file.home_deg is not None and len(file.home_deg) == robot.n_joints else 0.0
+        arm = robot.usual_error(np.zeros(robot.n_joints) + from_deg(home), from_mm(file.tool.map_mm))
+    fixture = max((f.prior_mm for f in file.fixtures), default=0.0) * MM
     shortest, longest = file.gauge.length_mm
-    return min(prior, LARGEST_MARGIN * (longest - shortest)) * MM
+    return min(STOP_SIGMAS * float(np.hypot(np.hypot(fixture, tool), arm)), LARGEST_MARGIN * (longest - shortest) * MM)
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ class LengthGauge(LineGauge):
     removal: ClassVar[str] = "take the bar off"
 
     @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+    def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return zero, body, what it follows, and the margin at its ends.
 
         Raises:
@@ -101,7 +107,7 @@ class LengthGauge(LineGauge):
         """
         g, body = file.gauge, file.gauge.body
         keys = validate(g.own, BarKeys, f"{path}: [gauge]")
-        margin = choose_stop_margin(file, keys)
+        margin = choose_stop_margin(robot, file, keys)
         if g.length_mm is not None and 2.0 * margin >= (g.length_mm[1] - g.length_mm[0]) * MM:
             raise InputError(
                 f"{path}: 'gauge.stop_margin_mm' = {margin / MM:g} at both ends leaves nothing of the range "

@@ -24,6 +24,7 @@ from planner.gauges.placement.frames import FramePlacement, are_collinear, place
 from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
+from planner.kinematics.robot import Robot
 from planner.runs.reference_readings import ReferenceReadings
 from planner.runs.run import Mounting, Readings, Run, Samples
 
@@ -50,7 +51,7 @@ class Tracker(FrameGauge):
     default_noise_um: ClassVar[float] = 15.0
 
     @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+    def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return the beam."""
         return {"beam_radius": 0.0 if file.tracker is None else file.tracker.beam_radius_mm * MM}
 

@@ -13,6 +13,7 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.gauges.balls import BallGauge, check_names
 from planner.kinematics.inverse_kinematics import retract_tool
+from planner.kinematics.robot import Robot
 
 SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
 
@@ -27,7 +28,7 @@ class TriCalHead(BallGauge):
     measured_by: ClassVar[str] = "edbb centre PLAN measures it"
 
     @classmethod
-    def read_own(cls, path: Path, file: CellFile, planning: bool) -> dict[str, Any]:
+    def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return the head."""
         return {"head": read_head(path, file)}
 

@@ -3,32 +3,50 @@
 The model is y = X S z + e with z ~ N(0, 1), S the diagonal of sizes and independent noise e whose variance is a sum of
 components of unknown size. Columns of a family share a factor on their prior sizes. It is one of a few values; for the
 families of the background the first is 0, and likely: a spike and a slab (Mitchell and Beauchamp 1988, JASA 83(404)).
-The factors are drawn one after the other with z averaged over (Gibbs sampling, collapsed; George and McCulloch 1997,
-Statistica Sinica 7(2)), the noise by Metropolis' rule. A single best set of sizes would hide how little a run says of
-them; the average over the draws does not.
+How likely is learnt from how many of them act (Scott and Berger 2010, Annals of Statistics 38(5)). The factors are
+drawn one after the other with z averaged over (Gibbs sampling, collapsed; George and McCulloch 1997, Statistica Sinica
+7(2)), and families that explain the same are exchanged, since neither goes without the other; the noise is drawn by
+Metropolis' rule. A single best set of sizes would hide how little a run says of them; the average over the draws does
+not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from planner.common.units import Array
 
 SWEEPS, BURN_IN = 60, 15  # through all families, and how many of them are forgotten
-NOISE_EVERY = 2  # sweeps between draws of the noise
+NOISE_EVERY = 3  # sweeps between draws of the noise
 NOISE_TRIES = 4  # proposals of one draw of the noise
 NOISE_STEP = 1.5  # of a proposal's logarithm, times 1/√readings
 NOISE_LOGS = (-4.0, 6.0)  # of the noise, beyond which nothing is believed
+SWAPS = 1  # families a sweep that may give way to another one
+PREVALENCE = (0.5, 20.0)  # beta prior of the share of families that act: of 40, one in two arms has one
 SURE = 1e-12  # least share of a direction's variance that the readings leave
 
 
 @dataclass(frozen=True)
 class SizePrior:
-    """Factors (k,) that a family's sizes may have, and their probabilities (k,)."""
+    """Factors (k,) that a family's sizes may have, and their probabilities (k,).
+
+    Where it is ``shared``, the probability of 0 follows from how many of the other shared families act.
+    """
 
     factors: Array
     probability: Array
+    shared: bool = False
+
+    def logs(self, acting: int, others: int) -> Array:
+        """Return log probabilities (k,) where ``acting`` of ``others`` shared families act."""
+        if not self.shared:
+            return np.asarray(np.log(self.probability))
+        here = self.factors > 0
+        chance = (acting + PREVALENCE[0]) / (others + sum(PREVALENCE))
+        share = self.probability / np.where(here, self.probability[here].sum(), self.probability[~here].sum())
+        return np.asarray(np.log(share * np.where(here, chance, 1 - chance)))
 
 
 @dataclass(frozen=True)
@@ -59,6 +77,11 @@ class RandomEffects:
     priors: tuple[SizePrior, ...]
     noise_precision: Array
 
+    @cached_property
+    def blocks(self) -> tuple[Array, ...]:
+        """Columns of every family, (m, k) each."""
+        return tuple(np.ascontiguousarray(self.columns[:, self.family == f]) for f in range(len(self.priors)))
+
     def sizes(self, factors: Array) -> Array:
         """Return the factor of each column, (p,), at factors of the families (f,)."""
         return np.asarray(np.append(factors, 1.0)[self.family])
@@ -67,17 +90,65 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
-    def deviance(self, draw: SizeDraw) -> float:
+    def precision(self, draw: SizeDraw) -> "_Precision":
+        """Return what is known of the readings at one draw of the sizes."""
+        root = np.sqrt(self.variance(draw.noise_logs))
+        wide = self.columns[:, self.family < 0] / root[:, None]
+        # a QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude
+        basis, R = np.linalg.qr(np.vstack([wide, np.eye(wide.shape[1])]))
+        basis = basis[: len(root)]
+        inverse = (np.eye(len(root)) - basis @ basis.T) / np.outer(root, root)
+        log_det = 2 * float(np.log(root).sum() + np.log(np.abs(np.diag(R))).sum())
+        known = _Precision(inverse, inverse @ self.y, log_det)
+        for f in np.flatnonzero(draw.factors):
+            known = known.plus(known.block(self.blocks[f]), draw.factors[f] ** 2)
+        return known
+
+    def deviance(self, draw: SizeDraw, known: "_Precision | None" = None) -> float:
         """Minus twice the log density of the readings and of the noise's size, without a constant."""
-        sizes, variance = self.sizes(draw.factors), self.variance(draw.noise_logs)
-        white = (self.columns * sizes)[:, sizes > 0] / np.sqrt(variance)[:, None]
-        y = self.y / np.sqrt(variance)
-        few = white.shape[1] <= len(y)
-        L = cholesky(np.eye(min(white.shape)) + (white.T @ white if few else white @ white.T), lower=True)
-        half = solve_triangular(L, white.T @ y if few else y, lower=True)
-        square = y @ y - half @ half if few else half @ half
+        known = known or self.precision(draw)
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
-        return float(np.log(variance).sum() + 2 * np.log(np.diag(L)).sum() + square + prior)
+        return float(known.log_det + self.y @ known.solved + prior)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Columns X (m, k) in the axes in which XᵀC⁻¹X is diagonal: C⁻¹X (m, k), the diagonal (k,) and XᵀC⁻¹y (k,)."""
+
+    half: Array
+    values: Array
+    toward: Array
+
+    def gains(self, more: Array) -> Array:
+        """Return the growth (v,) of the log density with ``more`` variances (v,) of the columns."""
+        grown = np.maximum(1 + more[:, None] * self.values, SURE)
+        return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class _Precision:
+    """With C the covariance of the readings: C⁻¹ (m, m), C⁻¹y (m,), and log |C|."""
+
+    inverse: Array
+    solved: Array
+    log_det: float
+
+    def block(self, columns: Array) -> _Block:
+        """Return what it takes to add columns (m, k)."""
+        half = self.inverse @ columns
+        values, axes = np.linalg.eigh(columns.T @ half)
+        return _Block(half @ axes, np.maximum(values, 0.0), axes.T @ (columns.T @ self.solved))
+
+    def plus(self, block: _Block, variance: float) -> "_Precision":
+        """Return it with ``variance`` times the columns added to C (Woodbury)."""
+        grown = np.maximum(1 + variance * block.values, SURE)
+        gain = variance / grown
+        turned = block.half * gain
+        return _Precision(
+            self.inverse - turned @ block.half.T,
+            self.solved - turned @ block.toward,
+            self.log_det + float(np.log(grown).sum()),
+        )
 
 
 def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[SizeDraw, ...]:
@@ -90,65 +161,72 @@ def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[Si
             chain.draw_noise(rng)
         for family in range(len(model.priors)):
             chain.draw_factor(family, rng)
+        for _ in range(SWAPS):
+            chain.swap(rng)
         out.append(SizeDraw(chain.factors.copy(), chain.noise_logs))
     return tuple(out[BURN_IN:])
 
 
 class _Chain:
-    """Where the draws stand; with C the covariance of the readings: Q = XᵀC⁻¹X (p, p) and q = XᵀC⁻¹y (p,)."""
+    """Where the draws stand."""
 
     def __init__(self, model: RandomEffects, start: SizeDraw):
         self.model = model
         self.factors = start.factors.copy()
         self.noise_logs = start.noise_logs
-        self.members = [np.flatnonzero(model.family == f) for f in range(len(model.priors))]
+        self.known = model.precision(start)
+        self.shared = np.array([p.shared for p in model.priors])
+        self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
 
     def draw_noise(self, rng: np.random.Generator) -> None:
-        """Draw the noise with the sizes as they are, and compute Q and q anew."""
-        here = self.model.deviance(SizeDraw(self.factors, self.noise_logs))
-        step = NOISE_STEP / np.sqrt(len(self.model.y))
-        for move in rng.standard_normal((NOISE_TRIES, len(self.noise_logs))) * max(step, 0.05):
-            trial = np.clip(self.noise_logs + move, *NOISE_LOGS)
-            there = self.model.deviance(SizeDraw(self.factors, trial))
+        """Draw the noise with the sizes as they are."""
+        model, factors = self.model, self.factors
+        self.known = model.precision(SizeDraw(factors, self.noise_logs))
+        here = model.deviance(SizeDraw(factors, self.noise_logs), self.known)
+        step = max(NOISE_STEP / np.sqrt(len(model.y)), 0.05)
+        for move in rng.standard_normal((NOISE_TRIES, len(self.noise_logs))) * step:
+            trial = SizeDraw(factors, np.clip(self.noise_logs + move, *NOISE_LOGS))
+            known = model.precision(trial)
+            there = model.deviance(trial, known)
             if np.log(rng.uniform()) < 0.5 * (here - there):
-                self.noise_logs, here = trial, there
-        self._compute()
-
-    def _compute(self) -> None:
-        """Compute Q and q: columns of known size by a QR decomposition, for they may be very wide, then the others."""
-        model = self.model
-        root = np.sqrt(model.variance(self.noise_logs))
-        white = np.column_stack([model.columns, model.y]) / root[:, None]
-        known = model.family < 0
-        wide, count = white[:, :-1][:, known], int(known.sum())
-        basis = np.linalg.qr(np.vstack([wide, np.eye(count)]))[0][: len(root)]
-        wide = basis @ (basis.T @ white)
-        left = white - wide
-        gram = left.T @ white  # = whiteᵀ(1 − basis basisᵀ)white
-        self.Q, self.q = gram[:-1, :-1], gram[:-1, -1]
-        for family in np.flatnonzero(self.factors):
-            values, axes = np.linalg.eigh(self.Q[np.ix_(self.members[family], self.members[family])])
-            self._add(int(family), self.factors[family] ** 2, np.maximum(values, 0.0), axes)
+                self.noise_logs, self.known, here = trial.noise_logs, known, there
 
     def draw_factor(self, family: int, rng: np.random.Generator) -> None:
         """Draw the factor of one family with all others as they are."""
-        prior, which = self.model.priors[family], self.members[family]
-        values, axes = np.linalg.eigh(self.Q[np.ix_(which, which)])
-        values = np.maximum(values, 0.0)
-        toward = (axes.T @ self.q[which]) ** 2
-        more = (prior.factors**2 - self.factors[family] ** 2)[:, None]
-        grown = np.maximum(1 + more * values, SURE)
-        log = 0.5 * (more * toward / grown - np.log(grown)).sum(axis=1) + np.log(prior.probability)
-        chance = np.exp(log - log.max())
-        chosen = float(prior.factors[rng.choice(len(chance), p=chance / chance.sum())])
-        if chosen != self.factors[family]:
-            self._add(family, chosen**2 - self.factors[family] ** 2, values, axes)
+        prior, own = self.model.priors[family], self.factors[family]
+        block = self.known.block(self.model.blocks[family])
+        logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
+        chosen = float(prior.factors[_choose(logs, rng)])
+        if chosen != own:
+            self.known = self.known.plus(block, chosen**2 - own**2)
             self.factors[family] = chosen
 
-    def _add(self, family: int, variance: float, values: Array, axes: Array) -> None:
-        """Add ``variance`` times the family's columns to C; values and axes of its part of Q (Woodbury)."""
-        turned = self.Q[:, self.members[family]] @ axes
-        gain = variance / np.maximum(1 + variance * values, SURE)
-        toward = axes.T @ self.q[self.members[family]]
-        self.q = self.q - turned @ (gain * toward)
-        self.Q = self.Q - (turned * gain) @ turned.T
+    def swap(self, rng: np.random.Generator) -> None:
+        """Let one family that acts give way to any other that does not, or to another size of itself."""
+        acting = np.flatnonzero(self.optional & (self.factors > 0))
+        if not len(acting):
+            return
+        leaving = int(rng.choice(acting))
+        without = self.known.plus(self.known.block(self.model.blocks[leaving]), -(self.factors[leaving] ** 2))
+        self.factors[leaving] = 0.0
+        idle = np.flatnonzero(self.optional & (self.factors == 0))
+        blocks = [without.block(self.model.blocks[f]) for f in idle]
+        sizes = [self.model.priors[f].factors[1:] for f in idle]
+        odds = [logs[1:] - logs[0] for logs in self._prior_logs(idle)]
+        gains = [b.gains(v**2) + o for b, v, o in zip(blocks, sizes, odds, strict=True)]
+        k = _choose(np.array([np.logaddexp.reduce(g) for g in gains]), rng)
+        self.factors[idle[k]] = sizes[k][_choose(gains[k], rng)]
+        self.known = without.plus(blocks[k], self.factors[idle[k]] ** 2)
+
+    def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
+        """Log probabilities of the factors of families with all others as they are."""
+        acting, count = int((self.shared & (self.factors > 0)).sum()), int(self.shared.sum()) - 1
+        return [
+            self.model.priors[f].logs(acting - int(self.shared[f] and self.factors[f] > 0), count) for f in families
+        ]
+
+
+def _choose(logs: Array, rng: np.random.Generator) -> int:
+    """Return a position in logs (k,) of chances."""
+    chance = np.exp(logs - logs.max())
+    return int(rng.choice(len(chance), p=chance / chance.sum()))

@@ -22,9 +22,8 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Run
 
-LEARNING_READINGS = 900  # of a long run that say how large the families are
+LEARNING_READINGS = 600  # of a long run that say how large the families are
 STEPS = 2  # of Gauss and Newton from the fit to the mean
-ACTING = 0.02  # probability, before the run, that a family of the background acts
 FINDING = float(np.exp(-6.0))  # the same of a finding: it is one of some hundred that were tried
 STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
@@ -51,12 +50,14 @@ class PosteriorFit:
     Attributes:
         fit: mean and information of all parameters that may act; its prior sizes and noise are means over the draws.
         mixture: sizes that were drawn.
+        drawn: parameters drawn from it, (P, n) [m, rad, …].
         families: sizes of them.
         findings: groups of ``before`` that stand.
     """
 
     fit: Fit
     mixture: SizeMixture
+    drawn: Array
     families: tuple[FamilySize, ...]
     findings: tuple[str, ...]
 
@@ -102,18 +103,19 @@ def fit_posterior(
         for name, f in zip(families.names, factors.T, strict=True)
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)
-    return PosteriorFit(_fit_mixture(problem, errors[kept], mixture), mixture, sizes, stand)
+    return PosteriorFit(*_fit_mixture(problem, errors[kept], mixture), sizes, stand)
 
 
-def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> Fit:
-    """Return mean and information of the mixture; ``errors`` (P,) start it."""
+def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> tuple[Fit, SizeMixture, Array]:
+    """Return mean and information of the mixture, itself, and parameters drawn from it; ``errors`` (P,) start it."""
     for _ in range(STEPS):
         errors = problem.prior * mixture.mean(_gram(problem, errors), errors / problem.prior)
     gram, z = _gram(problem, errors), errors / problem.prior
     factor = mixture.information_root(gram, z)
     effective = float(len(z) - (np.linalg.inv(factor) ** 2).sum())
     found = Solution(errors, factor, float(gram[-1, -1] + z @ z), STEPS)
-    return Fit(problem, found, effective, np.array([], dtype=int))
+    drawn = problem.prior[:, None] * mixture.draw_errors(gram, z)
+    return Fit(problem, found, effective, np.array([], dtype=int)), mixture, drawn
 
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
@@ -152,19 +154,19 @@ class _Families:
         number = {name: k for k, name in enumerate(names)} | {"": -1}
         finite = tuple(p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN) for p in parameters.values())
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
-        slab = _spike_and_slab(SLAB, SLAB_WEIGHT, ACTING)
+        slab = _spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, shared=True)
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
         priors = tuple(slab if n in behind else found if n in findings else plain for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
 
 
-def _spike_and_slab(factors: Array, weight: Array, acting: float) -> SizePrior:
+def _spike_and_slab(factors: Array, weight: Array, acting: float, shared: bool = False) -> SizePrior:
     """Return a prior on factors (k,) with weights (k,), and on 0 with what ``acting`` leaves."""
     chance = acting * weight / weight.sum()
     if acting >= 1.0:
         return SizePrior(factors, chance)
-    return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance))
+    return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), shared)
 
 
 def _own_family(p: Parameter) -> str:

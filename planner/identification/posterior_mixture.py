@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, rq
+from scipy.linalg import cho_factor, cho_solve, rq, solve_triangular
 
 from planner.common.units import Array
 
+EACH = 8  # robots drawn with each of the sizes
 LEAST_VARIANCE = 1e-12  # of a direction in prior sizes, so that the information stays finite
 
 
@@ -50,6 +51,16 @@ class SizeMixture:
         values, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
         root = unit[:, None] * axes * np.sqrt(np.maximum(values, LEAST_VARIANCE))
         return np.asarray(np.linalg.inv(rq(root)[0]))
+
+    def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
+        """Return parameters drawn from the mixture, in prior sizes, (P, d · EACH)."""
+        rng = np.random.default_rng(seed)
+        out = np.zeros((len(z), len(self.size), EACH))
+        for k, draw in enumerate(self._each(gram, z)):
+            unit = solve_triangular(draw.factor[0], rng.standard_normal((len(draw.own), EACH)), trans=1, lower=True)
+            out[:, k] = draw.mean[:, None]
+            out[draw.acting, k] += np.sqrt(draw.ease) * draw.own[:, None] * unit
+        return out.reshape(len(z), -1)
 
     def _each(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
         for size, ease in zip(self.scaled, self.ease, strict=True):

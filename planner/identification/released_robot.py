@@ -108,12 +108,24 @@ class ReleasedRobot:
         return np.sqrt(where.square(self.spread(where.names)) + where.square(off[:, None]))
 
     def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
-        """Return the same over the workspace [m], rms."""
-        return _rms(self.expected_errors(fit, tool))
+        """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
+        return float(np.median(self.drawn_errors(fit, tool)))
+
+    def drawn_errors(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
+        """Return the error over the workspace, rms, against each robot drawn from the posterior [m], (n,)."""
+        where = self.tool if tool is None else tool
+        known, mean = self.posterior, self.posterior.fit
+        here = {name: k for k, name in enumerate(mean.model.names)}
+        at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
+        names = [where.names[k] for k in at]
+        which = [here[n] for n in names]
+        off = known.drawn[which] - (mean.errors[which] + self.offset(names, fit))[:, None]
+        rows = where.rows[:, :, at].reshape(-1, len(at))
+        return np.sqrt(np.maximum((off * (rows.T @ rows @ off)).sum(axis=0), 0.0) / len(where.q))
 
     @cached_property
     def anywhere(self) -> float:
-        """Expected error of the released robot's tool over the workspace [m], rms."""
+        """Error of the released robot's tool over the workspace, rms, that is as likely exceeded as not [m]."""
         return self.anywhere_with(self.fit)
 
     @cached_property

@@ -157,6 +157,17 @@ class Robot:
         """Convert controller angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
         return q @ self.sense_matrix.T + self.theta_zero
 
+    def usual_error(self, q: Array, p_FM: Array) -> float:
+        """Return how far off a point (3,) [m] of the flange usually is at q (N,) [rad], one sigma of a direction [m].
+
+        It is that of errors as large as ``priors``, before any calibration.
+        """
+        stand = self.chain.forward(self.theta(q[None]))
+        at_point = replace(stand, x=stand.x + np.einsum("ijn,j->in", stand.R, p_FM))
+        size = np.where(stand.rotation, self.priors.angle, self.priors.length)
+        free = np.array([not t.fixed for t in self.transforms])
+        return float(np.sqrt(((at_point.point_screws()[:, :, 0] * (size * free)[:, None]) ** 2).sum() / 3))
+
     def pin_model(self) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
         """Build the pinocchio model; its configuration is ``theta(q)``.
 

@@ -42,8 +42,8 @@ class PlaneDial(Gauge):
     OwnKeys = PlaneKeys
 
     @classmethod
-    def read_own(cls, path, file, planning):
-        keys = super().read_own(path, file, planning)
+    def read_own(cls, path, robot, file, planning):
+        keys = super().read_own(path, robot, file, planning)
         normal = np.array(keys["plane_normal"])
         return {"point": from_mm(keys["plane_point_mm"]), "normal": normal / np.linalg.norm(normal)}
 

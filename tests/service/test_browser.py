@@ -65,7 +65,7 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     check_page(page)
     assert shows_something(page)
 
-    page.fill("#poses", "44")
+    page.fill("#poses", "30")
     page.click("#plan-form button:has-text('Plan')")
     page.wait_for_selector("text=What was planned")
     page.wait_for_selector("#view canvas")
