@@ -17,13 +17,15 @@ from planner.effects.effect import Background, Effect, Role
 from planner.effects.excitation import Excitation
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
+from planner.effects.nonparametric import NONPARAMETRIC
 from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.runs.run import Samples
 
-HARMONICS = 6  # of a gear's error, once to six times a turn
+HARMONICS = 8  # of a gear's error, once to eight times a turn
 USUAL_HARMONIC = 1.5e-4  # [rad] of the first one, the k-th by √k smaller
-RIPPLES, SLOWEST, QUICKEST = 24, 8.0, 170.0  # frequencies of a gear's ripple in the band, 1/turn
+RIPPLES, SLOWEST, QUICKEST = 24, 9.0, 170.0  # frequencies of a gear's ripple in the band, 1/turn
+PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and the first one's size [rad]
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
 USUAL_SCALE = 1e-5  # one sigma of a gauge's scale: all lengths of the arm grow and shrink with it
@@ -76,9 +78,12 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
 def is_left_to_background(group: str) -> bool:
     """Tell whether a finding, by the group of its parameters, stays out of the released robot.
 
-    A gauge's error of a shape that only seems right would move all lengths of the arm.
+    A gauge's error of a shape that only seems right would move all lengths of the arm; a curve without a name is known
+    no farther than it was measured.
     """
     kind = group.partition(", ")[0]
+    if kind == NONPARAMETRIC:
+        return True
     return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
 
 
@@ -95,19 +100,24 @@ def _band(effect: Effect, known: bool) -> Iterator[Parameter]:
 
 
 def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Parameter]]]:
-    """Yield the harmonics and the ripple of every gear that moved; q (n, N) [rad]."""
+    """Yield harmonics and ripple of every gear that moved, and what a joint does to another, as hoses do; q (n, N)."""
     rotation = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
     slow = [(float(k), USUAL_HARMONIC / np.sqrt(k)) for k in range(1, HARMONICS + 1)]
+    pulls = [(float(k), USUAL_PULL / np.sqrt(k)) for k in range(1, PULLS + 1)]
     ripples = np.geomspace(SLOWEST, QUICKEST, RIPPLES).round(3)
     quick = [(float(f), USUAL_WAVE / np.sqrt(RIPPLES)) for f in ripples]
     for joint in (int(j) for j in np.flatnonzero(np.ptp(q, axis=0) > 1e-3)):
-        yield f"gear harmonics, joint {joint + 1}", _waves(rotation[joint], joint, slow)
-        yield f"gear ripple, joint {joint + 1}", _waves(rotation[joint], joint, quick)
+        yield f"gear harmonics, joint {joint + 1}", _waves(rotation[joint], joint, joint, slow)
+        yield f"gear ripple, joint {joint + 1}", _waves(rotation[joint], joint, joint, quick)
+        for moved in range(setup.robot.n_joints):
+            if moved != joint:
+                yield f"joint {moved + 1} by joint {joint + 1}", _waves(rotation[moved], moved, joint, pulls)
 
 
-def _waves(rotation: int, joint: int, sizes: Sequence[tuple[float, float]]) -> Iterator[Parameter]:
+def _waves(rotation: int, moved: int, joint: int, sizes: Sequence[tuple[float, float]]) -> Iterator[Parameter]:
+    name = f"gear{joint + 1}" if moved == joint else f"pull{moved + 1}_{joint + 1}"
     for frequency, size in sizes:
-        what = f"gear error of joint {joint + 1}, {frequency:g} a turn"
+        what = f"error of joint {moved + 1}, {frequency:g} a turn of joint {joint + 1}"
         for wave in WAVES:
             move = transform_move(rotation, JointWave(wave, joint, frequency))
-            yield Parameter(f"gear{joint + 1}_{wave}{frequency:g}", "rad", float(size), what, move)
+            yield Parameter(f"{name}_{wave}{frequency:g}", "rad", float(size), what, move)

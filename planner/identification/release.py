@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 from planner.cell.cell import Cell
 from planner.common.units import MM, to_mm
-from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.cross_validation import predict_held_out
-from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families
 from planner.identification.posterior_fit import fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
@@ -15,7 +13,7 @@ from planner.model.identification_document import Metrics, Release, SizeOfFamily
 from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
-PAYS = 1.15  # expected error of geometry over that of the posterior mean, from which on the mean is released
+DOUBT = 0.1  # probability that geometry alone is the better robot, from which on it is released
 
 
 def release_robot(
@@ -23,7 +21,8 @@ def release_robot(
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
 
-    What has no name enters it only where the error of the tool to be expected over the workspace falls.
+    It is the posterior's mean, unless geometry alone may well be the better robot over the workspace: what an arm may
+    have besides is no reason to move it.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -31,23 +30,12 @@ def release_robot(
         context: run and split.
         cell: the cell.
         time: how many samples are worth one.
-        geometry_alone: release the geometry as fitted alone. So it is where the posterior, without any finding that
-            stands, expects next to nothing from its mean: what an arm may have less is no reason to move it.
+        geometry_alone: release the geometry as fitted alone.
 
     Raises:
         NoSolutionError: the posterior does not come to rest.
     """
-    named = [s for s in stages if not any(e.startswith(f"{NONPARAMETRIC}, ") for e in s.stage.effects)]
-    ends = [stages[-1].fit, *([named[-1].fit] if len(named) < len(stages) else [])]
-    plain = geometry_stage(stages)
-    robots = [_release_from(last, plain, whole, context, cell, time, geometry_alone) for last in ends]
-    return min(robots, key=lambda r: r.anywhere)
-
-
-def _release_from(
-    last: Fit, plain: FittedStage, whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
-) -> ReleasedRobot:
-    """Return the robot by the posterior that starts at the fit ``last``."""
+    last, plain = stages[-1].fit, geometry_stage(stages)
     run, split = context.run, context.split
     few = context.part(last.model)
     if few is not None:
@@ -56,8 +44,8 @@ def _release_from(
     posterior = fit_posterior(last, run, whole, families, time)
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
-    pays = posterior.findings or geometry.anywhere > PAYS * geometry.anywhere_with(posterior.fit)
-    if geometry_alone or not pays:
+    better = geometry.drawn_errors(plain.fit) <= geometry.drawn_errors(posterior.fit)
+    if geometry_alone or better.mean() > DOUBT:
         return geometry
     held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
     errors = (Metrics.of(held, split.fold), context.judge(posterior.fit), held)
@@ -77,6 +65,7 @@ def describe_release(released: ReleasedRobot) -> Release:
         findings=posterior.findings if released.fit is posterior.fit else (),
         held_out=released.held_out,
         validation=released.validation,
+        at_most=released.at_most,
         nominal_anywhere=released.anywhere_with(None),
         geometry_anywhere=released.anywhere_with(released.geometry),
         other_tool=released.other_tool_anywhere,

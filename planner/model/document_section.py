@@ -19,6 +19,7 @@ KEYS = {
     "workspace_error": "known_anywhere_mm",
     "anywhere": "anywhere_mm",
     "nominal_anywhere": "nominal_anywhere_mm",
+    "at_most": "at_most_mm",
     "geometry_anywhere": "geometry_anywhere_mm",
     "other_tool": "other_tool_mm",
     "position": "position_mm",

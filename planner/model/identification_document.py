@@ -267,12 +267,15 @@ ReleaseBasis = Literal["posterior", "geometry", "fit"]
 
 
 class Release(DocumentSection):
-    """The calibrated robot that was written, and errors of the tool to be expected over the workspace [m], rms.
+    """The calibrated robot that was written, and errors of the tool over the workspace [m], rms.
+
+    Each is as likely exceeded as not.
 
     Attributes:
         basis: whether the robot holds the posterior mean or geometry alone.
         findings: those that entered the posterior; what they would do is left to the background of the others.
         held_out, validation: errors of this robot.
+        at_most: what the released robot's error stays below with a probability of 95 %.
         nominal_anywhere, geometry_anywhere: of the robot before, and of geometry alone.
         other_tool: of a tool 200 mm about the flange that was not measured.
         work_tool: of the tool that the cell names.
@@ -284,6 +287,7 @@ class Release(DocumentSection):
     findings: tuple[str, ...] = ()
     held_out: Metrics
     validation: Metrics | None = None
+    at_most: float
     nominal_anywhere: float
     geometry_anywhere: float
     other_tool: float
@@ -303,7 +307,7 @@ class Identification(DocumentSection):
         limits: for every effect that was looked for and not found.
         tried: number of effects and inner values that tracing looked at; ``None`` where nothing was traced.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
-        workspace_error: error of the released robot's tool to be expected over the whole workspace [m], rms.
+        workspace_error: error of the released robot's tool over the workspace [m], rms, as likely exceeded as not.
         release: what the robot's file holds and how good it is expected to be.
         condition_number: of the rows per prior size; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.

@@ -304,6 +304,7 @@ def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
 def _workspace_text(r: Release, anywhere: float) -> str:
     """Say how good the tool is expected to be anywhere: the figure that leads."""
     out = f"tool error over the workspace {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm rms (expected"
+    out += f", with 95 % less than {r.at_most / MM:.3f} mm"
     out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
     own = r.work_tool
     if own is None:

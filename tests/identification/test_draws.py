@@ -1,13 +1,16 @@
 """Drawn sizes of random effects against enumeration, dense covariances and drawn data; the mixture over them."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 from scipy.linalg import cholesky
+from scipy.special import betaln
 from scipy.stats import multivariate_normal
 
 import planner.identification.posterior_draws as draws
+import planner.identification.posterior_mixture as mixture_room
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.posterior_mixture import SizeMixture
 
@@ -39,13 +42,23 @@ def test_the_deviance_is_that_of_the_dense_covariance(m, p):
     assert one - other == pytest.approx(dense, rel=1e-5)
 
 
-def test_shares_of_the_draws_are_the_probabilities(monkeypatch):
-    """All nine pairs of factors, by enumeration; 4000 sweeps."""
-    monkeypatch.setattr(draws, "SWEEPS", 4000)
+def prior_of(pair, shared):
+    """Log probability of two families' factors; by Beta(a, 2 a) where how often families act is learnt."""
+    own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])
+    if not shared:
+        return np.log(own)
+    a, count = draws.PREVALENCE, np.count_nonzero(pair)
+    return np.log(own / 0.4**count / 0.6 ** (2 - count)) + betaln(a + count, 2 * a + 2 - count)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_shares_of_the_draws_are_the_probabilities(monkeypatch, shared):
+    """All nine pairs of factors, by enumeration; 3000 sweeps."""
+    monkeypatch.setattr(draws, "SWEEPS", 3000)
     monkeypatch.setattr(draws, "NOISE_EVERY", 200)
-    model = model_of(y_scale=1.7)
+    model = replace(model_of(y_scale=1.7), priors=(replace(LEVELS, shared=shared),) * 2)
     pairs = list(product(LEVELS.factors, LEVELS.factors))
-    prior = [np.log(a * b) for a, b in product(LEVELS.probability, LEVELS.probability)]
+    prior = [prior_of(pair, shared) for pair in pairs]
     log = np.array([density(model, f, np.zeros(2)) + q for f, q in zip(pairs, prior, strict=True)])
     chance = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
     drawn = [tuple(d.factors) for d in draw_sizes(model, SizeDraw(np.ones(2) * 0.5, np.zeros(2)))]
@@ -65,7 +78,7 @@ def test_what_acts_is_found_and_what_does_not_is_absent():
     assert np.mean([d.noise_logs[0] for d in drawn]) == pytest.approx(np.log(2.0), abs=0.15)
 
 
-def test_mean_and_covariance_are_those_of_the_mixture():
+def test_mean_covariance_and_draws_are_those_of_the_mixture(monkeypatch):
     """Against draws of the parameters themselves: two sizes, once with another noise, the third absent in one."""
     rng = np.random.default_rng(4)
     rows, y, z = rng.normal(size=(15, 3)), rng.normal(size=15), rng.normal(size=3)
@@ -81,5 +94,10 @@ def test_mean_and_covariance_are_those_of_the_mixture():
     assert np.allclose(mixture.mean(gram, z), mean)
     R = mixture.information_root(gram, z)
     assert np.allclose(R, np.triu(R))
-    assert np.allclose(np.linalg.inv(R.T @ R), np.mean(seconds, axis=0) - np.outer(mean, mean))
+    covariance = np.mean(seconds, axis=0) - np.outer(mean, mean)
+    assert np.allclose(np.linalg.inv(R.T @ R), covariance)
+    monkeypatch.setattr(mixture_room, "EACH", 20_000)
+    drawn = mixture.draw_errors(gram, z)
+    assert np.allclose(drawn.mean(axis=1), mean, atol=0.02)
+    assert np.allclose(np.cov(drawn), covariance, atol=0.03 * covariance.max())
     assert np.all(np.isfinite(cholesky(R.T @ R)))

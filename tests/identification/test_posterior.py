@@ -82,7 +82,13 @@ def test_the_expected_error_is_that_of_drawn_robots():
     root = fit.solution.root(fit.problem.prior)
     at = [fit.model.names.index(n) for n in tool.names]
     drawn = root[at] @ np.random.default_rng(0).standard_normal((root.shape[1], 400))
-    assert np.sqrt(tool.square(drawn).mean() / 400) == pytest.approx(released.anywhere, rel=0.1)
+    rms = np.sqrt((released.expected_errors(fit) ** 2).mean())
+    assert np.sqrt(tool.square(drawn).mean() / 400) == pytest.approx(rms, rel=0.1)
+    own = np.sqrt(
+        tool.square(released.posterior.drawn[at] - fit.errors[at, None]).mean() / released.posterior.drawn.shape[1]
+    )
+    assert own == pytest.approx(rms, rel=0.1)
+    assert released.anywhere < released.at_most
 
 
 @cache
@@ -127,10 +133,11 @@ def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
 
 def test_what_was_written_expects_over_the_workspace_what_the_identification_states():
     found, expected = known()
-    at, release = expected.at(found.released.tool.q, found.released.tool.p_FM), found.release
-    for errors, stated in ((at.nominal, release.nominal_anywhere), (at.released, found.workspace_error)):
-        assert np.sqrt((errors**2).mean()) == pytest.approx(stated, rel=0.02)
-    assert np.sqrt((at.geometry**2).mean()) == pytest.approx(release.geometry_anywhere, rel=0.02)
+    released = found.released
+    at = expected.at(released.tool.q, released.tool.p_FM)
+    for errors, fit in ((at.nominal, None), (at.geometry, released.geometry), (at.released, released.fit)):
+        rms = np.sqrt((released.expected_errors(fit) ** 2).mean())
+        assert np.sqrt((errors**2).mean()) == pytest.approx(rms, rel=0.02)
     rows = np.loadtxt(expected_error_csv(found.released).splitlines(), delimiter=",", skiprows=1)
     assert rows.shape[1] == 6 + 3 + 3
-    assert np.sqrt((rows[:, -1] ** 2).mean()) == pytest.approx(1e3 * found.workspace_error, rel=0.02)
+    assert np.sqrt((rows[:, -1] ** 2).mean()) == pytest.approx(1e3 * rms, rel=0.02)
