@@ -107,7 +107,9 @@ def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Pa
     ripples = np.geomspace(SLOWEST, QUICKEST, RIPPLES).round(3)
     quick = [(float(f), USUAL_WAVE / np.sqrt(RIPPLES)) for f in ripples]
     for joint in (int(j) for j in np.flatnonzero(np.ptp(q, axis=0) > 1e-3)):
-        yield f"gear harmonics, joint {joint + 1}", _waves(rotation[joint], joint, joint, slow)
+        # an axis out of centre, one out of round, and the rest are causes of their own: only so does one stand for none
+        for name, few in (("once a turn", slow[:1]), ("twice a turn", slow[1:2]), ("harmonics", slow[2:])):
+            yield f"gear {name}, joint {joint + 1}", _waves(rotation[joint], joint, joint, few)
         yield f"gear ripple, joint {joint + 1}", _waves(rotation[joint], joint, joint, quick)
         for moved in range(setup.robot.n_joints):
             if moved != joint:

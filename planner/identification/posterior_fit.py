@@ -145,9 +145,13 @@ class _Families:
         label = {name: _own_family(p) for name, p in own.items()}
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
         parameters, rest = dict(own), dict[str, str]()
+        same = {p.moves: p.name for p in own.values()}
+        usual = set[str]()  # findings that stand for a family of the background
         for family in background:
             for p in family.parameters:
-                if p.name not in parameters:
+                if p.name in parameters or p.moves in same:
+                    usual.add(label[same.get(p.moves, p.name)])
+                else:
                     parameters[p.name], rest[p.name] = p, "" if family.known else f"{family.name} (background)"
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
@@ -156,7 +160,8 @@ class _Families:
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
         slab = _spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, shared=True)
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
-        priors = tuple(slab if n in behind else found if n in findings else plain for n in names)
+        usual = behind | usual.intersection(findings)
+        priors = tuple(slab if n in usual else found if n in findings else plain for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
 

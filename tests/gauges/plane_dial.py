@@ -49,7 +49,7 @@ class PlaneDial(Gauge):
 
     @classmethod
     def read_places(cls, path, robot, file):
-        own = cls.read_own(path, file, True)
+        own = cls.read_own(path, robot, file, True)
         return (Fixture("plane", own["point"], own["normal"], 5 * MM),)
 
     # ---- one reading
