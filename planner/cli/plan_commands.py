@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from planner.cli.terminal import (
+    CELL,
     CellArgument,
     Dialects,
     Json,
@@ -22,10 +23,11 @@ from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
 
 if TYPE_CHECKING:
-    from planner.studies import cell_study
+    from planner.studies import cell_study, sweep
     from planner.workflow import both_bars, loaded_places, planning
 else:  # imported by the work itself, once its progress shows
     cell_study = LazyModule("planner.studies.cell_study")
+    sweep = LazyModule("planner.studies.sweep")
     both_bars = LazyModule("planner.workflow.both_bars")
     loaded_places = LazyModule("planner.workflow.loaded_places")
     planning = LazyModule("planner.workflow.planning")
@@ -80,14 +82,26 @@ def plan_command(
 
 
 def study_command(
-    cell: CellArgument,
     output: Output,
+    cell: Annotated[str | None, typer.Argument(metavar="[CELL]", help=CELL)] = None,
+    sweep_file: Annotated[
+        Path | None,
+        typer.Option("--sweep", metavar="SWEEP.toml", help="in place of a cell: fixtures x bars x tools x poses"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://…", help="compute the sweep on a Dask cluster")
+    ] = None,
     index: Annotated[IndexName | None, typer.Option(help="observability index")] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Observability offline: what can be seen, with how many poses, from which fixture."""
-    give(lambda stages: cell_study.study(cell, index=index, seed=seed, progress=stages.say), output, as_json)
+    if (cell is None) == (sweep_file is None):
+        raise InputError("a study is of a cell, or of a sweep (--sweep SWEEP.toml): name one of the two")
+    if cell is not None:
+        give(lambda stages: cell_study.study(cell, index=index, seed=seed, progress=stages.say), output, as_json)
+    elif sweep_file is not None:
+        give(lambda s: sweep.sweep(sweep_file, output, scheduler=scheduler, progress=s.say), output, as_json)
 
 
 def export_command(

@@ -63,6 +63,9 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     return ServiceContext(settings, jobs, files, uploads, CommandBuilder(jobs, files, uploads), supervisor)
 
 
+BACKLOG = 1024  # connections that wait to be taken
+
+
 def build_app(context: ServiceContext) -> FastAPI:
     """Return the application without its guard, for its OpenAPI document."""
 
@@ -120,5 +123,6 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
         socket = config.bind_socket()
     except SystemExit as err:
         raise InputError(f"{host}:{settings.port}: cannot be listened on; is another service there?") from err
+    socket.listen(BACKLOG)  # whoever reads the address may ask at once
     announce(f"http://{host}:{socket.getsockname()[1]}")
     uvicorn.Server(config).run([socket])

@@ -1,13 +1,17 @@
 """Files that clients have sent: content in the store, names in the database once the content is on the disk."""
 
+import asyncio
 import time
 
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 from planner.common.errors import InputError
 from planner.service.answers import StoredFile
 from planner.service.database import Database
 from planner.service.file_store import FileStore
+
+STALL_S = 60.0  # without a byte, after which a client is taken for gone
 
 
 class UploadList:
@@ -48,7 +52,14 @@ async def receive_body(request: Request, files: FileStore, name: str, sha256: st
     """
     with files.receive() as draft:
         room = 0
-        async for chunk in request.stream():
+        chunks = request.stream().__aiter__()
+        while True:
+            try:
+                chunk = await asyncio.wait_for(anext(chunks), STALL_S)
+            except StopAsyncIteration:
+                break
+            except TimeoutError as err:
+                raise HTTPException(408, f"nothing came for {STALL_S:g} s; send the file again") from err
             draft.add(chunk)
             if draft.size - room > 16 << 20:
                 room = draft.size

@@ -1,0 +1,165 @@
+"""Sweeps: fixtures × bars × tools × numbers of poses × cells, arms drawn at random at each point, here or on a cluster.
+
+Finished parts are the truth: a sweep that was stopped goes on with what is missing, and gives the same numbers
+whatever computes them.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import polars as pl
+from pydantic import Field
+
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError, MissingProgramError
+from planner.common.files import document_text, write_text
+from planner.common.progress import Progress, no_progress
+from planner.common.result import Result
+from planner.common.schema import StrictModel, read_toml
+from planner.kinematics.bodies import Vector
+from planner.studies.sweep_trials import SweepTask, run_task, write_part
+
+TIMEOUT = "20s"  # for the scheduler to answer
+RETRIES = 3  # of a task whose worker dies
+PLACE = [f"{what}_{axis}_mm" for what in ("fixture", "tool") for axis in "xyz"]
+POINT = ["cell", "poses", *PLACE, "bar_min_mm", "bar_max_mm"]
+
+
+class SweepFile(StrictModel):
+    """``SWEEP.toml``: every combination is a point; what is left out stays as the cell has it."""
+
+    schema_: Literal["edbb-sweep/1"] = Field(alias="schema")
+    cells: Annotated[tuple[str, ...], Field(min_length=1)]
+    poses: Annotated[tuple[Annotated[int, Field(ge=4, le=1000)], ...], Field(min_length=1)]
+    fixtures_mm: tuple[Vector, ...] = ()
+    bars_mm: tuple[tuple[float, float], ...] = ()
+    tools_mm: tuple[Vector, ...] = ()
+    trials: Annotated[int, Field(ge=1, le=100_000)] = 200
+    candidates: Annotated[int, Field(ge=100, le=100_000)] = 800
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    def tasks(self, folder: Path) -> list[SweepTask]:
+        """Return the points in order; cells are shipped ones, or paths from ``folder``."""
+        cells = [str(p) if (p := (folder / c).resolve()).is_file() else c for c in self.cells]
+        each = product(cells, self.poses, self.fixtures_mm or [None], self.bars_mm or [None], self.tools_mm or [None])
+        return [SweepTask(c, n, self.trials, self.seed, self.candidates, f, b, t) for c, n, f, b, t in each]
+
+
+@dataclass(frozen=True)
+class SweepResult(Result):
+    """All trials of a sweep, one row each, and how many parts were there already."""
+
+    table: pl.DataFrame
+    points: int
+    known: int
+
+    @property
+    def figures(self) -> pl.DataFrame:
+        """One row a point: median and 95 % of the tool's error, best first."""
+        value = pl.col("posterior_mm")
+        figures = [
+            pl.col("nominal_mm").median(), pl.col("geometry_mm").median(), value.median().alias("posterior_mm"),
+            value.quantile(0.95).alias("posterior_95_mm"), pl.col("because").first(),
+        ]  # fmt: skip
+        grouped = self.table.group_by(POINT, maintain_order=True).agg(figures)
+        return grouped.with_columns(pl.col(pl.Float64).fill_nan(None)).sort(
+            "posterior_mm", nulls_last=True, maintain_order=True
+        )
+
+    def summary(self) -> str:
+        """Return the best points."""
+        known = f"{self.points} points, {self.known} of them computed before"
+        lines = [f"{known}; tool error over the workspace, median of arms:"]
+        for row in self.figures.head(8).iter_rows(named=True):
+            where = ", ".join(f"{k} {v}" for k, v in row.items() if k in POINT and v is not None)
+            if row["posterior_mm"] is None:
+                lines.append(f"  {where}: {row['because']}")
+                continue
+            lines.append(
+                f"  {row['posterior_mm']:.3f} mm (95 % within {row['posterior_95_mm']:.3f}; geometry alone "
+                f"{row['geometry_mm']:.3f}, uncalibrated {row['nominal_mm']:.3f}): {where}"
+            )
+        return "\n".join(lines)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return the figures of every point."""
+        return {"schema": "edbb-sweep-result/1", "points": self.figures.to_dicts()}
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``sweep.json`` and ``sweep.csv`` beside the parts, which stay."""
+        folder = Path(folder)
+        write_text(folder / "sweep.json", document_text(self.content()), own=True)
+        write_text(folder / "sweep.csv", self.figures.write_csv(), own=True)
+        return [folder / "sweep.json", folder / "sweep.csv"]
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "sweep.json, sweep.csv, parts/*.parquet"
+
+
+def sweep(
+    file: Path | str, folder: Path | str, *, scheduler: str | None = None, progress: Progress = no_progress
+) -> SweepResult:
+    """Compute the parts of a sweep that are missing in ``folder``, and return all of it.
+
+    Args:
+        file: ``SWEEP.toml``.
+        folder: of the results; ``parts`` in it holds what is finished.
+        scheduler: address of a Dask scheduler (``tcp://…``); by default everything is computed here.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: the file is wrong.
+        MissingProgramError: Dask is not installed, or nobody answers at the address.
+    """
+    wanted = read_toml(Path(file), SweepFile)
+    tasks = wanted.tasks(Path(file).parent)
+    for cell in {t.cell for t in tasks}:
+        if not load_cell(cell).gauge.is_attached:
+            raise InputError(f"{file}: 'cells': {cell} has no bar; a sweep is of bars and their fixtures")
+    parts = Path(folder) / "parts"
+    parts.mkdir(parents=True, exist_ok=True)
+    missing = [t for t in tasks if not _is_whole(parts / f"{t.key}.parquet")]
+    done = len(tasks) - len(missing)
+    for task, table in compute(missing, scheduler):
+        write_part(task, table, parts)
+        done += 1
+        progress("points", done, len(tasks))
+    return SweepResult(
+        pl.concat([pl.read_parquet(parts / f"{t.key}.parquet") for t in tasks]), len(tasks), len(tasks) - len(missing)
+    )
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        return pl.read_parquet_schema(path) != {}
+    except (OSError, pl.exceptions.PolarsError):
+        return False
+
+
+def compute(tasks: Sequence[SweepTask], scheduler: str | None) -> Iterator[tuple[SweepTask, pl.DataFrame]]:
+    """Yield tasks with their tables as they are finished.
+
+    Raises:
+        MissingProgramError: Dask is not installed, or nobody answers at the address.
+    """
+    if scheduler is None or not tasks:
+        for task in tasks:
+            yield task, run_task(task)
+        return
+    try:
+        from distributed import Client, as_completed
+    except ImportError as err:
+        raise MissingProgramError("--scheduler needs Dask: pip install 'edbb-planner[cluster]' installs it") from err
+    with ExitStack() as stack:
+        try:
+            client = stack.enter_context(Client(scheduler, timeout=TIMEOUT))  # type: ignore[no-untyped-call]
+        except OSError as err:
+            raise MissingProgramError(f"--scheduler {scheduler}: nobody answers ({err})") from err
+        futures = {client.submit(run_task, t, key=f"edbb-{t.key}", retries=RETRIES): t for t in tasks}
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+            yield futures[future], future.result()

@@ -1,0 +1,100 @@
+"""A full disk, clients that vanish or stall, and a newer version that takes over: nothing accepted is lost."""
+
+import asyncio
+import errno
+import time
+from collections import namedtuple
+
+import pytest
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+
+import planner.service.supervisor as supervisor
+import planner.service.uploads as uploads
+from planner.service.file_store import FileStore
+from tests.service.conftest import client_of
+from tests.service.test_crashes import CHEAP, Store
+
+JOB = "0" * 24
+
+
+def done_in(store, seconds=20.0):
+    """The job, once it has ended in a store whose supervisor runs."""
+    store.supervisor.start()
+    deadline = time.monotonic() + seconds
+    while not store.jobs.get(JOB).ended and time.monotonic() < deadline:
+        time.sleep(0.05)
+    store.supervisor.stop()
+    return store.jobs.get(JOB)
+
+
+def test_a_full_disk_refuses_uploads_and_keeps_nothing(tmp_path, monkeypatch):
+    usage = namedtuple("usage", "free")
+    with client_of(tmp_path) as client:
+        monkeypatch.setattr("planner.service.file_store.shutil.disk_usage", lambda _: usage(0))
+        answer = client.post("/api/runs", params={"name": "run.csv"}, content=b"t_s\n1\n")
+        assert (answer.status_code, answer.headers["content-type"]) == (507, "application/problem+json")
+        assert "disk of the service is full" in answer.json()["detail"]
+        monkeypatch.undo()
+        assert client.get("/api/runs").json() == []
+        assert client.post("/api/runs", params={"name": "run.csv"}, content=b"t_s\n1\n").status_code == 201
+    assert not list((tmp_path / "drafts").iterdir())
+
+
+def test_a_result_that_found_no_room_is_computed_again_and_ends_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(supervisor, "TROUBLE_S", 0.1)
+    full, take = [True], FileStore.take
+
+    def take_or_fail(self, path):
+        if full.pop() if full else False:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return take(self, path)
+
+    monkeypatch.setattr(FileStore, "take", take_or_fail)
+    store = Store(tmp_path)
+    store.jobs.submit(JOB, "plan", "cheap", "{}", CHEAP)
+    job = done_in(store)
+    assert (job.state, job.crashes) == ("done", 1)
+    assert [e.kind for e in store.jobs.events_after(0, [JOB], 100)].count("end") == 1
+    assert len(store.jobs.outputs(JOB)) == 1
+
+
+def test_a_newer_version_takes_over_what_an_older_one_had_accepted(tmp_path):
+    """The older one was killed at work; its lease has run out when the newer one starts."""
+    old = Store(tmp_path)
+    old.jobs.submit(JOB, "plan", "cheap", "{}", CHEAP)
+    taken = old.jobs.take(2)
+    with old.jobs._db.write() as db:
+        db.execute("UPDATE jobs SET version = '0.0.1', owner = 'elsewhere:1:1', lease_until = 0")
+    job = done_in(Store(tmp_path))
+    assert (job.state, job.fence) == ("done", taken.fence + 1)
+    assert not old.jobs.finish(taken, "failed", [], None, None)
+
+
+def received(tmp_path, receive):
+    """What comes of an upload whose client sends as ``receive`` does."""
+    request = Request({"type": "http", "method": "POST", "headers": []}, receive)
+    return asyncio.run(uploads.receive_body(request, FileStore(tmp_path), "run.csv", None))
+
+
+def test_clients_that_stall_or_vanish_leave_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(uploads, "STALL_S", 0.05)
+    begun = []
+
+    async def stall():
+        if not begun:
+            begun.append(1)
+            return {"type": "http.request", "body": b"half", "more_body": True}
+        await asyncio.sleep(30)
+
+    with pytest.raises(HTTPException) as told:
+        received(tmp_path, stall)
+    assert told.value.status_code == 408
+
+    async def vanish():
+        return {"type": "http.disconnect"}
+
+    with pytest.raises(ClientDisconnect):
+        received(tmp_path, vanish)
+    assert not list((tmp_path / "drafts").iterdir())
+    assert not list((tmp_path / "files").iterdir())
