@@ -12,10 +12,10 @@ from planner.cli.terminal import Json, errors, print_json, print_notes
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
+    from planner.cell.cell import Cell
     from planner.instruments.centring.session import CentringSession
     from planner.instruments.centring.settings import CentringSettings
     from planner.instruments.centring.stop import StopRequest
-    from planner.session.planned_session import load_session
 
 
 def centre_command(
@@ -39,6 +39,10 @@ def centre_command(
     program: Annotated[
         Path | None, typer.Option("--program", metavar="DIR", help="write the robot's own program there, and end")
     ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="try it: robot, head and indicators are simulated, with errors drawn")
+    ] = False,
+    seed: Annotated[int, typer.Option("--seed", help="of the simulated robot")] = 0,
     as_json: Json = False,
 ) -> None:
     """Centre the head of three indicators on the balls of a plan, pose by pose, and record the run."""
@@ -46,22 +50,32 @@ def centre_command(
     from planner.instruments.centring.session import open_session
     from planner.instruments.centring.settings import read_settings
     from planner.instruments.centring.stop import StopRequest
+    from planner.session.planned_session import load_session
 
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
         for path in write_centring_program(settings.robot, program):
             errors.print(f"written to {path}", markup=False)
         return
-    if robot is None or indicators is None or output is None:
-        raise InputError("edbb centre needs --robot, --indicators and -o (or --program, to write the robot's program)")
+    if output is None or (not simulate and (robot is None or indicators is None)):
+        raise InputError(
+            "edbb centre needs --robot, --indicators and -o (or --simulate and -o, to try it; or --program, to write "
+            "the robot's program)"
+        )
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
-    if (plan_file.parent / "cell.toml").is_file():
-        print_notes(load_session(plan_file, "centred", check=True).notes)
+    if simulate or (plan_file.parent / "cell.toml").is_file():
+        planned = load_session(plan_file, "centred", check=True)
+        _ = planned.cell.gauge.indicators  # refused where there are none
+        print_notes(planned.notes)
     else:
         print_notes((f"no cell.toml lies beside {plan_file}: nothing tells whether its path is as it was proven",))
     session = open_session(plan_file, output)
-    if session.pending:
+    if session.pending and simulate:
+        _simulate(session, planned.cell, settings, StopRequest(stop_file), seed)
+    elif session.pending:
+        assert robot is not None
+        assert indicators is not None
         _run(session, robot, indicators.split(","), settings, StopRequest(stop_file), follow)
     if as_json:
         print_json(_summary(session, output))
@@ -87,6 +101,23 @@ def _run(
         run_session(
             session, CentringBench(head, link, settings, stop, lambda line: errors.print(line, markup=False)), follow
         )
+
+
+def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, stop: StopRequest, seed: int) -> None:
+    from planner.instruments.centring.session import CentringBench, run_session
+    from planner.instruments.centring.simulated import SimulatedArm, draw_robot
+    from planner.instruments.centring.stop import stop_on_signals
+
+    truth = draw_robot(cell, seed)
+    arm = SimulatedArm(cell, truth, settings, seed)
+    session.journal.remarks = "".join(
+        f"# truth: {line}\n" for line in ("simulated, nobody measured this", *truth.lines())
+    )
+    at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})
+    with stop_on_signals(stop):
+        bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line, markup=False))
+        arm.move(session.way.q[0])
+        run_session(session, bench)
 
 
 def _summary(session: CentringSession, output: Path) -> dict[str, object]:

@@ -1,0 +1,96 @@
+"""An arm with drawn errors, a head and its indicators, for trying a centring session where no robot is."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.cell.cell import Cell
+from planner.common.units import UM, Array, read_only
+from planner.design.candidates.balls import FirstContact
+from planner.instruments.centring.settings import CentringSettings
+from planner.instruments.centring.stop import LinkError
+from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
+from planner.runs.run import Samples
+from planner.simulation.truth import Truth, draw_truth
+
+SCATTER = 0.5 * UM  # of an indicator
+BEYOND = 1.2  # times the usable range that a plunger stands out with nothing before it
+STEP_SCATTER = 0.01  # of a small step
+IK_STEPS = 20
+
+
+def draw_robot(cell: Cell, seed: int) -> Truth:
+    """Draw errors of gauge and robot, the robot's together as large as ``gauge.head.uncalibrated_mm``."""
+    drawn, share = draw_truth(cell, seed), FirstContact(cell).robot_share
+    factor = np.array([1.0 if p.group == "gauge" else share for p in drawn.model.parameters])
+    return replace(drawn, errors=read_only(drawn.errors * factor))
+
+
+class SimulatedArm:
+    """Robot and indicators at once: a :class:`RobotLink` and :class:`Indicators` of one cell.
+
+    The controller believes in the nominal robot; where the tool point truly is, and what the indicators then show, the
+    errors of ``truth`` say, with the robot's repeatability anew after each move between poses.
+    """
+
+    def __init__(self, cell: Cell, truth: Truth, settings: CentringSettings, seed: int) -> None:
+        self._cell, self._settings = cell, settings
+        self._model, self._errors = truth.complete()
+        self._rng = np.random.default_rng([seed, 4])
+        self._q = self._off = read_only(np.zeros(cell.robot.n_joints))
+        axes = cell.gauge.indicators.axes_F
+        along = settings.head.tool_frame == "head"
+        self._R_FT = Rotation.align_vectors(axes, np.eye(3))[0].as_matrix() if along else np.eye(3)
+        self._to_readings = np.linalg.inv(settings.to_tool)
+        self.move(cell.home)
+
+    def move(self, q: Array, slow: bool = False) -> None:
+        """Stand at the controller angles q (N,) [rad], as well as the robot repeats to."""
+        self._q = read_only(q)
+        self._off = read_only(self._model.joint_sigma * self._rng.standard_normal(len(q)))
+
+    def shift(self, step: Array) -> None:
+        """Move the tool by ``step`` (3,) [m] in its own frame, as the nominal robot does."""
+        chain, robot = self._cell.chain, self._cell.robot
+        x, R, _ = tool_pose(chain, robot, self._q[None])
+        q, held = solve_pose_ik(chain, robot, self._q[None], x + self.orientation() @ step, R, IK_STEPS)
+        if not held[0]:
+            raise LinkError("the arm cannot move the tool on this line")
+        change = q[0] - self._q
+        self._q = read_only(q[0])  # where a move came to rest stays as it is: small steps are far finer than that
+        self._off = read_only(self._off + STEP_SCATTER * change * self._rng.standard_normal(len(change)))
+
+    def joints(self) -> tuple[Array, Array]:
+        """Return the controller angles, as read and as commanded, both (N,) [rad]."""
+        return self._q, self._q
+
+    def orientation(self) -> Array:
+        """Return R_BT (3, 3)."""
+        return np.asarray(tool_pose(self._cell.chain, self._cell.robot, self._q[None])[1][0] @ self._R_FT)
+
+    def read(self) -> Array:
+        """Return what the three indicators show, (3,) [m]: their free ends where the disks do not meet a ball."""
+        cell, head = self._cell, self._cell.gauge.indicators
+        samples = replace(Samples.at(self._q[None]), q=read_only((self._q + self._off)[None]))
+        x = -self._model.residual(samples, cell.gauge.zero_targets(1), self._errors)[0]
+        apart = cell.p_BS - x
+        away = apart[int(np.argmin(np.linalg.norm(apart, axis=1)))]
+        shown = self._to_readings @ self.orientation().T @ away
+        across = np.sqrt(np.maximum(away @ away - shown**2, 0.0))
+        touches = (np.abs(shown) < head.range / 2) & (across < head.tip / 2)
+        free = -BEYOND * self._settings.head.usable_mm * 1e-3
+        return np.asarray(np.where(touches, shown + SCATTER * self._rng.standard_normal(3), free))
+
+    def arrive(self) -> int:
+        """No program drives a simulated arm."""
+        raise LinkError("a simulated arm has no program of its own: leave out --follow")
+
+    def release(self) -> None:
+        """Nothing waits."""
+
+    def stop(self) -> None:
+        """It stands still anyway."""
+
+    def close(self) -> None:
+        """Nothing is held."""

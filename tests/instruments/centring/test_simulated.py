@@ -1,0 +1,35 @@
+"""The arm and head that `edbb centre --simulate` tries a session with."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.reading import load_cell
+from planner.design.candidates.balls import draw_ball_candidates
+from planner.instruments.centring.procedure import centre_ball, check_free
+from planner.instruments.centring.settings import CentringSettings, RestSettings
+from planner.instruments.centring.simulated import SimulatedArm, draw_robot
+from planner.instruments.centring.stop import StopRequest
+from planner.runs.run import Samples
+
+
+def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
+    whole = load_cell("kuka-kr6-r700/trical")
+    cell = replace(whole, plan=replace(whole.plan, candidates=8))
+    pool = draw_ball_candidates(cell, 8)
+    truth, settings = draw_robot(cell, 1), CentringSettings(rest=RestSettings(settle_s=0.0))
+    arm = SimulatedArm(cell, truth, settings, 1)
+    model, errors = truth.complete()
+    far = []
+    for q, back, ball in zip(pool.q, pool.back, pool.ball, strict=True):
+        arm.move(back)
+        check_free(arm.read(), settings.head)
+        arm.move(q)
+        far.append(np.linalg.norm(arm.read()))
+        centre_ball(arm, arm, settings, StopRequest())
+        there = Samples.at((arm.joints()[0] + arm._off)[None])
+        x = -model.residual(there, cell.gauge.zero_targets(1), errors)[0]
+        assert np.linalg.norm(x - cell.p_BS[ball]) < 6e-6  # three indicators below 3 µm each
+        assert np.abs(arm.joints()[0] - q).max() > 1e-4  # the joints tell what the robot is off by
+    assert min(far) > 0.3e-3
+    assert max(far) < 5e-3
