@@ -10,9 +10,9 @@ from planner.common.units import UM, Array, read_only
 from planner.design.candidates.balls import FirstContact
 from planner.instruments.centring.settings import CentringSettings
 from planner.instruments.centring.stop import LinkError
+from planner.instruments.simulation.truth import Truth, draw_truth
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.runs.run import Samples
-from planner.simulation.truth import Truth, draw_truth
 
 SCATTER = 0.5 * UM  # of an indicator
 BEYOND = 1.2  # times the usable range that a plunger stands out with nothing before it
