@@ -50,7 +50,6 @@ def centre_command(
     from planner.instruments.centring.session import open_session
     from planner.instruments.centring.settings import read_settings
     from planner.instruments.centring.stop import StopRequest
-    from planner.session.planned_session import load_session
 
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
@@ -64,23 +63,29 @@ def centre_command(
         )
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
-    if simulate or (plan_file.parent / "cell.toml").is_file():
-        planned = load_session(plan_file, "centred", check=True)
-        _ = planned.cell.gauge.indicators  # refused where there are none
-        print_notes(planned.notes)
-    else:
-        print_notes((f"no cell.toml lies beside {plan_file}: nothing tells whether its path is as it was proven",))
-    session = open_session(plan_file, output)
-    if session.pending and simulate:
-        _simulate(session, planned.cell, settings, StopRequest(stop_file), seed)
-    elif session.pending:
-        assert robot is not None
-        assert indicators is not None
-        _run(session, robot, indicators.split(","), settings, StopRequest(stop_file), follow)
+    cell = _read_cell(plan_file, simulate)
+    session, stop = open_session(plan_file, output), StopRequest(stop_file)
+    if session.pending and simulate and cell:
+        _simulate(session, cell, settings, stop, seed)
+    elif session.pending and robot and indicators:
+        _run(session, robot, indicators.split(","), settings, stop, follow)
     if as_json:
         print_json(_summary(session, output))
     else:
         errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}", markup=False)
+
+
+def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
+    """Return the cell beside a plan, once it has a head of indicators and the plan's path holds; nothing without one."""
+    from planner.session.planned_session import load_session
+
+    if not (needed or (plan_file.parent / "cell.toml").is_file()):
+        print_notes((f"no cell.toml lies beside {plan_file}: nothing tells whether its path is as it was proven",))
+        return None
+    planned = load_session(plan_file, "centred", check=True)
+    _ = planned.cell.gauge.indicators  # refused where there are none
+    print_notes(planned.notes)
+    return planned.cell
 
 
 def _run(
