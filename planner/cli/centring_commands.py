@@ -76,7 +76,7 @@ def centre_command(
 
 
 def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
-    """Return the cell beside a plan, once it has a head of indicators and the plan's path holds; nothing without one."""
+    """Return the cell beside a plan, once it has a head and the plan holds; nothing where no cell lies there."""
     from planner.session.planned_session import load_session
 
     if not (needed or (plan_file.parent / "cell.toml").is_file()):
