@@ -39,6 +39,7 @@ VERBS = {  # name: (module, function, line in the list of commands)
     "loaded-places": (PLANNING, "places_command", "Find where loaded circles tell the compliances apart."),
     "plan-both": (PLANNING, "both_command", "Plan a session with an unloaded and a loaded bar."),
     "centre": ("centring_commands", "centre_command", "Centre a head of indicators on the balls of a plan."),
+    "measure": ("measure_commands", "measure_command", "Read a bar or wire at each pose of a plan into a run."),
     "serve": ("service_commands", "serve_command", "Serve the planner to browsers and programs."),
     "robots": ("list_commands", "robots_command", "List the robots and cells that come with the planner."),
     "dialects": ("list_commands", "dialects_command", "List the robot languages that programs can be written in."),

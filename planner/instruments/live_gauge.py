@@ -1,0 +1,187 @@
+"""A bar or wire on a serial port, read pose by pose of a plan into a run."""
+
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import serial
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.files import write_text
+from planner.common.units import MM, Array, from_deg, read_only, to_mm
+from planner.instruments.centring.indicators import LINE_ERRORS
+from planner.instruments.centring.protocols import PROTOCOLS
+from planner.instruments.centring.stop import SilentError, UnsettledError
+from planner.runs.loader import load_run
+from planner.runs.run import Readings, Run, Samples
+from planner.runs.writer import run_text
+from planner.session.document import PlanDocument, PoseRecord
+
+STREAM = "stream"  # the gauge sends by itself, one reading a line
+NUMBER = re.compile(rb"[-+]?\s*\d+(?:[.,]\d+)?")
+READINGS, SPREAD, TRIES = 5, 0.05 * MM, 60  # in a row that agree; readings at most until they do
+SILENCE = 2.0  # [s] without a reading
+FAR = 15 * MM  # from the planned length: another pose, or a zero that is not set
+
+
+@dataclass
+class LiveGauge:
+    """A length gauge on a serial port.
+
+    Attributes:
+        port, baud: of the line; ``protocol`` ``stream`` or one of ``PROTOCOLS``, which is asked.
+        factor, zero: of its readings, to metres.
+    """
+
+    port: str
+    baud: int
+    protocol: str = STREAM
+    factor: float = MM
+    zero: float = 0.0
+    line: serial.Serial = field(init=False)
+
+    def __post_init__(self) -> None:
+        try:
+            self.line = serial.serial_for_url(self.port, self.baud, timeout=0.05, exclusive=True)
+        except LINE_ERRORS as err:
+            raise InputError(f"the gauge's port {self.port} cannot be opened ({err})") from err
+
+    def read(self) -> float:
+        """Return the next reading [m].
+
+        Raises:
+            SilentError: none comes.
+        """
+        until, last = time.monotonic() + SILENCE, b""
+        try:
+            while time.monotonic() < until:
+                if self.protocol != STREAM:
+                    self.line.reset_input_buffer()
+                    self.line.write(PROTOCOLS[self.protocol].request(1))
+                last = self._next_line() or last
+                if (value := self._value(last)) is not None:
+                    return value * self.factor + self.zero
+        except LINE_ERRORS as err:
+            raise SilentError(f"the gauge on {self.port} is gone ({err}); is its adapter still plugged in?") from err
+        raise SilentError(
+            f"the gauge on {self.port} sent {last!r} within {SILENCE:g} s, which is no reading: are --baud and "
+            "--protocol its own?"
+        )
+
+    def _next_line(self) -> bytes:
+        got, until = b"", time.monotonic() + 0.5
+        while time.monotonic() < until and not got.endswith((b"\r", b"\n")):
+            got += self.line.read(1)
+        return got.strip()
+
+    def _value(self, line: bytes) -> float | None:
+        """The reading of a line in the gauge's own unit."""
+        if self.protocol != STREAM:
+            found = PROTOCOLS[self.protocol].value(line, 1)
+            return None if found is None else found / MM
+        numbers = NUMBER.findall(line)
+        return float(numbers[-1].replace(b" ", b"").replace(b",", b".")) if numbers else None
+
+    def settled(self) -> float:
+        """Read until enough readings in a row agree, and return their mean [m].
+
+        Raises:
+            UnsettledError: they never do.
+        """
+        self.line.reset_input_buffer()
+        last: list[float] = []
+        for _ in range(TRIES):
+            last = [*last[1 - READINGS :], self.read()]
+            if len(last) == READINGS and np.ptp(last) <= SPREAD:
+                return float(np.mean(last))
+        raise UnsettledError(
+            f"the gauge's last {READINGS} readings still spread over {float(to_mm(np.ptp(last))):.3f} mm"
+        )
+
+
+@dataclass
+class PoseLog:
+    """The run as it grows: poses of the plan that are measured, with their readings [m] and times [s]."""
+
+    output: Path
+    plan: PlanDocument
+    cell: Cell
+    rows: dict[int, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def poses(self) -> tuple[PoseRecord, ...]:
+        """The poses that are measured, in their order."""
+        return tuple(p for p in self.plan.poses if p.role != "mount")
+
+    def add(self, pose: int, t: float, length: float) -> None:
+        """Keep a reading; the run is written whole."""
+        self.rows[pose] = (t, length)
+        write_text(self.output, run_text(self.run()))
+
+    def run(self) -> Run:
+        """Return what is measured so far."""
+        done = [p for p in self.poses if p.id in self.rows]
+        places = tuple(f.name for f in self.cell.fixtures)
+        mountings = self.cell.mountings_of(done, self.output)
+        q = read_only(from_deg([p.q_deg for p in done]))
+        t, length = np.array([self.rows[p.id] for p in done]).T
+        samples = Samples(q, np.array([m.fixture for m in mountings]), t=read_only(t), q_cmd=q)
+        samples = replace(samples, pose=np.array([p.id for p in done]), direction=_approaches(done))
+        points = tuple(p.name for p in self.cell.tool.points)
+        if len(points) > 1:
+            samples = replace(samples, point=np.array([m.point for m in mountings]))
+        run = Run(self.output.stem, samples, Readings(length=read_only(length)), places, points=points)
+        return replace(run, plan_id=self.plan.plan_id, robot=self.plan.robot)
+
+
+def _approaches(poses: Sequence[PoseRecord]) -> Array | None:
+    return read_only(np.array([p.approach for p in poses], dtype=float)) if all(p.approach for p in poses) else None
+
+
+def open_log(output: Path, plan: PlanDocument, cell: Cell) -> PoseLog:
+    """Begin a run, or go on with the one that was begun in ``output``.
+
+    Raises:
+        InputError: not a .csv, or it belongs to another plan.
+    """
+    if output.suffix != ".csv":
+        raise InputError(f"{output}: readings are written as .csv")
+    log = PoseLog(output, plan, cell)
+    if output.exists():
+        run = load_run(output, cell.robot.n_joints)
+        s = run.samples
+        if run.plan_id != plan.plan_id or s.pose is None or s.t is None or run.readings.length is None:
+            raise InputError(f"{output}: is no run of plan {plan.plan_id}; give another file with -o")
+        log.rows = {int(p): (float(t), float(v)) for p, t, v in zip(s.pose, s.t, run.readings.length, strict=True)}
+    return log
+
+
+def measure_poses(
+    log: PoseLog, read: Callable[[], float], ask: Callable[[str], str], clock: Callable[[], float]
+) -> Iterator[str]:
+    """Tick off the poses that are left, each when a person says that the arm rests there; yields what is said of each.
+
+    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end.
+    """
+    left = [p for p in log.poses if p.id not in log.rows]
+    start = clock() - max((t + 1.0 for t, _ in log.rows.values()), default=0.0)
+    for p in left:
+        planned = "" if p.length_mm is None else f", planned {p.length_mm:.2f} mm"
+        answer = ask(f"pose {p.id} at {p.fixture or 'the gauge'}{planned}: Enter reads, s skips, q ends")
+        if answer == "q":
+            return
+        if answer == "s":
+            continue
+        length = read()
+        log.add(p.id, round(clock() - start, 3), length)
+        off = length - (p.length_mm or float(to_mm(length))) * MM
+        far = (
+            f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
+            if abs(off) > FAR
+            else ""
+        )
+        yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} ({len(log.rows)} of {len(log.poses)})"
