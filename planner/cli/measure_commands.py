@@ -42,7 +42,7 @@ def measure_command(
     log = open_log(output, session.document, session.cell)
     live = LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
     try:
-        for line in measure_poses(log, live.settled, _ask, time.monotonic):
+        for line in measure_poses(log, live.read_settled, _ask, time.monotonic):
             errors.print(line, markup=False)
     finally:
         live.line.close()

@@ -9,10 +9,8 @@ import tty
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from planner.cell.reading import load_cell
-from planner.cli.app import app
 from planner.common.errors import InputError
 from planner.instruments.centring.stop import SilentError, UnsettledError
 from planner.instruments.live_gauge import LiveGauge, measure_poses, open_log
@@ -74,10 +72,10 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
         return next(answers)
 
     clock = iter(np.arange(0.0, 100.0, 2.5)).__next__
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.settled, ask, clock))
+    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled, ask, clock))
     assert said == ["pose 1: 401.500 mm (1 of 3)"]
     answers = iter(["", ""])
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.settled, ask, clock))
+    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled, ask, clock))
     assert said[0] == "pose 2: 388.250 mm (2 of 3)"
     assert "pose 3: 495.000 mm, +40.0 mm from the plan: is this the pose" in said[1]
     run = load_run(tmp_path / "run.csv", 6)
@@ -94,19 +92,14 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
 def test_a_gauge_that_shakes_or_is_silent_is_told(gauge):
     gauge.shaking = 1.0
     with pytest.raises(UnsettledError, match="still spread over"):
-        LiveGauge(gauge.port, 9600).settled()
+        LiveGauge(gauge.port, 9600).read_settled()
     gauge.on = False
     quiet = Gauge()
     quiet.on = False
+    time.sleep(0.05)
+    silent = LiveGauge(quiet.port, 9600)
+    silent.line.reset_input_buffer()
     with pytest.raises(SilentError, match="are --baud and --protocol its own"):
-        time.sleep(0.05)
-        silent = LiveGauge(quiet.port, 9600)
-        silent.line.reset_input_buffer()
         silent.read()
     with pytest.raises(InputError, match="cannot be opened"):
         LiveGauge("/dev/nothing", 9600)
-
-
-def test_a_continuous_plan_is_refused():
-    with pytest.raises(InputError, match="nothing.json"):
-        CliRunner().invoke(app, ["measure", "nothing.json", "--gauge", "COM5", "-o", "run.csv"], catch_exceptions=False)
