@@ -10,6 +10,8 @@ from planner.service.file_store import FileStore
 from planner.service.job_requests import (
     CellCheckRequest,
     CellRequest,
+    CheckPlanRequest,
+    CheckRequest,
     CommandRequest,
     CompensationRequest,
     ErrorMapRequest,
@@ -58,6 +60,8 @@ class CommandBuilder:
             RunCheckRequest: self._run_check,
             IdentificationRequest: self._identification,
             ErrorMapRequest: self._error_map,
+            CheckPlanRequest: self._check_plan,
+            CheckRequest: self._check,
             ValidationRequest: self._validation,
             CompensationRequest: self._compensation,
         }
@@ -87,7 +91,9 @@ class CommandBuilder:
             return " ".join(request.words)[:TITLE]
         if isinstance(request, CompensationRequest):
             return request.program.name
-        if isinstance(request, ErrorMapRequest):
+        if isinstance(request, CheckRequest):
+            return request.run.name
+        if isinstance(request, ErrorMapRequest | CheckPlanRequest):
             return self._jobs.get(request.identification).title
         return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
 
@@ -167,9 +173,28 @@ class CommandBuilder:
         table = [i for i in results if i.name == "calibrated/expected_error.csv"]
         if not table:
             raise InputError(f"the identification {r.identification} has no expected errors")
-        done = self._jobs.get(r.identification).command
-        cell = done.words[done.words.index("--cell") + 1]
-        return JobCommand(("error-map", cell), (*table, *done.inputs), task=True)
+        cell, inputs = self._cell_of_identification(r.identification)
+        return JobCommand(("error-map", cell), (*table, *inputs), task=True)
+
+    def _cell_of_identification(self, job: str) -> tuple[str, tuple[JobInput, ...]]:
+        """The word for the cell that was identified in, and the files that lay there."""
+        done = self._jobs.get(job).command
+        return done.words[done.words.index("--cell") + 1], done.inputs
+
+    def _check_plan(self, r: CheckPlanRequest) -> JobCommand:
+        known = self._results(r.identification, "identification", "calibrated")
+        cell, inputs = self._cell_of_identification(r.identification)
+        words = ["plan-check", cell, "--baseline", "calibrated", "-o", "out", JSON, "--poses", str(r.poses)]
+        words += ["--seed", str(r.seed), *(w for d in r.dialects for w in ("--dialect", d))]
+        return JobCommand(tuple(words), (*inputs, *known))
+
+    def _check(self, r: CheckRequest) -> JobCommand:
+        planned = self._results(r.check_plan, "check-plan", "check")
+        baseline = json.loads(self._jobs.get(r.check_plan).request)["identification"]
+        words = ["check", r.run.name, "--plan", "check/plan.json", "--baseline", "calibrated", "-o", "out", JSON]
+        words += [] if r.limit_mm is None else ["--limit-mm", str(r.limit_mm)]
+        known = self._results(baseline, "identification", "calibrated")
+        return JobCommand(tuple(words), (self._file(r.run), *planned, *known))
 
     def _validation(self, r: ValidationRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r)

@@ -14,6 +14,8 @@ from planner.service.guards import REPORT_POLICY
 from planner.service.job_requests import (
     EXAMPLES,
     CellCheckRequest,
+    CheckPlanRequest,
+    CheckRequest,
     CommandRequest,
     CompensationRequest,
     ErrorMapRequest,
@@ -43,17 +45,21 @@ ROUTES: dict[str, type[JobRequest]] = {
     "studies": StudyRequest,
     "identifications": IdentificationRequest,
     "error-maps": ErrorMapRequest,
+    "check-plans": CheckPlanRequest,
+    "checks": CheckRequest,
     "validations": ValidationRequest,
     "compensations": CompensationRequest,
 }
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
-    "compensation", "error-map", "command",
+    "compensation", "error-map", "command", "check-plan", "check",
 ]  # fmt: skip
 RESULTS = {
     "plan": "plan.json",
     "identification": "identification.json",
     "validation": "accuracy.json",
+    "check-plan": "plan.json",
+    "check": "check.json",
     "cell-check": "view.json",
     "plan-view": "view.json",
     "run-check": "view.json",

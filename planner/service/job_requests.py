@@ -198,6 +198,27 @@ class ValidationRequest(MeasuredRequest):
     model: JobId | None = Field(None, description="the identification whose robot is judged")
 
 
+class CheckPlanRequest(JobRequest):
+    """Plan about ten poses that tell whether and where a calibrated robot has changed."""
+
+    kind: ClassVar[str] = "check-plan"
+    identification: JobId = Field(description="the baseline")
+    poses: Annotated[int, Field(ge=4, le=60)] = 10
+    seed: Seed = 0
+    dialects: Annotated[list[Dialect], Field(max_length=10)] = []
+
+
+class CheckRequest(JobRequest):
+    """Judge the run of a check: has the robot changed, where most likely, and what is to be done."""
+
+    kind: ClassVar[str] = "check"
+    check_plan: JobId
+    run: FileReference
+    limit_mm: Annotated[float, Field(ge=0, le=100)] | None = Field(
+        None, description="motion of the tool that is allowed"
+    )
+
+
 class CompensationRequest(JobRequest):
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
 
@@ -222,6 +243,8 @@ EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
     RunCheckRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
     IdentificationRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
     ErrorMapRequest: {"identification": "0123456789abcdef01234567"},
+    CheckPlanRequest: {"identification": "0123456789abcdef01234567", "poses": 10},
+    CheckRequest: {"check_plan": "0123456789abcdef01234567", "run": {"id": "0" * 64, "name": "check.csv"}},
     ValidationRequest: {"runs": [{"id": "0" * 64, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"},
     CompensationRequest: {"program": {"id": "0" * 64, "name": "p.src"}, "model": "0123456789abcdef01234567"},
 }

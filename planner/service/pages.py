@@ -14,6 +14,7 @@ from planner import __version__
 from planner.cell.file import CellFile
 from planner.cell.reading import shipped_cells
 from planner.common.schema import read_json, read_toml
+from planner.identification.baseline import NAME as BASELINE
 from planner.service.answers import Job, describe_job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
@@ -110,7 +111,10 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
         found = None
         if job.state == "done":
             found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
-        return render("calibration", job=job, files=files, pictures=shown, found=found)
+        baseline = any(f.name == BASELINE for f in job.files)
+        checks = _check_plans(context, id) if baseline else []
+        shown_too = {"baseline": baseline, "checks": checks}
+        return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
     report = any(f.name == "report.html" for f in files)
     return render("job", job=job, files=files, pictures=shown, report=report)
 
@@ -143,6 +147,13 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     plans = [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
     rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in plans]
     return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
+
+
+def _check_plans(context: ServiceContext, identification: str) -> list[dict[str, object]]:
+    """The finished plans of checks against a calibration."""
+    jobs = [describe_job(j, []) for j in context.jobs.list_jobs("check-plan") if j.state == "done"]
+    mine = [j for j in jobs if j.request["identification"] == identification]
+    return [{"id": j.id, "poses": j.request["poses"], "created": f"{j.created:%Y-%m-%d %H:%M} UTC"} for j in mine]
 
 
 def _job(context: ServiceContext, id: str) -> Job:

@@ -74,6 +74,8 @@ def test_a_run_that_does_not_fit_is_told(client):
         ("plans", {"cell": "ur10/edbb", "pose": 3}, 422, "pose: "),
         ("plans", {"cell": "0" * 64}, 422, "upload it first"),
         ("exports", {"plan": "0" * 24, "dialect": "krl"}, 404, "there is no job"),
+        ("check-plans", {"identification": "0" * 24}, 404, "there is no job"),
+        ("checks", {"check_plan": "0" * 24, "run": {"id": "0" * 64, "name": "c.csv"}}, 404, "there is no job"),
         ("identifications", {"plan": "0" * 24}, 422, "name runs, or a simulation"),
         ("identifications", {"runs": [{"id": "0" * 64, "name": "../x"}], "plan": "0" * 24}, 422, "runs.0.name"),
     ],
