@@ -92,8 +92,9 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
     else it keeps the name by which the program finds it.
 
     Raises:
-        InputError: ``path`` is the name of one of the others, or cannot be written.
+        InputError: ``path`` is the name of one of the others, a device for several files, or cannot be written.
     """
+    asked, path = path, _follow_link(path)
     first, *others = files
     legal = Path(first.name)
     targets = [path]
@@ -104,13 +105,22 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
         raise InputError(f"{path}: this name is that of another file of the program; {first.name} starts it")
     check_writing(path)
     if len(files) > 1:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is no plain file, and the program is {len(files)} files; name a file")
         path.unlink(missing_ok=True)  # a kill between the files leaves nothing that could be started
     for target, file in zip(reversed(targets), reversed(files), strict=True):  # what starts it comes last
         write_text(target, file.text, file.encoding)
-    said = (
-        [f"{path} is written; the controller takes it under the name {first.name}"] if path.name != first.name else []
-    )
-    return said + [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
+    said = [f"{asked} is written; the controller takes it under the name {first.name}"]
+    needed = [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
+    return (said if path.name != first.name else []) + needed
+
+
+def _follow_link(path: Path) -> Path:
+    """Return what a link leads to, the path itself where it is none or leads nowhere; that is told as it is written."""
+    try:
+        return path.resolve() if path.is_symlink() else path
+    except (OSError, RuntimeError):
+        return path
 
 
 def write_cell(cell: Cell, folder: Path) -> None:

@@ -1,111 +1,256 @@
-"""Whenever a command is killed, what it writes is as it was before or as it is after: at every call that changes one.
+"""Whenever a command is killed, what it writes is as it was before or as it is after: all commands that write.
 
-A kill before the k-th of these calls leaves what lies on the disk at that moment, so one run of a command in which the
-disk is looked at before every one of them stands for a kill at each; some runs are really killed beside that.
+A kill before the k-th call that changes a file leaves what lies on the disk at that moment, so one run of a command in
+which the disk is looked at before every one of them stands for a kill at each; 200 runs are really killed beside that,
+at random moments, most of them while it writes.
 """
 
 import json
-import shutil
-import signal
+import pkgutil
 import subprocess
 import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import planner
+import tests.instruments.loaded.world as loaded
+from planner.common.result_folder import changed_files
 from tests.cli.states import state_of
 from tests.cli.test_writing import MAP
 from tests.command import edbb
+from tests.instruments.accuracy.worlds import NAME, poses, tracker_run
+from tests.instruments.centring.conftest import Cell
+from tests.instruments.centring.test_command import words as centring_words
+from tests.instruments.centring.test_session import rows_of
+from tests.instruments.circular.conftest import ARC, cell_file
+from tests.instruments.loaded.test_both import FEW
+from tests.workflow.conftest import small_cell
+
+KILLS = {
+    "import": 4, "simulate": 30, "export": 30, "compensate": 36, "accuracy": 20, "circular": 20, "loaded": 12,
+    "study": 8, "identify": 10, "plan": 6, "fixtures": 3, "loaded-places": 4, "plan-both": 1, "centre": 16,
+}  # fmt: skip
+assert sum(KILLS.values()) == 200
+LIGHT = ("import",)
 
 
-def _watched(words: tuple[object, ...], folder: Path, out: Path, kill_at: int = 0) -> list[dict[str, str]]:
-    """Run the command in a process of its own; return what ``out`` was before each of its changes, and at the end."""
-    arguments = [str(w) for w in (folder, out, kill_at, *words)]
-    done = subprocess.run([sys.executable, "-m", "tests.cli.watched", *arguments], capture_output=True, text=True)
-    if kill_at:
-        assert done.returncode == -signal.SIGKILL, done.stderr
-        return []
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert found["code"] in (0, 5), done.stderr
-    return list(found["states"])
+class Commands:
+    """A process that runs commands for the tests, and their inputs."""
+
+    def __init__(self, folder: Path) -> None:
+        words = [sys.executable, "-m", "tests.cli.watched"]
+        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.folder = folder
+
+    def warm(self) -> None:
+        """Load what the commands need."""
+        names = (m.name for m in pkgutil.walk_packages(planner.__path__, "planner."))
+        self._order(warm=[n for n in names if not n.endswith("__main__")])
+
+    def run(self, words: Sequence[object], folder: Path, out: Path, **order: object) -> dict:
+        """Run a command, watched or killed."""
+        return self._order(words=[str(w) for w in words], folder=str(folder), out=str(out), **order)
+
+    def _order(self, **said: object) -> dict:
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(json.dumps(said) + "\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
 
 
 @pytest.fixture(scope="module")
-def things(tmp_path_factory, request):
-    """Inputs of the commands, two of each kind."""
-    folder = tmp_path_factory.mktemp("inputs")
+def commands(tmp_path_factory):
+    made = Commands(tmp_path_factory.mktemp("inputs"))
+    yield made
+    made.process.stdin.close()
+    made.process.wait(10)
+
+
+def _made(path: Path, *words: object) -> Path:
+    """A file that a command makes, once."""
+    if not path.exists():
+        done = edbb(*words)
+        assert done.returncode in (0, 5), done.stderr
+    return path
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+Words = tuple[object, ...]
+
+
+def _import(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
     for k in "ab":
         rows = (f"{i},{i * 2},3,4,{50 + i},6,{400 + i + (k == 'b')}\n" for i in range(20))
-        (folder / f"trace_{k}.csv").write_text("".join(rows))
-    (folder / "map.toml").write_text(MAP)
-    return folder
+        _written(place / f"trace_{k}.csv", "".join(rows))
+    mapped = _written(place / "map.toml", MAP)
+    one, two = (("import", place / f"trace_{k}.csv", "--map", mapped, "-o", out / "r.csv", "--force") for k in "ab")
+    return one, two, out / "r.csv"
 
 
-def _commands(kind: str, things: Path, out: Path, request) -> tuple[tuple[object, ...], tuple[object, ...], Path]:
-    """Two commands that write different results to one place, and the place."""
-    if kind == "import":
-        words = [
-            ("import", things / f"trace_{k}.csv", "--map", things / "map.toml", "-o", out / "r.csv", "--force")
-            for k in "ab"
-        ]
-        return words[0], words[1], out / "r.csv"
-    plan = request.getfixturevalue("small").folder / "plan.json"
-    cell = request.getfixturevalue("small").cell_path
-    if kind == "simulate":
-        words = [("simulate", plan, "-o", out / "r.csv", "--seed", s) for s in (1, 2)]
-        return words[0], words[1], out / "r.csv"
-    if kind == "export":
-        words = [("export", plan, "--dialect", d, "-o", out / "p.src") for d in ("bnr", "krl")]
-        return words[0], words[1], out / "p.src"
-    if kind == "plan":
-        words = [("plan", cell, "-o", out / "o", "--poses", n, "--dialect", "krl") for n in (30, 31)]
-        return words[0], words[1], out / "o"
-    run = things / "run.csv"
-    if not run.exists():
-        assert edbb("simulate", plan, "-o", run).returncode == 0
-    words = [("identify", run, "--cell", cell, "-o", out / "o", "--no-trace", *w) for w in ((), ("--hold-out", 0.4))]
-    if kind == "identify":
-        return words[0], words[1], out / "o"
-    assert edbb(*words[0][:4], "-o", things / "found", "--no-trace").returncode == 0
-    program = next(p for p in plan.parent.iterdir() if p.suffix == ".src")
-    for k in "ab":
-        shutil.copy(program, things / f"{k}.src")
-    (things / "b.src").write_text(program.read_text().replace("A1 0.0000", "A1 0.1000"))
-    words = [
-        ("compensate", things / f"{k}.src", "--model", things / "found" / "robot.toml", "-o", out / "c.src")
-        for k in "ab"
-    ]
-    return words[0], words[1], out / "c.src"
+def _simulate(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    plan = small.folder / "plan.json"
+    one, two = (("simulate", plan, "-o", out / "r.csv", "--seed", s, "--force") for s in (1, 2))
+    return one, two, out / "r.csv"
 
 
-QUICK = ("import",)
-HEAVY = ("simulate", "export", "compensate", "identify", "plan")
+def _export(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    plan = small.folder / "plan.json"
+    one, two = (("export", plan, "--dialect", d, "-o", out / "p.src", "--force") for d in ("bnr", "krl"))
+    return one, two, out / "p.src"
 
 
-@pytest.mark.parametrize("kind", [*QUICK, *(pytest.param(k, marks=pytest.mark.long) for k in HEAVY)])
-def test_a_kill_at_any_change_leaves_old_or_new(kind, things, tmp_path, request):
-    place = tmp_path / "place"
-    place.mkdir()
-    first, second, out = _commands(kind, things, place, request)
-    done = edbb(*first)
-    assert done.returncode in (0, 5), done.stderr
-    old = state_of(out)
-    found = _watched(second, tmp_path, out)
-    assert len(found) > 3, "changes were seen"
-    new = found[-1]
-    assert new != old
-    for state in found:
-        nothing_to_start = kind == "export" and "p.src" not in state
-        assert state in (old, new) or nothing_to_start
+def _plan(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    one, two = (("plan", small.cell_path, "-o", out / "o", "--poses", n, "--dialect", "krl") for n in (30, 31))
+    return one, two, out / "o"
+
+
+def _fixtures(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    words = ("plan", small.cell_path, "-o", out / "o", "--fixtures", 2, "--dialect", "krl", "--poses")
+    return (*words, 40), (*words, 41), out / "o"
+
+
+def _study(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    words = ("study", small.cell_path, "-o", out / "o")
+    return words, (*words, "--seed", 1), out / "o"
+
+
+def _circular(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    ring, folder = cell_file(place, ARC + "speed_mm_s = 150\n"), place / "ring"
+    plan = _made(folder / "plan.json", "plan", ring, "-o", folder, "--dialect", "krl")
+    files = [place / f"r{s}.csv" for s in (0, 1)]
+    runs = [_made(file, "simulate", plan, "-o", file, "--seed", s) for s, file in enumerate(files)]
+    one, two = (("circular", run, "--plan", plan, "-o", out / "o") for run in runs)
+    return one, two, out / "o"
+
+
+def _loaded(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    arm = loaded.arm()
+    way = loaded.course(arm, repeats=1)
+    drawn = [loaded.readings(arm, loaded.World(), way, np.random.default_rng(s))[0] for s in (1, 2)]
+    runs = [_written(place / f"loaded_{k}.csv", loaded.run_text(way, d)) for k, d in enumerate(drawn)]
+    one, two = (("loaded", run, "--cell", "abb-irb6700/ldbb", "-o", out / "o") for run in runs)
+    return one, two, out / "o"
+
+
+def _places(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    words = ("loaded-places", "abb-irb6700/ldbb", "-o", out / "o", "--places")
+    return (*words, 2), (*words, 3), out / "o"
+
+
+def _both(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    text = small_cell("abb-irb6700/ldbb", place).read_text()
+    for old, new in FEW.items():
+        text = text.replace(old, new)
+    free = small_cell("abb-irb6700/edbb", place / "free", ("candidates = 3000", "candidates = 600"))
+    words = (
+        "plan-both",
+        free,
+        _written(place / "quick.toml", text),
+        "-o",
+        out / "o",
+        "--places",
+        1,
+        "--dialect",
+        "rapid",
+    )
+    return (*words, "--poses", 40), (*words, "--poses", 41), out / "o"
+
+
+def _accuracy(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    runs = [_written(place / f"v{s}.csv", tracker_run(poses(seed=s))) for s in (2, 3)]
+    one, two = (("accuracy", run, "--cell", f"{NAME}/tracker", "-o", out / "o") for run in runs)
+    return one, two, out / "o"
+
+
+def _identify(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    run = _made(place / "run.csv", "simulate", small.folder / "plan.json", "-o", place / "run.csv")
+    words = ("identify", run, "--cell", small.cell_path, "-o", out / "o", "--no-trace")
+    return words, (*words, "--hold-out", 0.4), out / "o"
+
+
+def _compensate(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    fit = _identify(place, place, small)[0]
+    robot = _made(place / "o" / "robot.toml", *fit)
+    text = next(p for p in small.folder.iterdir() if p.suffix == ".src").read_text()
+    sources = [_written(place / "a.src", text), _written(place / "b.src", text.replace("A1 0.0000", "A1 0.1000"))]
+    one, two = (("compensate", s, "--model", robot, "-o", out / "c.src", "--force") for s in sources)
+    return one, two, out / "c.src"
+
+
+PAIRS = {
+    "import": _import, "simulate": _simulate, "export": _export, "compensate": _compensate, "accuracy": _accuracy,
+    "circular": _circular, "loaded": _loaded, "study": _study, "identify": _identify, "plan": _plan,
+    "fixtures": _fixtures, "loaded-places": _places, "plan-both": _both,
+}  # fmt: skip
+
+
+def _same(state: dict[str, str]) -> dict[str, str]:
+    """A state without what differs from run to run: seconds, and the hash of them."""
+    return {k: v for k, v in state.items() if k not in ("timings.json", "manifest.json")}
+
+
+@pytest.mark.parametrize(
+    "kind", [k if k in LIGHT else pytest.param(k, marks=pytest.mark.long) for k in KILLS if k != "centre"]
+)
+def test_a_kill_leaves_old_or_new(kind, commands, tmp_path, request):
+    out = tmp_path / "place"
+    out.mkdir()
+    if kind not in LIGHT:
+        commands.warm()
+    *words, where = PAIRS[kind](commands.folder, out, None if kind in LIGHT else request.getfixturevalue("small"))
+    ends, slowest = [], []
+    for number, word in enumerate(words):
+        before = state_of(where) if number else {}
+        found = commands.run(word, out, where)
+        assert found["code"] in (0, 5), found["said"]
+        states = found["states"]
+        assert len(states) > 3, "changes were seen"
+        assert states[-1] != before
+        for state in states:
+            nothing_to_start = kind == "export" and "p.src" not in state
+            assert state in (before, states[-1]) or nothing_to_start
+        ends.append(_same(states[-1]))
+        slowest.append(found["times"])
+    rng = np.random.default_rng(0)
+    for k in range(KILLS[kind]):
+        times = slowest[k % 2]
+        moment = rng.uniform(0.0, times[-1]) if k % 4 == 0 else rng.uniform(0.95 * times[0], 1.05 * times[-1])
+        commands.run(words[k % 2], out, where, kill_s=moment)
+        state = _same(state_of(where))
+        assert state in ends or (kind == "export" and "p.src" not in state)
+        if where.is_dir():
+            (main,) = (p.name for p in where.glob("*.json") if changed_files(where, p.name) is not None)
+            assert changed_files(where, main) == []
+    assert commands.run(words[0], out, where)["code"] in (0, 5), "the next command goes through"
+    assert not [p for p in out.rglob("*") if p.name.startswith(".edbb-")], "drafts of the killed are cleared"
 
 
 @pytest.mark.long
-def test_commands_that_are_killed_leave_old_or_new(things, tmp_path, request):
+def test_a_session_of_centring_that_is_killed_loses_no_pose(commands, tmp_path):
+    """The run grows pose by pose: after a kill it is whole up to the last one, and the next session goes on there."""
     rng = np.random.default_rng(0)
-    *words, out = _commands("import", things, tmp_path, request)
-    looked = [_watched(word, tmp_path, out) for word in words]
-    states = [found[-1] for found in looked]
-    for k in range(8):
-        _watched(words[k % 2], tmp_path, out, kill_at=int(rng.integers(1, len(looked[k % 2]))))
-        assert state_of(out) in states
+    commands.warm()
+    with ExitStack() as stack:
+        made = Cell(tmp_path, stack, count=4, faults={"slow": 0.05})
+        kept: list[list[str]] = []
+        for _ in range(KILLS["centre"]):
+            commands.run(centring_words(made, tmp_path), tmp_path, made.output, kill_s=rng.uniform(0.3, 1.2))
+            text = made.output.read_text() if made.output.exists() else ""
+            rows = [row.split(",")[:13] for row in text[text.find("t_s") :].splitlines()[1:]]
+            assert rows[: len(kept)] == kept, "what was measured stays"
+            assert text.endswith("\n") or not text
+            kept = rows
+            made.revive()
+        done = commands.run(centring_words(made, tmp_path), tmp_path, made.output)
+        assert done["code"] == 0, done["said"]
+        table = rows_of(made.output)
+        assert table["pose"].to_list() == [1, 3, 5, 7]

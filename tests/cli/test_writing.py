@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import signal
+import stat
 import time
 from pathlib import Path
 
@@ -111,6 +112,20 @@ def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
     for wrong in (tmp_path / "loop", tmp_path / ("x" * 300), tmp_path / "a\0b"):
         with pytest.raises(InputError, match="cannot be written"):
             write_text(wrong, "x")
+
+
+def test_a_program_of_several_files_follows_a_link_and_replaces_no_device(tmp_path):
+    from planner.programs.rendering import ProgramFile
+
+    files = tuple(ProgramFile(f"P.{end}", "; plan_id: 0\n") for end in ("src", "dat"))
+    (tmp_path / "p.src").symlink_to(tmp_path / "real.src")
+    write_program_as(files, tmp_path / "p.src")
+    assert (tmp_path / "p.src").is_symlink()
+    assert (tmp_path / "real.src").read_text() == files[0].text
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="is no plain file, and the program is 2 files"):
+        write_program_as(files, tmp_path / "pipe")
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
 def test_a_single_file_of_others_is_not_written_over(tmp_path):

@@ -1,9 +1,15 @@
-"""Runs the command with the disk looked at before every call that changes a file: ``python -m tests.cli.watched``."""
+"""Runs commands that are watched or killed, each in a process of its own: ``python -m tests.cli.watched``.
 
+It takes one order a line (JSON) and forks for each, so that no command waits for its libraries.
+"""
+
+import importlib
 import json
 import os
+import select
 import signal
 import sys
+import time
 from pathlib import Path
 
 from tests.cli.states import state_of
@@ -16,33 +22,60 @@ def _changes(event: str, args: tuple[object, ...], folder: str) -> bool:
     return (writes or event in CHANGES) and folder in str(args[0])
 
 
-def main() -> None:
-    """Arguments: folder that is watched, what is written there, number of the call to die at (0 none), the command."""
-    folder, out, kill_at, words = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4:]
+def _run(words: list[str], folder: str, out: Path) -> dict[str, object]:
+    """Run the command; what ``out`` was before every call that changes a file in ``folder``, and when that was [s]."""
+    from tests.command import edbb
+
     states: list[dict[str, str]] = []
-    busy = False
+    times: list[float] = []
+    begin, busy = time.perf_counter(), False
 
     def look(event: str, args: tuple[object, ...]) -> None:
         nonlocal busy
         if busy or not _changes(event, args, folder):
             return
         busy = True
+        times.append(time.perf_counter() - begin)
         states.append(state_of(out))
         busy = False
-        if len(states) == kill_at:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    from planner.cli.app import main as command
 
     sys.addaudithook(look)
-    sys.argv = ["edbb", *words]
-    code: object = 0
-    try:
-        command()
-    except SystemExit as done:
-        code = done.code or 0
+    done = edbb(*words)
     busy = True
-    print("\n" + json.dumps({"code": code, "states": [*states, state_of(out)]}))
+    return {
+        "code": done.returncode, "said": done.stderr, "states": [*states, state_of(out)],
+        "times": [*times, time.perf_counter() - begin],
+    }  # fmt: skip
+
+
+def _fork(order: dict[str, object]) -> dict[str, object]:
+    """Do an order in a child; ``kill_s``: kill it after this time."""
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(ours)
+        with os.fdopen(theirs, "w") as file:
+            found = _run(list(order["words"]), str(order["folder"]), Path(str(order["out"])))  # type: ignore[call-overload]
+            json.dump(found if "kill_s" not in order else found | {"states": []}, file)
+            file.flush()
+            os._exit(0)
+    os.close(theirs)
+    if "kill_s" in order:
+        select.select([ours], [], [], float(str(order["kill_s"])))
+        os.kill(child, signal.SIGKILL)
+    with os.fdopen(ours) as file:
+        text = file.read()
+    killed = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+    return {"killed": killed} | (json.loads(text) if text.endswith("}") else {})
+
+
+def main() -> None:
+    """Serve orders until the input ends."""
+    for line in sys.stdin:
+        order = json.loads(line)
+        for module in order.get("warm", ()):
+            importlib.import_module(module)
+        print(json.dumps(_fork(order) if "words" in order else {}), flush=True)
 
 
 if __name__ == "__main__":
