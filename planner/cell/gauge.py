@@ -75,6 +75,7 @@ class Gauge(ABC):
     usual_plan: ClassVar[Mapping[str, object]] = {}  # keys of ``[plan]`` that stand where the cell gives none
     measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
     at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact
+    usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
     left_to_person: float = 0.0  # share of the last way to a ball that a person goes, not the program
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind

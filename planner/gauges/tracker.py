@@ -46,6 +46,7 @@ class Tracker(FrameGauge):
 
     kind: ClassVar[str] = "tracker"
     noun: ClassVar[str] = "beam"
+    usual_scale: ClassVar[float] = 2e-6  # air 1 K off is 1 ppm, and so is an absolute distance meter (ASME B89.4.19)
     calibrates_unasked: ClassVar[bool] = False
     usual_plan: ClassVar[Mapping[str, object]] = {"validate": 500}  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0

@@ -28,7 +28,6 @@ RIPPLES, SLOWEST, QUICKEST = 24, 9.0, 170.0  # frequencies of a gear's ripple in
 PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and the first one's size [rad]
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
-USUAL_SCALE = 1e-5  # one sigma of a gauge's scale: all lengths of the arm grow and shrink with it
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
 
 
@@ -65,7 +64,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         label = effect.family if entry.background is Background.BY_PLACE else entry.pool or effect.kind
         is_known = entry.background is Background.KNOWN
         known |= {label} if is_known else set()
-        out.setdefault(label, []).extend(_band(effect, is_known))
+        out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
@@ -87,11 +86,14 @@ def is_left_to_background(group: str) -> bool:
     return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
 
 
-def _band(effect: Effect, known: bool) -> Iterator[Parameter]:
-    """Yield the effect's parameters at some values of its inner number, together as large as at one of them."""
+def _band(effect: Effect, size: float | None) -> Iterator[Parameter]:
+    """Yield the effect's parameters, ``size`` large where it is known.
+
+    At some values of its inner number they are together as large as at one of them.
+    """
     grid = [v for v in effect.grid if v is not None]
     if not grid:
-        yield from (replace(p, prior=USUAL_SCALE) if known else p for p in effect.make())
+        yield from (p if size is None else replace(p, prior=size) for p in effect.make())
         return
     few = grid[:: -(-len(grid) // BAND)]
     for value in few:

@@ -59,10 +59,14 @@ def poses(folder: Path, gauge: str, plan: str) -> np.ndarray:
 
 
 def all_tasks(gauges: Sequence[str], arms: int, first: int) -> Iterator[Task]:
-    """Yield an arm of every cell before the next one; outside the catalogue one effect alone, or beside two others."""
+    """Yield an arm of every cell before the next one, each with a seed of its own.
+
+    What is outside the catalogue is alone, or beside two effects of it.
+    """
     cells = [(gauge, plan) for gauge in gauges for plan in PLANS[gauge]]
-    for k, (gauge, plan), (hidden, outside) in itertools.product(range(arms), cells, HIDDEN):
-        yield Task(gauge, plan, hidden + 2 * (k % 2) * outside, outside, first + 2 * k)
+    every = itertools.product(range(arms), cells, HIDDEN)
+    for number, (k, (gauge, plan), (hidden, outside)) in enumerate(every):
+        yield Task(gauge, plan, hidden + 2 * (k % 2) * outside, outside, first + 2 * number)
 
 
 def read_log(log: Path) -> list[Outcome]:
