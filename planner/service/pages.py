@@ -104,9 +104,9 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
         names = {p["file"] for p in plan.programs} if plan else set()
         programs = [f for f in files if f.name in names]
         facts = plan_facts(plan) if plan else []
-        return render(
-            "plan", job=job, files=files, pictures=shown, facts=facts, programs=programs, dialects=dialect_entries()
-        )
+        others = [o for o in _plans(context) if o.id != id]
+        also = {"dialects": dialect_entries(), "others": others}
+        return render("plan", job=job, files=files, pictures=shown, facts=facts, programs=programs, **also)
     if job.kind == "identification":
         found = None
         if job.state == "done":
@@ -117,6 +117,20 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
         return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
     report = any(f.name == "report.html" for f in files)
     return render("job", job=job, files=files, pictures=shown, report=report)
+
+
+@PAGES.get("/compare")
+def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse:
+    """Two finished plans side by side: their figures, and their charts in pairs."""
+    jobs = [_job(context, id) for id in (first, second)]
+    if any(j.kind != "plan" or j.state != "done" or _is_circular(context, j) for j in jobs):
+        return render("problem", 404, detail="Only two finished plans of poses can be compared.")
+    facts = [plan_facts(_plan(context, j)) for j in jobs]
+    names = list(dict.fromkeys(what for each in facts for what, _ in each))
+    rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
+    charts = [{p.caption: p for p in pictures(j)} for j in jobs]
+    pairs = [[c[caption] for c in charts] for caption in charts[0] if caption in charts[1]]
+    return render("compare", plans=jobs, rows=rows, pictures=pairs)
 
 
 @PAGES.get("/jobs/{id}/session")
@@ -144,9 +158,13 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
 @PAGES.get("/calibrate")
 def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
-    plans = [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
-    rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in plans]
+    rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in _plans(context)]
     return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
+
+
+def _plans(context: ServiceContext) -> list[Job]:
+    """The finished plans, the latest first."""
+    return [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
 
 
 def _check_plans(context: ServiceContext, identification: str) -> list[dict[str, object]]:

@@ -1,5 +1,6 @@
 """What the server puts into a page: robots, problems as text, steps at the cell, numbers of the certificate."""
 
+import json
 import re
 
 import pytest
@@ -8,9 +9,11 @@ from scipy.stats import maxwell
 from planner.cell.reading import load_cell
 from planner.service.certificate import RMS_OF_REPEATABILITY
 from planner.service.finding_actions import GENERAL, find_action
+from planner.service.job_store import JobOutput
 from planner.service.session_steps import session_steps
 from planner.session.document import PlanDocument
-from tests.service.conftest import ended, upload
+from tests.service.conftest import client_of, ended, upload
+from tests.service.test_crashes import CHEAP, Store
 
 
 def test_the_first_page_leads_to_every_cell(client):
@@ -53,6 +56,22 @@ def test_the_steps_at_the_cell_say_what_the_cell_says():
     assert "0123456789ab" in text
     assert "Attach the gauge" in [s.title for s in steps]
     assert ", ".join(f"{v:g}" for v in cell.file.fixtures[0].position_mm) in text
+
+
+def test_two_plans_stand_side_by_side(tmp_path):
+    store, ids = Store(tmp_path), ["a" * 24, "b" * 24]
+    for id, minutes in zip(ids, (7, 12), strict=True):
+        plan = {"schema": "edbb-plan/1", "plan_id": id[:12], "poses": [], "notes": [f"note {minutes}"]}
+        data = json.dumps(plan).encode()
+        store.jobs.submit(id, "plan", f"cell {minutes}", "{}", CHEAP)
+        done = [JobOutput("plan.json", store.files.add(data), len(data))]
+        assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
+    with client_of(tmp_path) as client:
+        page = client.get("/compare", params={"first": ids[0], "second": ids[1]}).text
+        assert re.findall(r"note (\d+)", page) == ["7", "12"]
+        assert "cell 7" in page
+        assert f'value="{ids[1]}"' in client.get(f"/jobs/{ids[0]}").text
+        assert client.get("/compare", params={"first": ids[0], "second": "c" * 24}).status_code == 404
 
 
 @pytest.mark.parametrize("effect", ["gear ripple", "joint compliance", "backlash", "session step"])
