@@ -8,7 +8,6 @@ __all__ = [
     "cell_view",
     "chart",
     "check_report",
-    "circular_plan_report",
     "circular_report",
     "loaded_report",
     "matplotlib_backend",

@@ -1,14 +1,17 @@
 """The legs of a timed path as joint moves: speeds and times that keep the limits of tool and gauge however the
-controller spreads the leg's time, and the blended path in small steps for controllers that cannot blend it."""
+spreads the leg's time, and the blended path in small steps or circles for controllers that cannot blend it."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.circles_in_space import fit_circle_in_space, points_on_arc
 from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.chain import Chain
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
@@ -172,3 +175,65 @@ def _apart(times: Array, shortest: float) -> np.ndarray:
 def degrees(q: Array) -> tuple[float, ...]:
     """Return joint angles (N,) [rad] in degrees."""
     return tuple(float(v) for v in np.rad2deg(q))
+
+
+LONGEST_PIECE = np.deg2rad(120.0)  # controllers allow 180 to 240 degrees
+ROUND, STEADY = 1e-6, 1e-6  # [m], [rad] that points may lie off the circle, and the tool may turn
+TRANSITION_MM = 1.0  # from one piece of a circle to the next
+
+
+def circle_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> list[JointMove] | None:
+    """Return the pieces of a circle, or nothing where the path is none, or the tool turns on it.
+
+    A piece ends at every mark of the path.
+    """
+    x, R = _tool_poses(cell, path.q)
+    found = _circle_angles(x, R)
+    if found is None or (path.trajectory.stop[1:-1]).any():
+        return None
+    edges = np.unique([0, *np.flatnonzero(path.visit >= 0), len(path.q) - 1])
+    steps = joint_moves(cell, path, mounting)
+    ends = [0]
+    for a, b in pairwise(edges):
+        count = int(min(np.ceil((found[b] - found[a]) / LONGEST_PIECE), (b - a) // 2))
+        if count == 0:  # two points have no middle: a joint move would have to stop at both
+            return None
+        ends += [int(e) for e in np.round(np.linspace(a, b, count + 1))[1:]]
+    return [_piece(path, steps[a:b], x[[a, (a + b) // 2, b]], a, b) for a, b in pairwise(ends)]
+
+
+def _piece(path: TimedPath, steps: list[JointMove], x: Array, a: int, b: int) -> JointMove:
+    """Return the move from point a of the path to point b, through the one in the middle; x (3, 3) [m]."""
+    time, last = path.trajectory.waypoint_time, b == len(path.q) - 1
+    return JointMove(
+        degrees(path.q[b]),
+        duration_s=float(time[b] - time[a]),
+        tool_speed_mm_s=min(max(s.tool_speed_mm_s for s in steps), min(s.tool_limit_mm_s for s in steps)),
+        axis_percent=100.0,
+        blend_mm=0.0 if last else TRANSITION_MM,
+        pose=int(path.visit[b]) if path.visit[b] >= 0 else None,
+        tool_travel_mm=points_on_arc(x, np.zeros(1))[1] * 1e3,
+        tool_limit_mm_s=min(s.tool_limit_mm_s for s in steps),
+        mounting=steps[0].mounting,
+        via_deg=degrees(path.q[(a + b) // 2]),
+    )
+
+
+def _tool_poses(cell: Cell, q: Array) -> tuple[Array, Array]:
+    """Places (m, 3) [m] and orientations (m, 3, 3) of the tool at q (m, N) [rad]."""
+    robot = cell.robot
+    R = np.moveaxis(Chain(robot.transforms).forward(robot.theta(q)).R, 2, 0)
+    return cell.map_position(q), R
+
+
+def _circle_angles(x: Array, R: Array) -> Array | None:
+    """Return the angle (m,) [rad] that points x (m, 3) [m] have come round their circle, or nothing."""
+    if len(x) < 3 or np.abs(R - R[0]).max() > STEADY:
+        return None
+    centre, axes, radius = fit_circle_in_space(x)
+    u, v, height = axes @ (x - centre).T
+    if max(np.abs(np.hypot(u, v) - radius).max(), np.abs(height).max()) > ROUND:
+        return None
+    angle = np.unwrap(np.arctan2(v, u))
+    angle = (angle - angle[0]) * np.sign(angle[-1] - angle[0])
+    return angle if (np.diff(angle) > 0.0).all() else None

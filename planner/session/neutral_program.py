@@ -26,9 +26,8 @@ from planner.programs.instructions import (
 from planner.programs.program_files import write_checked
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Mounting
-from planner.session.circle_moves import circle_moves
 from planner.session.course import Course, TimedPath, rests_at_poses
-from planner.session.driven_moves import degrees, dense_moves, joint_moves
+from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.emitted_speeds import check_emitted_speeds
 from planner.session.plan_types import Programs
 from planner.session.resumption import count_starts, cut_stretches

@@ -26,7 +26,7 @@ from planner.session.notes import discrimination_as_driven, discrimination_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
-from planner.session.session_minutes import session_minutes
+from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
 REPLACEMENTS = 20

@@ -1,4 +1,6 @@
-"""What a leg of the tour costs: the time of its slowest limit, of axes, tool and attached gauge."""
+"""What a leg of the tour costs, the time of its slowest limit, and how long a session takes."""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -7,6 +9,7 @@ from planner.common.units import Array
 from planner.motion.tour.instance import slowest_axis_cost
 from planner.runs.run import Mounting
 from planner.session.course import axis_limits, tool_speed
+from planner.session.plan_types import Drive
 
 PIECES = 16  # of a leg, each driven at its own slowest limit
 CHUNK = 4096  # legs at a time
@@ -63,3 +66,23 @@ def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limi
         length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
         out = np.maximum(out, np.abs(np.diff(length, axis=0)) / cell.gauge.rate)
     return np.asarray(out.T)
+
+
+DIMENSIONS = 6  # of joint space: the shortest tour of n points in d dimensions grows as n^(1 − 1/d)
+
+
+def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable[[int], float]:
+    """Return what tells the minutes of driving of another number of poses, about, from the session that was planned.
+
+    Each visit stands still for its dwell; the way between them grows as the shortest tour of random points does
+    (Beardwood, Halton and Hammersley 1959, Math. Proc. Cambridge Phil. Soc. 55(4)).
+    """
+    visits = sum(len(d.visits) for d in drives)
+    still = cell.motion.dwell + cell.motion.settle if cell.motion.measure == "static" else 0.0
+    moving = sum(d.trajectory.duration_s for d in drives) - visits * still
+
+    def minutes(count: int) -> float:
+        other = visits - poses + count
+        return float(other * still + moving * (other / visits) ** (1 - 1 / DIMENSIONS)) / 60
+
+    return minutes

@@ -18,9 +18,8 @@ from planner.design.observability.information import find_rule
 from planner.report.matplotlib_backend import chart_png
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
-from planner.studies.fixture_map_picture import draw_map
 from planner.studies.fixture_places import map_fixture_places
-from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_sensitivity
+from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_map, draw_sensitivity
 from planner.studies.summary import StudySummary
 from planner.studies.tables import TABLES
 

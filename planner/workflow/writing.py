@@ -66,7 +66,7 @@ def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:
 
 def _report(plan: Plan | CircularPlan) -> Report:
     # matplotlib and plotly: other commands start quicker without
-    from planner.report.circular_plan_report import report_circular_plan
+    from planner.report.circular_report import report_circular_plan
     from planner.report.plan_report import report_plan
 
     return report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan)

@@ -12,7 +12,7 @@ from tests.simulation.generator.arm import Arm
 from tests.workflow.conftest import small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')
-FEWER = ("candidates = 3000", "candidates = 600")
+FEWER = ("candidates = 3000", "candidates = 1200")
 OTHER = ("[[obstacles]]", '[[fixtures]]\nname = "B"\nposition_mm = [430, -330, 60]\n\n[[obstacles]]')
 MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 
@@ -21,7 +21,7 @@ MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("places")
     cell = small_cell("kuka-kr6-r700/edbb", folder, FEWER, TWO, OTHER)
-    done = edbb("plan", cell, "-o", folder / "out", "--poses", 40, "--dialect", "krl")
+    done = edbb("plan", cell, "-o", folder / "out", "--poses", 60, "--dialect", "krl")
     assert done.returncode == 0, done.stderr
     return folder / "out", json.loads((folder / "out" / "plan.json").read_text())
 

@@ -26,7 +26,7 @@ from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
 from planner.session.mount import with_mounts
 from planner.session.options import PlanOptions
-from planner.session.session_minutes import session_minutes
+from planner.session.tour_cost import session_minutes
 
 
 def drawn(seed, n=12, size=5):
