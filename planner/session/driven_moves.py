@@ -1,5 +1,5 @@
-"""The legs of a timed path as joint moves: speeds and times that keep the limits of tool and gauge however the
-spreads the leg's time, and the blended path in small steps or circles for controllers that cannot blend it."""
+"""The legs of a timed path as joint moves, whose speeds and times keep the limits of tool and gauge however the
+controller spreads a leg's time; and the blended path in small steps or circles where it cannot be blended."""
 
 from dataclasses import dataclass
 from itertools import pairwise
