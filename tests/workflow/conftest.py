@@ -25,7 +25,6 @@ def small_cell(name, folder, *changes):
 
 
 FEWER = (("candidates = 3000", "candidates = 800"),)
-QUICKER = ("tool_speed_mm_min = 1000", "tool_speed_mm_min = 4000")  # a dense program is long by its time
 
 
 @dataclass(frozen=True)
@@ -48,9 +47,7 @@ def planned(name, folder, poses, *dialects, changes=()):
 
 @pytest.fixture(scope="session")
 def moving(tmp_path_factory):
-    return planned(
-        "comau-nj130/edbb", tmp_path_factory.mktemp("nj"), 30, "bnr", "krl", "linuxcnc", changes=(*FEWER, QUICKER)
-    )
+    return planned("comau-nj130/edbb", tmp_path_factory.mktemp("nj"), 30, "bnr", "krl", "linuxcnc", changes=FEWER)
 
 
 @pytest.fixture(scope="session")
