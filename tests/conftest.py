@@ -1,12 +1,33 @@
-"""The longest files are handed out first, so that no worker is left alone with one of them at the end."""
+"""Files whose fixtures are shared go to one worker, and the longest first: none is left alone with one at the end."""
 
+import pytest
+
+TOGETHER = ("tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies")
 LONGEST = (
-    "workflow/test_plan", "workflow/test_places", "test_examples", "identification/test_real", "motion/path/test_join",
-    "workflow/test_identify", "instruments/accuracy/test_command", "gauges/trical/test_plan", "tracing/test_screen",
-    "instruments/circular/test_loads", "report/test_page", "report/test_calibration_page", "studies/test_places",
+    "tests/workflow/test_plan.py", "tests/workflow/test_places.py", *TOGETHER, "tests/test_examples.py",
+    "tests/identification/test_real.py", "tests/motion/path/test_join.py", "tests/workflow/test_identify.py",
+    "tests/instruments/accuracy/test_command.py", "tests/tracing/test_screen.py",
 )  # fmt: skip
 
 
+def scope_of(nodeid):
+    """The folder of a test whose fixtures are shared there, else its file."""
+    file = nodeid.split("::")[0]
+    folder = file.rpartition("/")[0]
+    return folder if folder in TOGETHER else file
+
+
 def pytest_collection_modifyitems(items):
-    place = {f"tests/{name}.py": k for k, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.nodeid.split("::")[0], len(place)))
+    place = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(scope_of(item.nodeid), len(place)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    from xdist.scheduler import LoadFileScheduling
+
+    class FolderScheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return scope_of(nodeid)
+
+    return FolderScheduling(config, log)
