@@ -40,7 +40,7 @@ DRIVEN_SAMPLES = 2000
 class BarPoses(PoseSession):
     """Where the poses of a bar come from."""
 
-    near: Certificate | None
+    near: Certificate
 
     def __init__(self, cell: Cell, options: PlanOptions) -> None:
         super().__init__(cell, options)
@@ -68,8 +68,7 @@ class BarPoses(PoseSession):
                 there = join_to_mounts(moved, other, seed)
                 if there.sum() > joined.sum():
                     self.cell, pool, joined = moved, other, there
-            index = None if self.tracing else self.index
-            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, index, self.poses, seed)
+            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, self.index, self.poses, seed)
             self.notes += notes
 
     def select(self, stages: Stages) -> Selection:

@@ -81,29 +81,28 @@ def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed
 
 
 def drop_unreachable(
-    cell: Cell, pool: PoseSet, joined: np.ndarray, index: str | None, poses: int | None, seed: int
-) -> tuple[PoseSet, tuple[str, ...], Certificate | None]:
+    cell: Cell, pool: PoseSet, joined: np.ndarray, index: str, poses: int | None, seed: int
+) -> tuple[PoseSet, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
-    Where an index is to choose, the certificate bounds it over them, roughly: later bounds begin there.
+    The certificate bounds the index over them, roughly: later bounds begin there.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
     by their neighbours in a roadmap (``joined``, of :func:`join_to_mounts`); those whose price in the bound singles
-    them out are in it themselves, where an index is to choose.
+    them out are in it themselves.
     """
     likely = pool.take(joined)
-    kept, rough = np.ones(len(likely), dtype=bool), None
-    if index:
-        _, _, rows = identify_candidates(cell, likely)
-        n = min(poses or POSES, len(rows))
-        rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
-        if not must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
-            order, _ = price_core(rows, rough, n)
-            kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
-            rough = rough.among(kept)
+    _, _, rows = identify_candidates(cell, likely)
+    n = min(poses or POSES, len(rows))
+    rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
+    if must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
+        kept = np.ones(len(likely), dtype=bool)
+    else:
+        order, _ = price_core(rows, rough, n)
+        kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
     lost = len(pool) - int(kept.sum())
     note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
-    return likely.take(kept), (note,) if lost else (), rough
+    return likely.take(kept), (note,) if lost else (), rough.among(kept)
 
 
 def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE) -> np.ndarray:
