@@ -1,6 +1,7 @@
 """The README's examples: its cell plans, its commands exist, its files are written."""
 
 import re
+import shlex
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +20,8 @@ from tests.command import edbb
 from tests.compensation.robots import bent
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
-TEXTS = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+TEXTS = [t for t in re.findall(r"```text\n(.*?)```", README, re.DOTALL) if not t.startswith("q1_deg")]
+(TARGETS,) = re.findall(r"```text\n(q1_deg.*?)```", README, re.DOTALL)
 
 
 @cache
@@ -38,6 +40,28 @@ def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
     done = edbb("plan", path, "-o", tmp_path / "out", "--poses", "36")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.long
+def test_the_worked_example_runs_in_order_from_an_empty_folder(tmp_path, monkeypatch):
+    """With few poses at rest in place of the cell's, whose plan takes minutes."""
+    text = load_cell("comau-nj130/edbb").path.read_text().replace('measure = "continuous"', 'measure = "static"')
+    small = tmp_path / "small.toml"
+    small.write_text(text.partition("\n[plan]\n")[0] + "\n[plan]\ncandidates = 250\nposes = 36\nrefine = false\n")
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    part = README.split("## A worked example")[1].split("Other verbs")[0]
+    for kind, block in re.findall(r"```(\w+)\n(.*?)```", part, re.DOTALL):
+        if kind == "text":
+            Path("targets.csv").write_text(block)
+            continue
+        for line in block.splitlines():
+            words = shlex.split(line.removeprefix("$ edbb "), comments=True)
+            done = edbb(*(str(small) if w == "comau-nj130/edbb" else w for w in words))
+            assert done.returncode == 0, f"{line}: {done.stderr}"
+    assert Path("corrected.csv").read_text().count("\n") >= TARGETS.count("\n")
+    for name in re.findall(r"^\| `([\w.]+)` ", part, re.MULTILINE):
+        assert any(Path().glob(f"*/{name}")) or "COMAU" in name.upper(), name
 
 
 def test_the_run_and_its_cell_are_read(tmp_path):
@@ -90,11 +114,11 @@ def test_every_error_that_the_truth_may_name_is_there(key, tmp_path):
 
 
 def test_the_table_of_targets_is_corrected(tmp_path):
-    (tmp_path / "targets.csv").write_text(TEXTS[4])
+    (tmp_path / "targets.csv").write_text(TARGETS)
     robot, real = bent("ur10", seed=1)
     done = compensate_file(tmp_path / "targets.csv", robot, real)
     assert done.report.joint_targets == 2
-    poses = TEXTS[4].replace("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg")
+    poses = TARGETS.replace("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg")
     (tmp_path / "poses.csv").write_text(poses)
     with pytest.raises(InputError, match="the joint angles then being where the search starts"):
         compensate_file(tmp_path / "poses.csv", robot, real)
@@ -128,6 +152,7 @@ def test_every_command_of_the_readme_is_known():
         "circular",
         "loaded",
         "loaded-places",
+        "measure",
     }
     for verb in sorted(verbs):
         assert help_of(verb)
