@@ -53,19 +53,26 @@ def test_nobody_there_and_a_wrong_address_are_said(monkeypatch):
     assert (wrong.returncode, "an address such as" in wrong.stderr) == (2, True)
 
 
+TARGETS = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,-60,80,-90,-80,20\n"
+
+
 @pytest.mark.long
 def test_a_command_gives_there_what_it_gives_here(service, tmp_path):
-    """A simulated run of a small plan: the plan made there, sent back there, byte for byte as here."""
+    """Files sent and fetched, what is printed, and what is refused, all as here."""
     address, _ = service
-    words = ("plan", "ur10/edbb", "--poses", 26, "--dialect", "urscript")
-    there = edbb("--server", address, *words, "-o", tmp_path / "there")
-    assert there.returncode == 0, there.stderr
-    plan = tmp_path / "there" / "plan.json"
+    (tmp_path / "targets.csv").write_text(TARGETS)
+    robot = load_cell("ur10/edbb").robot.path.read_text()
+    (tmp_path / "robot.toml").write_text(
+        robot.replace("a_mm = -612.0", "a_mm = -612.5") + "\n[nominal]\na2_mm = -612.0\n"
+    )
     for name, how in (("a", ("--server", address)), ("b", ())):
-        done = edbb(*how, "simulate", plan, "-o", tmp_path / f"{name}.csv")
+        words = ("compensate", tmp_path / "targets.csv", "--model", tmp_path / "robot.toml")
+        done = edbb(*how, *words, "-o", tmp_path / f"{name}.csv")
         assert done.returncode == 0, done.stderr
-    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
-    wrong = edbb("--server", address, "plan", "ur10/nothing", "-o", tmp_path / "none")
-    here = edbb("plan", "ur10/nothing", "-o", tmp_path / "none")
-    assert (wrong.returncode, wrong.stderr) == (here.returncode, here.stderr)
+    there, here = ((tmp_path / f"{name}.csv").read_text() for name in "ab")
+    assert there == here
+    assert "10,-60," not in there
+    for words in (("robots", "--json"), ("plan", "ur10/nothing", "-o", tmp_path / "none")):
+        there, here = edbb("--server", address, *words), edbb(*words)
+        assert (there.returncode, there.stdout, there.stderr) == (here.returncode, here.stdout, here.stderr)
     assert not (tmp_path / "none").exists()
