@@ -19,6 +19,7 @@ from planner.motion.collision.scene import FLOOR, build_scene
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
 SHOWN_PAIRS = 12  # of those that always touch
 LARGEST = 3.0  # times the robot's reach: no body that it carries is larger
+HALL = 30.0  # [m] no mesh of an obstacle is larger: one in millimetres that is read in metres is
 TURNS_UPRIGHT = 1  # the frames of the base and of this link stand at one height, whatever home is
 
 
@@ -107,7 +108,8 @@ def _check_mesh(cell: Cell, piece: SceneBody, reach: float) -> None:
     vertices = mesh_faces(piece.body)[0]
     size = float(np.ptp(vertices, axis=0).max())
     carried = sum(abs(t.nominal) for t in cell.robot.transforms if t.kind == "translation")
-    if size < SMALLEST or (piece.carrier == "link" and size > LARGEST * max(float(carried), 0.1)):
+    largest = LARGEST * max(float(carried), 0.1) if piece.carrier == "link" else HALL
+    if not SMALLEST <= size <= largest:
         raise InputError(
             f"{cell.path}: the mesh {piece.body.mesh} of '{piece.body.name}' is {to_mm(size):.4g} mm long with its "
             f"scale: {_unit_hint(piece.body)}"

@@ -28,8 +28,9 @@ def _cell(tmp_path, text, base="[base]"):
 def test_a_mesh_in_millimetres_that_is_read_in_metres_is_refused(tmp_path):
     stl(tmp_path / "box.stl", 1000.0)
     obstacle = "[[obstacles]]\nkind = 'mesh'\nfile = 'box.stl'\nat_mm = [700, 1200, 1300]\n"
-    with pytest.raises(InputError, match=r'nothing can reach.*unit = "mm"'):
-        check_surroundings(_cell(tmp_path, obstacle))
+    for place in ("[700, 1200, 1300]", "[-500700, 1200, 1300]"):  # far away; from far away into the cell
+        with pytest.raises(InputError, match=r'e\+05 mm long .*unit = "mm"'):
+            check_surroundings(_cell(tmp_path, obstacle.replace("[700, 1200, 1300]", place)))
     right = _cell(tmp_path, obstacle + "unit = 'mm'\n")
     check_surroundings(right)
     assert right.obstacles[-1].scale == (1e-3,) * 3
