@@ -209,6 +209,20 @@ class Cell:
     carrier: tuple[Body, ...] = ()
     nests: tuple[Nest, ...] = ()
 
+    def require_bar(self, use: str, free: bool = False) -> None:
+        """Refuse a gauge that is not attached between fixture and tool.
+
+        Args:
+            use: what needs one, the beginning of a sentence.
+            free: whether a loaded bar and a cell of circles are refused as well.
+
+        Raises:
+            InputError: naming the gauge's kind.
+        """
+        if not self.gauge.is_attached or (free and (self.gauge.is_loaded or self.circles)):
+            circles = " with [[circles]]" if self.circles else ""
+            raise InputError(f"{self.path}: {use}, and gauge.kind is '{self.gauge.kind}'{circles}")
+
     @property
     def p_BS(self) -> Array:
         """Balls in the base frame, where the cell says that the artifact stands, (K, 3) [m]."""

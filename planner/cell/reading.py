@@ -72,7 +72,8 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     return cell_of(read_toml(path, CellFile), path, name, planning)
 
 
-def _gauge_class(file: CellFile) -> type[Gauge]:
+def gauge_class(file: CellFile) -> type[Gauge]:
+    """Return the class of the gauge that a cell's file names."""
     return gauge_kinds()[file.gauge.kind]
 
 
@@ -82,7 +83,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
-    gauge = _gauge_class(file)
+    gauge = gauge_class(file)
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
@@ -136,7 +137,7 @@ def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
     if not file.fixtures or file.gauge.length_mm is None:
         raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
     loaded = [c for c in file.circles if c.loads_N]
-    if loaded and not _gauge_class(file).is_loaded:
+    if loaded and not gauge_class(file).is_loaded:
         raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
     shortest, longest = file.gauge.length_mm
     fixtures = {f.name: read_only(from_mm(f.position_mm)) for f in file.fixtures}

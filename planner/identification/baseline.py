@@ -79,6 +79,11 @@ class BaselineFile(StrictModel):
     spread: tuple[tuple[float, ...], ...]
 
 
+def _names(cell: Cell, setup: MeasurementSetup) -> tuple[str, str, tuple[str, ...], tuple[str, ...]]:
+    """Robot, kind of gauge, fixtures and tool points."""
+    return cell.robot.name, cell.gauge.kind, tuple(setup.place_names), tuple(setup.point_names)
+
+
 def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell, robot_toml: str) -> str | None:
     """Return the text of the file that goes with ``robot_toml``; ``None`` where the gauge is no bar at given fixtures.
 
@@ -88,7 +93,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         run, cell: that were identified.
         robot_toml: text of the robot's file.
     """
-    if not cell.gauge.is_attached or not cell.fixtures or not cell.tool.known or cell.file.gauge.length_mm is None:
+    if run.readings.length is None or not cell.fixtures or not cell.tool.known:
         return None
     fit = released.posterior.fit
     setup, noise = fit.model.setup, fit.problem.whitener.noise
@@ -100,13 +105,14 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         | ({} if p.group in OWN_GROUPS else {"moves": _movers(p, setup)})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
+    robot, gauge, places, points = _names(cell, setup)
     content = {
         "schema": "edbb-posterior/1",
-        "robot": setup.robot.name,
+        "robot": robot,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
-        "gauge": cell.gauge.kind,
-        "fixtures": {n: p.tolist() for n, p in zip(setup.place_names, setup.p_BX, strict=True)},
-        "points": {n: p.tolist() for n, p in zip(setup.point_names, setup.p_FM, strict=True)},
+        "gauge": gauge,
+        "fixtures": {n: p.tolist() for n, p in zip(places, setup.p_BX, strict=True)},
+        "points": {n: p.tolist() for n, p in zip(points, setup.p_FM, strict=True)},
         "noise": [noise.gauge, noise.joints],
         "freedom": freedom,
         "rest": float(_few_digits(rest)),
@@ -184,7 +190,7 @@ class Baseline:
         """
         setup = setup_of(cell)
         said = (file.robot, file.gauge, tuple(file.fixtures), tuple(file.points))
-        found = (cell.robot.name, cell.gauge.kind, setup.place_names, setup.point_names)
+        found = _names(cell, setup)
         for what, a, b in zip(("robot", "gauge", "fixtures", "tool points"), said, found, strict=True):
             if a != b:
                 raise InputError(f"{where}: the {what} of the baseline: {a}; of {cell.path}: {b}: take its own cell")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from planner import load_cell
 from planner.cell.file import CellFile
-from planner.cell.gauge_registry import gauge_kinds
+from planner.cell.reading import gauge_class
 from planner.common.schema import read_toml
 from planner.common.units import to_mm
 from planner.kinematics.robot_reader import RobotDescription
@@ -75,7 +75,7 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
     hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
     hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
     cell = _cell_file(context, record.command.words, inputs)
-    width = 1 if gauge_kinds()[cell.gauge.kind].columns == "length_mm" else SPACE_AXES
+    width = 1 if gauge_class(cell).columns == "length_mm" else SPACE_AXES
     scatter, rp = _repeatability(context, job, found, width)
     return CalibrationCertificate(
         found=found,

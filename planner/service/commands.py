@@ -16,11 +16,11 @@ from planner.service.job_requests import (
     CompensationRequest,
     ErrorMapRequest,
     ExportRequest,
+    FileInFolder,
     FileReference,
     IdentificationRequest,
     JobRequest,
     MeasuredRequest,
-    PlacedFile,
     PlanRequest,
     PlanViewRequest,
     RunCheckRequest,
@@ -220,7 +220,7 @@ class CommandBuilder:
             return cell, []
         return "cell.toml", [self._file(FileReference(id=cell, name="cell.toml")), *(self._file(f) for f in files)]
 
-    def _file(self, file: FileReference | PlacedFile) -> JobInput:
+    def _file(self, file: FileReference | FileInFolder) -> JobInput:
         if not self._files.holds(file.id):
             raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
         return JobInput(file.name, file.id)

@@ -48,7 +48,7 @@ class FileReference(ServiceModel):
     name: FileName
 
 
-class PlacedFile(ServiceModel):
+class FileInFolder(ServiceModel):
     """An uploaded file, and where it lies in the folder of the job."""
 
     id: Sha256
@@ -79,7 +79,7 @@ class CommandRequest(JobRequest):
 
     kind: ClassVar[str] = "command"
     words: Annotated[list[Word], Field(min_length=1, max_length=100)]
-    files: Annotated[list[PlacedFile], Field(max_length=500)] = []
+    files: Annotated[list[FileInFolder], Field(max_length=500)] = []
 
     @model_validator(mode="after")
     def _known_verb(self) -> Self:

@@ -19,7 +19,7 @@ from planner.runs.run import Mounting
 from planner.session.course import TimedPath, is_continuous
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
-MOST_MERGED = 3  # small steps in one block, where a controller prepares blocks slowly
+MOST_OFF = 0.5  # of such a step that a longer one, of a controller that prepares blocks slowly, may leave the path by
 DENSE_TURN = 0.01  # [rad] of any axis between two such points
 LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
 SAME = 5e-3  # [s] between waypoints that are written as one
@@ -154,13 +154,22 @@ def _dense_times(cell: Cell, trajectory: Trajectory, shortest: float) -> Array:
     after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
     gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
     kept = _apart(even, shortest)
-    if not kept.all() and np.diff(np.flatnonzero(kept)).max(initial=1) > MOST_MERGED:
+    if not kept.all() and _cut_corner(cell, trajectory, even[kept]) > MOST_OFF:
         raise InputError(
-            f"the path is wanted in steps of {to_mm(DENSE_TRAVEL):g} mm, and blocks of {1e3 * shortest:g} ms make them "
-            f"more than {MOST_MERGED} times as long: lower controller.block_ms or motion.tool_speed_mm_min"
+            f"blocks of {1e3 * shortest:g} ms are so long that straight ones would leave the curved path by over "
+            f"{to_mm(MOST_OFF * DENSE_TRAVEL):g} mm: lower controller.block_ms or motion.tool_speed_mm_min"
         )
     even, gap = even[kept], gap[kept]
     return np.unique(np.concatenate([even[gap >= shortest], points]))
+
+
+def _cut_corner(cell: Cell, trajectory: Trajectory, t: Array) -> float:
+    """Return how far the middle of a straight step leaves the path, at most, as a share of a small step."""
+    middle, ends = trajectory.at((t[1:] + t[:-1]) / 2).q, trajectory.at(t).q
+    straight = (ends[1:] + ends[:-1]) / 2
+    off = np.linalg.norm(cell.map_position(straight) - cell.map_position(middle), axis=1) / DENSE_TRAVEL
+    turned = np.abs(straight - middle).max(axis=1) / DENSE_TURN
+    return float(np.maximum(off, turned).max(initial=0.0))
 
 
 def _apart(times: Array, shortest: float) -> np.ndarray:

@@ -97,11 +97,7 @@ def study(
     """
     cell = cell if isinstance(cell, Cell) else load_cell(str(cell))
     index = find_rule(index or cell.plan.index).name
-    if not cell.gauge.is_attached:
-        raise InputError(
-            f"{cell.path}: a study is of a bar and its fixtures, and gauge.kind is '{cell.gauge.kind}': "
-            "edbb plan says what can be seen"
-        )
+    cell.require_bar("a study is of a bar and its fixtures (edbb plan says what can be seen)")
     with threadpool_limits(1, user_api="blas"):  # the same bytes whatever number of threads there are
         start = compute_basis(cell, index, seed, progress)
         places = map_fixture_places(cell, start.pool, index, start.poses, seed, progress)

@@ -15,7 +15,7 @@ import polars as pl
 from pydantic import Field
 
 from planner.cell.reading import load_cell
-from planner.common.errors import InputError, MissingProgramError
+from planner.common.errors import MissingProgramError
 from planner.common.files import document_text, write_text
 from planner.common.progress import Progress, no_progress
 from planner.common.result import Result
@@ -119,8 +119,7 @@ def sweep(
     wanted = read_toml(Path(file), SweepFile)
     tasks = wanted.tasks(Path(file).parent)
     for cell in {t.cell for t in tasks}:
-        if not load_cell(cell).gauge.is_attached:
-            raise InputError(f"{file}: 'cells': {cell} has no bar; a sweep is of bars and their fixtures")
+        load_cell(cell).require_bar(f"{file}, 'cells': a sweep is of bars and their fixtures")
     parts = Path(folder) / "parts"
     parts.mkdir(parents=True, exist_ok=True)
     missing = [t for t in tasks if not _is_whole(parts / f"{t.key}.parquet")]

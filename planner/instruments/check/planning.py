@@ -7,7 +7,6 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import cell_of
 from planner.common.determinism import Positions
-from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.observability.identifiability import find_identifiable
@@ -32,11 +31,10 @@ def resting_cell(cell: Cell) -> Cell:
     Raises:
         InputError: its gauge is no bar without load.
     """
-    if not cell.gauge.is_attached or cell.gauge.is_loaded or cell.circles:
-        raise InputError(
-            f"{cell.path}: a check is measured with a bar without load, and the gauge here is '{cell.gauge.kind}'; of "
-            "a tracker's run 'edbb accuracy' tells how far the robot is off"
-        )
+    cell.require_bar(
+        "a check is measured with a bar without load (of a tracker's run 'edbb accuracy' says how far it is off)",
+        free=True,
+    )
     plan = cell.file.plan.model_copy(update={"repeat": 0, "validate_": 0, "candidates": CANDIDATES, "refine": False})
     motion = cell.file.motion.model_copy(update={"measure": "static"})
     return cell_of(cell.file.model_copy(update={"plan": plan, "motion": motion}), cell.path, cell.name)

@@ -96,9 +96,7 @@ def check_both_cells(free_cell: Cell, cell: Cell) -> None:
         InputError: they differ in robot, tool or base, or the first is not one of a bar without load.
     """
     check_robots(free_cell, cell)
-    if not free_cell.gauge.is_attached or free_cell.circles:
-        what = "circles" if free_cell.circles else f"a gauge '{free_cell.gauge.kind}'"
-        raise InputError(f"{free_cell.path}: has {what}; the first cell is that of a bar without load, 'edbb'")
+    free_cell.require_bar("the first cell is that of a bar without load, 'edbb'", free=True)
     if not has_same_tool(free_cell, cell):
         raise InputError(
             f"{free_cell.path} and {cell.path} differ in [tool]; one fit needs one tool: both bars hang from the same "
