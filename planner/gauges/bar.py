@@ -34,7 +34,7 @@ from planner.runs.run import Mounting, Readings, Run, Samples
 
 PRIOR_ZERO = 1.0 * MM
 STOP_SIGMAS = 2.0  # at the very end one reading in 40 is lost then, and few poses are there
-LARGEST_MARGIN = 0.25  # of the range: what is left of a short one must hold a plan
+LARGEST_MARGIN = 0.2  # of the range: what is left of a short one must hold a plan
 
 
 class BarKeys(StrictModel):

@@ -64,7 +64,7 @@ def simulate_plan(
     """
     session: PlannedSession | CircularPlan
     if isinstance(plan, Path):
-        session = load_circular_plan(plan) if is_circular(plan) else load_session(plan, "simulated")
+        session = load_circular_plan(plan) if is_circular(plan) else load_session(plan, "simulated", check=True)
     else:
         session = PlannedSession.of(plan) if isinstance(plan, Plan) else plan
     cell = session.cell

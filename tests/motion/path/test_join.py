@@ -121,7 +121,7 @@ def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list
 
 def test_leg_through_the_fixture_stand_goes_round_it() -> None:
     cell, world = cell_and_world()
-    free, q, n = Constraints(cell, bar=False, scene=world.scene), valid_poses(3600), 1800
+    free, q, n = Constraints(cell, bar=False, scene=world.scene), valid_poses(4800), 2400
     proof = free.prove(q[:n], q[n:])
     names = [free.failure(proof, k) or "" for k in range(n)]
     through = [k for k, name in enumerate(names) if "fixture stand" in name][:4]
