@@ -13,6 +13,7 @@ not.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -78,9 +79,16 @@ class RandomEffects:
     noise_precision: Array
 
     @cached_property
-    def blocks(self) -> tuple[Array, ...]:
-        """Columns of every family, (m, k) each."""
-        return tuple(np.ascontiguousarray(self.columns[:, self.family == f]) for f in range(len(self.priors)))
+    def places(self) -> tuple[slice, ...]:
+        """Where the columns of each family stand in ``sorted_columns``, (f,)."""
+        ends = np.cumsum([0, *((self.family == f).sum() for f in range(len(self.priors)))])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def sorted_columns(self) -> Array:
+        """Columns of all families, one family after the other, (m, q)."""
+        order = np.argsort(self.family, kind="stable")
+        return np.ascontiguousarray(self.columns[:, order[(self.family < 0).sum() :]])
 
     def sizes(self, factors: Array) -> Array:
         """Return the factor of each column, (p,), at factors of the families (f,)."""
@@ -90,32 +98,39 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
+    def _whiten(self, draw: SizeDraw) -> tuple[Array, Array, float]:
+        """Return D, B and log |C| of C⁻¹ = D⁻¹ (1 − B Bᵀ) D⁻¹: deviations (m,) of the noise, and B (m, w).
+
+        A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
+        """
+        root = np.sqrt(self.variance(draw.noise_logs))
+        acts = self.sizes(draw.factors) > 0
+        wide = self.columns[:, acts] * self.sizes(draw.factors)[acts] / root[:, None]
+        basis, R = np.linalg.qr(np.vstack([wide, np.eye(wide.shape[1])]))
+        log_det = 2 * float(np.log(root).sum() + np.log(np.abs(np.diag(R))).sum())
+        return root, basis[: len(root)], log_det
+
     def precision(self, draw: SizeDraw) -> "_Precision":
         """Return what is known of the readings at one draw of the sizes."""
-        root = np.sqrt(self.variance(draw.noise_logs))
-        wide = self.columns[:, self.family < 0] / root[:, None]
-        # a QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude
-        basis, R = np.linalg.qr(np.vstack([wide, np.eye(wide.shape[1])]))
-        basis = basis[: len(root)]
-        inverse = (np.eye(len(root)) - basis @ basis.T) / np.outer(root, root)
-        log_det = 2 * float(np.log(root).sum() + np.log(np.abs(np.diag(R))).sum())
-        known = _Precision(inverse, inverse @ self.y, log_det)
-        for f in np.flatnonzero(draw.factors):
-            known = known.plus(known.block(self.blocks[f]), draw.factors[f] ** 2)
-        return known
+        root, basis, _ = self._whiten(draw)
+        columns, y = self.sorted_columns / root[:, None], self.y / root
+        inner = basis.T @ columns
+        return _Precision(columns.T @ columns - inner.T @ inner, columns.T @ y - inner.T @ (basis.T @ y), self.places)
 
-    def deviance(self, draw: SizeDraw, known: "_Precision | None" = None) -> float:
+    def deviance(self, draw: SizeDraw) -> float:
         """Minus twice the log density of the readings and of the noise's size, without a constant."""
-        known = known or self.precision(draw)
+        root, basis, log_det = self._whiten(draw)
+        y = self.y / root
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
-        return float(known.log_det + self.y @ known.solved + prior)
+        return float(log_det + y @ y - ((basis.T @ y) ** 2).sum() + prior)
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Columns X (m, k) in the axes in which XᵀC⁻¹X is diagonal: C⁻¹X (m, k), the diagonal (k,) and XᵀC⁻¹y (k,)."""
+    """A family in the axes (k, k) in which XᵀC⁻¹X is diagonal: where it stands, the diagonal and XᵀC⁻¹y, (k,) each."""
 
-    half: Array
+    place: slice
+    axes: Array
     values: Array
     toward: Array
 
@@ -127,28 +142,23 @@ class _Block:
 
 @dataclass(frozen=True)
 class _Precision:
-    """With C the covariance of the readings: C⁻¹ (m, m), C⁻¹y (m,), and log |C|."""
+    """With C the covariance of the readings and X the columns of all families: XᵀC⁻¹X (q, q) and XᵀC⁻¹y (q,)."""
 
-    inverse: Array
-    solved: Array
-    log_det: float
+    gram: Array
+    toward: Array
+    places: tuple[slice, ...]
 
-    def block(self, columns: Array) -> _Block:
-        """Return what it takes to add columns (m, k)."""
-        half = self.inverse @ columns
-        values, axes = np.linalg.eigh(columns.T @ half)
-        return _Block(half @ axes, np.maximum(values, 0.0), axes.T @ (columns.T @ self.solved))
+    def block(self, family: int) -> _Block:
+        """Return what it takes to change the size of a family."""
+        place = self.places[family]
+        values, axes = np.linalg.eigh(self.gram[place, place])
+        return _Block(place, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
 
     def plus(self, block: _Block, variance: float) -> "_Precision":
-        """Return it with ``variance`` times the columns added to C (Woodbury)."""
-        grown = np.maximum(1 + variance * block.values, SURE)
-        gain = variance / grown
-        turned = block.half * gain
-        return _Precision(
-            self.inverse - turned @ block.half.T,
-            self.solved - turned @ block.toward,
-            self.log_det + float(np.log(grown).sum()),
-        )
+        """Return it with ``variance`` times the family's columns added to C (Woodbury)."""
+        side = self.gram[:, block.place] @ block.axes
+        turned = side * (variance / np.maximum(1 + variance * block.values, SURE))
+        return _Precision(self.gram - turned @ side.T, self.toward - turned @ block.toward, self.places)
 
 
 def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[SizeDraw, ...]:
@@ -181,20 +191,19 @@ class _Chain:
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are."""
         model, factors = self.model, self.factors
-        self.known = model.precision(SizeDraw(factors, self.noise_logs))
-        here = model.deviance(SizeDraw(factors, self.noise_logs), self.known)
+        here = model.deviance(SizeDraw(factors, self.noise_logs))
         step = max(NOISE_STEP / np.sqrt(len(model.y)), 0.05)
         for move in rng.standard_normal((NOISE_TRIES, len(self.noise_logs))) * step:
             trial = SizeDraw(factors, np.clip(self.noise_logs + move, *NOISE_LOGS))
-            known = model.precision(trial)
-            there = model.deviance(trial, known)
+            there = model.deviance(trial)
             if np.log(rng.uniform()) < 0.5 * (here - there):
-                self.noise_logs, self.known, here = trial.noise_logs, known, there
+                self.noise_logs, here = trial.noise_logs, there
+        self.known = model.precision(SizeDraw(factors, self.noise_logs))
 
     def draw_factor(self, family: int, rng: np.random.Generator) -> None:
         """Draw the factor of one family with all others as they are."""
         prior, own = self.model.priors[family], self.factors[family]
-        block = self.known.block(self.model.blocks[family])
+        block = self.known.block(family)
         logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
         chosen = float(prior.factors[_choose(logs, rng)])
         if chosen != own:
@@ -207,10 +216,10 @@ class _Chain:
         if not len(acting):
             return
         leaving = int(rng.choice(acting))
-        without = self.known.plus(self.known.block(self.model.blocks[leaving]), -(self.factors[leaving] ** 2))
+        without = self.known.plus(self.known.block(leaving), -(self.factors[leaving] ** 2))
         self.factors[leaving] = 0.0
         idle = np.flatnonzero(self.optional & (self.factors == 0))
-        blocks = [without.block(self.model.blocks[f]) for f in idle]
+        blocks = [without.block(int(f)) for f in idle]
         sizes = [self.model.priors[f].factors[1:] for f in idle]
         odds = [logs[1:] - logs[0] for logs in self._prior_logs(idle)]
         gains = [b.gains(v**2) + o for b, v, o in zip(blocks, sizes, odds, strict=True)]
