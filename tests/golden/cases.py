@@ -280,7 +280,7 @@ CASES = (
         "irb6700-both",
         {"free.toml": shipped("abb-irb6700/edbb"), "loaded.toml": LOADED, "truth.toml": TRUTH},
         (
-            edbb("plan free.toml -o free --poses 34 --dialect rapid"),
+            edbb("plan free.toml -o free --poses 44 --dialect rapid"),
             edbb("plan-both free/plan.json loaded.toml -o both --places 1 --dialect rapid --json"),
             edbb("simulate free/plan.json -o free.csv --truth truth.toml"),
             edbb("simulate both/loaded/plan.json -o loaded.csv --truth truth.toml"),
