@@ -66,7 +66,7 @@ def test_a_point_that_cannot_be_measured_says_why():
 
 def test_wrong_files_and_schedulers_are_told(file, tmp_path, monkeypatch):
     file.write_text(SWEEP.replace("ur10/edbb", "kuka-kr6-r700/tracker"))
-    with pytest.raises(InputError, match="no bar"):
+    with pytest.raises(InputError, match="a sweep is of bars"):
         sweep(file, tmp_path / "out")
     assert edbb("study", "--sweep", file, "ur10/edbb", "-o", tmp_path / "o").returncode == 2
     assert edbb("study", "-o", tmp_path / "o").returncode == 2
