@@ -361,7 +361,7 @@ CASES = (
             edbb("plan key.toml -o out", 2, ("key.toml", "noize_um", "noise_um")),
             edbb("plan metres.toml -o out", 2, ("metres.toml", "length_mm", "metres")),
             edbb("plan gauge.toml -o out", 2, ("gauge.toml", "ebdd", "trical")),
-            edbb("plan socket.toml -o out", 2, ("socket.toml", "ball-socket", "tracker")),
+            edbb("plan socket.toml -o out", 2, ("socket.toml", "[artifact]", "position_mm")),
             edbb("plan few.toml -o out --poses 30", 3, ("candidate", "cones", "clearance")),
             edbb("plan none.toml -o out", 2, ("none.toml",)),
             edbb("plan kuka-kr6-r700/ebdd -o out", 2, ("ebdd", "edbb")),
