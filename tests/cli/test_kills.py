@@ -2,7 +2,7 @@
 
 A kill before the k-th call that changes a file leaves what lies on the disk at that moment, so one run of a command in
 which the disk is looked at before every one of them stands for a kill at each; beside that runs are really killed, at
-random moments, most of them while they write: 200 of all commands with EDBB_ALL_KILLS=1 (half an hour), else a sixth of
+random moments, most of them while they write: 200 of all commands with EDBB_ALL_TRIALS=1 (half an hour), else a sixth of
 them, and none of the commands that take a minute.
 """
 
@@ -39,7 +39,7 @@ KILLS = {
 assert sum(KILLS.values()) == 200
 LIGHT = ("import",)
 SLOW = ("study", "fixtures", "loaded-places", "plan-both")
-ALL = bool(os.environ.get("EDBB_ALL_KILLS"))
+ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))
 
 
 def kills_of(kind: str) -> int:
@@ -212,7 +212,7 @@ def _same(state: dict[str, str]) -> dict[str, str]:
 )
 def test_a_kill_leaves_old_or_new(kind, commands, tmp_path, request):
     if kind in SLOW and not ALL:
-        pytest.skip("takes minutes: only with EDBB_ALL_KILLS=1")
+        pytest.skip("takes minutes: only with EDBB_ALL_TRIALS=1")
     out = tmp_path / "place"
     out.mkdir()
     if kind not in LIGHT:

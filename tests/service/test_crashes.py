@@ -17,7 +17,7 @@ from planner.service.supervisor import Supervisor
 
 CHEAP = JobCommand(("--version",))  # the quickest command line there is
 
-MANY = 100 if os.environ.get("EDBB_ALL_KILLS") else 30
+MANY = 100 if os.environ.get("EDBB_ALL_TRIALS") else 30
 
 
 class Store:
