@@ -2,8 +2,8 @@
 
 A kill before the k-th call that changes a file leaves what lies on the disk at that moment, so one run of a command in
 which the disk is looked at before every one of them stands for a kill at each; beside that runs are really killed, at
-random moments, most of them while they write: 200 of all commands with EDBB_ALL_TRIALS=1 (half an hour), else a sixth of
-them, and none of the commands that take a minute.
+random moments, most of them while they write: 200 of all commands with EDBB_ALL_TRIALS=1 (half an hour), else a
+sixth of them, and none of the commands that take a minute.
 """
 
 import json
