@@ -52,21 +52,25 @@ def possible_changes(cell: Cell, setup: MeasurementSetup, with_play: bool) -> tu
     q = uniform_states(cell, STATES, 0)
     sides = np.random.default_rng(1).choice([-1.0, 1.0], size=q.shape)
     samples = Samples(q, np.zeros(len(q), dtype=int), direction=sides)
-    unknown = [replace(p, name=f"{k}, {p.name}") for k, c in enumerate(bare) for p in c.parameters]
-    own = tool_rows(samples, setup, unknown)[2][:, -len(unknown) :]
-    out, start = [], 0
-    for c in bare:
-        moved = own[:, start : start + len(c.parameters)]
-        start += len(c.parameters)
-        out.append(c if c.kind == "fixture" else replace(c, square=moved.T @ moved / len(q)))
-    return tuple(out)
+    own = _by_change(tool_rows(samples, setup, _numbered(bare))[2], bare)
+    moved = zip(bare, own, strict=True)
+    return tuple(c if c.kind == "fixture" else replace(c, square=m.T @ m / len(q)) for c, m in moved)
 
 
 def change_columns(baseline: Baseline, samples: Samples, changes: Sequence[Change]) -> tuple[Array, ...]:
     """Return what every change does to readings, (n, d) [m per unit] each."""
-    every = [replace(p, name=f"{k}, {p.name}") for k, c in enumerate(changes) for p in c.parameters]
-    ends = np.cumsum([len(c.parameters) for c in changes])[:-1]
-    return tuple(np.split(baseline.rows(samples, every)[:, -len(every) :], ends, axis=1))
+    return _by_change(baseline.rows(samples, _numbered(changes)), changes)
+
+
+def _numbered(changes: Sequence[Change]) -> list[Parameter]:
+    """Parameters of all changes, each with a name of its own."""
+    return [replace(p, name=f"{k}, {p.name}") for k, c in enumerate(changes) for p in c.parameters]
+
+
+def _by_change(rows: Array, changes: Sequence[Change]) -> tuple[Array, ...]:
+    """Split the last columns of rows (n, P), those of the changes, into one block a change."""
+    ends = np.cumsum([len(c.parameters) for c in changes])
+    return tuple(np.split(rows[:, -ends[-1] :], ends[:-1], axis=1))
 
 
 def _bare_changes(setup: MeasurementSetup, with_play: bool) -> Iterator[Change]:
