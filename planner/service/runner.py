@@ -21,6 +21,10 @@ MEMORY_LOOK_S = 1.0
 MOST_LOG = 200_000  # bytes of what a command prints
 TITLES = {1: "Internal error", 2: "The input is wrong", 3: "There is no solution", 4: "A needed program is missing"}
 TRACEBACK = re.compile(r"^Traceback \(most recent call last\):", re.MULTILINE)
+# as Python, numpy, C++, the loader, the C library and OpenBLAS say it
+OUT_OF_MEMORY = re.compile(
+    r"MemoryError|bad_alloc|failed to map segment|[Cc]annot allocate memory|Memory allocation still failed"
+)
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ class JobRunner:
 
     def _sentence(self, log: str, code: int) -> str:
         """Return what the command said last, without the folder of the job."""
-        if "MemoryError" in log[-500:]:
+        if OUT_OF_MEMORY.search(log[-500:]):
             return "the job needed more memory than a job may use"
         _, found, sentence = log.rpartition("edbb: ")
         if not found or TRACEBACK.search(log):

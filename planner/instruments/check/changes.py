@@ -52,17 +52,17 @@ def possible_changes(cell: Cell, setup: MeasurementSetup, with_play: bool) -> tu
     q = uniform_states(cell, STATES, 0)
     sides = np.random.default_rng(1).choice([-1.0, 1.0], size=q.shape)
     samples = Samples(q, np.zeros(len(q), dtype=int), direction=sides)
-    own = _by_change(tool_rows(samples, setup, _numbered(bare))[2], bare)
+    own = _by_change(tool_rows(samples, setup, _numbered_parameters(bare))[2], bare)
     moved = zip(bare, own, strict=True)
     return tuple(c if c.kind == "fixture" else replace(c, square=m.T @ m / len(q)) for c, m in moved)
 
 
 def change_columns(baseline: Baseline, samples: Samples, changes: Sequence[Change]) -> tuple[Array, ...]:
     """Return what every change does to readings, (n, d) [m per unit] each."""
-    return _by_change(baseline.rows(samples, _numbered(changes)), changes)
+    return _by_change(baseline.rows(samples, _numbered_parameters(changes)), changes)
 
 
-def _numbered(changes: Sequence[Change]) -> list[Parameter]:
+def _numbered_parameters(changes: Sequence[Change]) -> list[Parameter]:
     """Parameters of all changes, each with a name of its own."""
     return [replace(p, name=f"{k}, {p.name}") for k, c in enumerate(changes) for p in c.parameters]
 
