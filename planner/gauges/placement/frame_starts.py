@@ -8,9 +8,7 @@ from planner.gauges.placement.lengths import solve_reweighted
 from planner.gauges.placement.rotations import nearest_rotation, registration
 
 
-def frame_starts(
-    s: FlangePoses, p_GM: Array, R_GM: Array | None, p_FM: Array | None, R_FM: Array | None
-) -> PlacementFrames:
+def frame_starts(s: FlangePoses, p_GM: Array, R_GM: Array | None, p_FM: Array | None) -> PlacementFrames:
     """Return k complete starts: closed forms for the largest (place, point) pair, and a grid of tool points."""
     main = s.largest_pair()
     pair = s.take(main)
@@ -30,7 +28,7 @@ def frame_starts(
         m_seed[:] = p_FM
     R2, t2, m2 = _complete_frames(s, p_GM, m_seed, R_seed)
     R, t, m = np.concatenate([R2, R]), np.concatenate([t2, t]), np.concatenate([m2, m])
-    return PlacementFrames(R, t, m, _probe_turns(s, R, R_GM, R_FM))
+    return PlacementFrames(R, t, m, _probe_turns(s, R, R_GM))
 
 
 def linear_rotation_start(s: FlangePoses, p_GM: Array) -> Array:
@@ -110,11 +108,11 @@ def _point_and_origin(s: FlangePoses, p_GM: Array, R: Array) -> tuple[Array, Arr
     return x[:, :3], x[:, 3:]
 
 
-def _probe_turns(s: FlangePoses, R: Array, R_GM: Array | None, R_FM: Array | None) -> Array:
-    """Return R_FM (k, T, 3, 3): as given, else the mean over the samples under the known R_BG."""
+def _probe_turns(s: FlangePoses, R: Array, R_GM: Array | None) -> Array:
+    """Return R_FM (k, T, 3, 3): the mean over the samples under the known R_BG."""
     k = len(R)
-    out = np.broadcast_to(np.eye(3) if R_FM is None else R_FM, (k, s.n_points, 3, 3)).copy()
-    if R_FM is None and R_GM is not None:
+    out = np.broadcast_to(np.eye(3), (k, s.n_points, 3, 3)).copy()
+    if R_GM is not None:
         each = np.einsum("nji,knjl,nlm->knim", s.R_BF, R[:, s.place], R_GM, optimize=True)
         for point in range(s.n_points):
             out[:, point] = nearest_rotation(each[:, s.point == point].sum(axis=1))

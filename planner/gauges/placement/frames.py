@@ -38,14 +38,14 @@ class FrameProblem:
         stand: flange poses.
         p_GM: readings, (n, 3) [m]; ``R_GM`` (n, 3, 3) or ``None``.
         free: which columns of the step move, bool; the last 3T are there only with orientation.
-        per_radian: what a radian counts [m].
+
+    An angle of 1 mrad counts like 1 mm: what a joint's error does at a metre's reach.
     """
 
     stand: FlangePoses
     p_GM: Array
     R_GM: Array | None
     free: np.ndarray
-    per_radian: float = 1.0
 
     def take(self, which: np.ndarray) -> "FrameProblem":
         """Return the problem of only the rows ``which``."""
@@ -69,9 +69,9 @@ class FrameProblem:
         if self.R_GM is not None:
             probe = np.matmul(s.R_BF, f.R_FM[:, s.point])
             turn = log3(np.matmul(probe, np.matmul(A, self.R_GM).swapaxes(-1, -2)))
-            r = np.concatenate([r, self.per_radian * turn], axis=2)
-            J[:, row, 3 + axis, of_place] = -self.per_radian * np.eye(3)  # exact where the residual is small
-            J[:, row, 3 + axis, 6 * S + 3 * T + of_point] = self.per_radian * s.R_BF
+            r = np.concatenate([r, turn], axis=2)
+            J[:, row, 3 + axis, of_place] = -np.eye(3)  # exact where the residual is small
+            J[:, row, 3 + axis, 6 * S + 3 * T + of_point] = s.R_BF
         return r, J[..., self.free]
 
     def advance(self, state: Array, step: Array) -> Array:
@@ -89,7 +89,6 @@ class FrameProblem:
 
 FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
 TRIED, KEPT = 12, 3  # starts that are refined at all, and refined on many rows
-PER_RADIAN = 1.0  # [m] an angle of 1 mrad counts like 1 mm: what a joint's error does at a metre's reach
 _FIRST = ((8, "huber"), (8, "huber"))
 LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
 
@@ -101,7 +100,7 @@ class FramePlacement:
     Attributes:
         R_BG, p_BG: frames in the base frame, (S, 3, 3) and (S, 3) [m].
         p_FM, R_FM: targets on the flange, (T, 3) [m] and (T, 3, 3), unturned where only positions are read.
-        rms: of the distances that are not outliers [m]; ``rms_angle`` of the angles, where they are read [rad].
+        rms: of the distances that are not outliers [m].
         outlier: readings beyond about 5.6 robust standard deviations, 6.4 with orientations, (n,) bool.
     """
 
@@ -110,7 +109,6 @@ class FramePlacement:
     p_FM: Array
     R_FM: Array
     rms: float
-    rms_angle: float
     outlier: np.ndarray
 
 
@@ -122,47 +120,42 @@ def place_frames(
     point: IntArray,
     p_FM: Array | None = None,
     R_GM: Array | None = None,
-    R_FM: Array | None = None,
-    per_radian: float = PER_RADIAN,
 ) -> FramePlacement:
     """Find frames and targets: R_BG p_GM + p_BG = R_BF p_FM + p_BF, with orientations also R_BG R_GM = R_BF R_FM.
 
     Starts: readings are linear in (R_GB, R_GB ⊗ p_FM, t); registration (Umeyama) for a grid of tool points; with
-    orientations robot-world/hand-eye by singular vectors (Shah 2013). All are refined at once, an angle of 1 rad
-    counting ``per_radian`` metres, and the one with the least robust residual is kept.
+    orientations robot-world/hand-eye by singular vectors (Shah 2013). All are refined at once, and the one with the
+    least robust residual is kept.
 
     Args:
         p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
         p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3) where orientations are read.
         place, point: which station, which target on the tool, (n,) int.
-        p_FM, R_FM: targets on the flange where known (then held), (T, 3) [m], (T, 3, 3).
-        per_radian: weight of the angles [m].
+        p_FM: targets on the flange where known (then held), (T, 3) [m].
 
     Raises:
         InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
         NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
     """
-    known = p_FM if p_FM is not None else R_FM
-    s = flange_poses(p_BF, R_BF, place, point, points=0 if known is None else len(known))
+    s = flange_poses(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
     check_arrays((("p_GM", p_GM, (len(s), 3)), *((("R_GM", R_GM, (len(s), 3, 3)),) if R_GM is not None else ())))
     free = [np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)]
-    free += [] if R_GM is None else [np.full(3 * s.n_points, R_FM is None)]
+    free += [] if R_GM is None else [np.full(3 * s.n_points, True)]
     turns = None if R_GM is None else np.asarray(R_GM, dtype=float)
-    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), turns, np.concatenate(free), per_radian)
-    state = _solve_frames(problem, p_FM, R_FM)
+    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), turns, np.concatenate(free))
+    state = _solve_frames(problem, p_FM)
     f = unpack_frames(state, s)
     error, outlier = find_outliers(problem, state)
-    rms, rms_angle = float(np.sqrt((error[~outlier] ** 2).mean())), 0.0
     if turns is not None:
         A = f.R_BG[0, s.place]
         gap = s.target_positions(f.p_FM)[0] - np.einsum("nij,nj->ni", A, p_GM) - f.p_BG[0, s.place]
-        turn = log3((s.R_BF @ f.R_FM[0, s.point]) @ (A @ turns).swapaxes(-1, -2))
-        rms, rms_angle = (float(np.sqrt((v[~outlier] ** 2).sum(axis=1).mean())) for v in (gap, turn))
+        error = np.linalg.norm(gap, axis=1)
+    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
     R_BG, p_BG, m, R = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
-    return FramePlacement(R_BG, p_BG, m, R, rms, rms_angle, outlier)
+    return FramePlacement(R_BG, p_BG, m, R, rms, outlier)
 
 
-def _solve_frames(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None) -> Array:
+def _solve_frames(problem: FrameProblem, p_FM: Array | None) -> Array:
     """Return the best state (1, D)."""
     s, d = problem.stand, 3 if problem.R_GM is None else 6
     if d * len(s) < problem.free.sum():
@@ -170,7 +163,7 @@ def _solve_frames(problem: FrameProblem, p_FM: Array | None, R_FM: Array | None)
             f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
         )
     few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
-    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM, R_FM).pack()
+    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM).pack()
     promising = best_first(refine(few, starts, ()), d)[:TRIED]
     found = refine(few, starts[promising], _FIRST)
     found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)
@@ -188,9 +181,9 @@ def frame_unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, 
     return tuple(o for o, f in zip(owner, free, strict=False) if f)
 
 
-def find_outliers(problem: FrameProblem, state: Array, chunk: int = 20000) -> tuple[Array, np.ndarray]:
+def find_outliers(problem: FrameProblem, state: Array) -> tuple[Array, np.ndarray]:
     """Return all rows' block norms (n,) [m] and which are outliers (n,), in chunks so that memory stays flat."""
-    n, d = len(problem.stand), 3 if problem.R_GM is None else 6
+    n, d, chunk = len(problem.stand), 3 if problem.R_GM is None else 6, 20_000
     parts = [problem.take(np.arange(k, min(n, k + chunk))).evaluate(state)[0][0] for k in range(0, n, chunk)]
     error = np.linalg.norm(np.concatenate(parts), axis=1)
     return error, error > outlier_limit(d) * robust_scale(error, d)[0]

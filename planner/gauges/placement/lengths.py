@@ -17,7 +17,6 @@ from planner.gauges.placement.flange_poses import (
 )
 from planner.gauges.placement.solver import (
     PlacementUnknown,
-    RefinedStates,
     best_first,
     outlier_limit,
     refine,
@@ -62,7 +61,7 @@ def unpack_bar(state: Array, stand: FlangePoses) -> tuple[Array, Array, Array]:
 
 
 def pack_bar(p_FM: Array, p_BX: Array, zero: Array) -> Array:
-    """Return states (k, D) of :func:`unpacked`."""
+    """Return states (k, D) of :func:`unpack_bar`."""
     k = len(zero)
     return np.concatenate([p_FM.reshape(k, -1), p_BX.reshape(k, -1), zero[:, None]], axis=1)
 
@@ -129,7 +128,6 @@ TRIED, KEPT = 24, 6  # starts left after each of the first two rounds
 _FIRST, _NEXT = ((6, "huber"),), ((7, "huber"), (7, "huber"))
 _LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
 _REACHES = (0.3, 0.7)  # [m] distances to start from where the bar's zero is unknown
-_TIE = 0.02  # relative difference of rms below which two places explain the lengths alike
 
 
 @dataclass(frozen=True)
@@ -159,9 +157,6 @@ def place_lengths(
     point: IntArray,
     p_FM: Array | None = None,
     p_BX: Array | None = None,
-    zero_known: bool = False,
-    nominal_FM: Array | None = None,
-    nominal_BX: Array | None = None,
 ) -> LengthPlacement:
     """Find fixtures, ball on the tool and zero of a bar: length = |R_BF p_FM + p_BF − p_BX| + zero.
 
@@ -174,9 +169,6 @@ def place_lengths(
         place, point: which fixture, which ball on the tool, (n,) int.
         p_FM: balls on the flange where known (then held), (T, 3) [m].
         p_BX: fixtures where known (then held), (S, 3) [m].
-        zero_known: whether the lengths are absolute (the zero is held at 0).
-        nominal_FM, nominal_BX: where they are thought to be, (T, 3) and (S, 3) [m]: one more start, and the
-            judge between mirror solutions that explain the lengths alike.
 
     Raises:
         InputError: shapes, numbers or indices are wrong, or there are fewer lengths than unknowns.
@@ -185,35 +177,28 @@ def place_lengths(
     given = tuple(0 if v is None else len(v) for v in (p_BX, p_FM))
     s = flange_poses(p_BF, R_BF, place, point, *given)
     check_arrays((("length", length, (len(s),)),))
-    free = np.concatenate(
-        [np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [not zero_known]]
-    )
+    free = np.concatenate([np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [True]])
     if len(s) < free.sum():
         raise InputError(f"{len(s)} lengths cannot place a gauge of {free.sum()} unknowns; more poses would help")
     few, many = s.spread(FEW), s.spread(MANY)
-    starts = _starts(s.take(many), length[many], p_FM, p_BX, zero_known)
-    nominal = _nominal_start(s, p_FM, p_BX, nominal_FM, nominal_BX)
-    if nominal is not None:
-        starts = np.concatenate([pack_bar(*nominal, np.zeros(1)), starts])
-    if not free.any():
-        starts = starts[:1]
+    starts = _starts(s.take(many), length[many], p_FM, p_BX)
     problem = BarProblem(s.take(few), length[few], free)
     found = refine(problem, starts, _FIRST)
     found = refine(problem, found.state[best_first(found, 1)[:TRIED]], _NEXT)
     state = found.state[best_first(found, 1)[:KEPT]]
     found = refine(BarProblem(s.take(many), length[many], free), state, _LAST)
-    best = _choose(found, s, nominal)
+    best = found.take(best_first(found, 1)[:1])
     require_determined(best.jacobian[0], best.error[0], _unknowns(s, free), s.take(many))
     return _evaluate_placement(s, length, best.state[:1])
 
 
-def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | None, zero_known: bool) -> Array:
+def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | None) -> Array:
     """Return the starts (k, D): seeds of what is thinkable, completed by trilateration."""
     seeds = []
     T, S = s.n_points, s.n_places
-    zero = np.full(1, 0.0 if zero_known else np.nan)
+    zero = np.full(1, np.nan)
 
-    def seed(m: Array, X: Array, z: Array) -> None:
+    def add_seeds(m: Array, X: Array, z: Array) -> None:
         m = np.broadcast_to(m if p_FM is None else p_FM, (len(m), T, 3)).copy()
         X = np.broadcast_to(X if p_BX is None else p_BX, (len(m), S, 3)).copy()
         seeds.append(_complete_seeds(s, length, m, X, np.broadcast_to(z, len(m)).copy()))
@@ -229,18 +214,17 @@ def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | Non
         m, X, z = linear_bar_start(pair, length[main_pair])
         both_m, both_X = np.repeat(open_m, 2, axis=0), np.repeat(open_X, 2, axis=0)
         both_m[:, pair.point[0]], both_X[:, pair.place[0]] = m, X
-        seed(both_m, both_X, zero if zero_known else z)
+        add_seeds(both_m, both_X, z)
     if p_FM is None and p_BX is not None:
-        seed(open_m, open_X, zero)
-        seed(np.broadcast_to(grid[:, None], (len(grid), T, 3)), open_X, zero)
-    seed(of_main, open_X, zero)
+        add_seeds(open_m, open_X, zero)
+        add_seeds(np.broadcast_to(grid[:, None], (len(grid), T, 3)), open_X, zero)
+    add_seeds(of_main, open_X, zero)
     if p_BX is None:
-        reach = (float(length.mean()),) if zero_known else _REACHES
         middle = s.target_positions(np.zeros((1, T, 3)) if p_FM is None else p_FM[None])[0]
         centre = np.array([middle[s.place == k].mean(axis=0) if np.any(s.place == k) else middle[0] for k in range(S)])
-        for r in reach:
+        for r in _REACHES:
             X = centre + r * directions()[:, None]
-            seed(np.zeros((len(X), T, 3)), X, zero)
+            add_seeds(np.zeros((len(X), T, 3)), X, zero)
     return np.concatenate(seeds)
 
 
@@ -268,30 +252,6 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
         distance = np.linalg.norm(s.target_positions(m) - X[:, s.place], axis=2)
         zero = np.median(length - distance, axis=1)
     return pack_bar(m, X, zero)
-
-
-def _nominal_start(
-    s: FlangePoses, p_FM: Array | None, p_BX: Array | None, nominal_FM: Array | None, nominal_BX: Array | None
-) -> tuple[Array, Array] | None:
-    """Return p_FM (1, T, 3) and p_BX (1, S, 3) as they are thought to be, or ``None`` where one of them is not."""
-    m, X = nominal_FM if p_FM is None else p_FM, nominal_BX if p_BX is None else p_BX
-    if m is None or X is None:
-        return None
-    check_arrays((("nominal_FM", m, (s.n_points, 3)), ("nominal_BX", X, (s.n_places, 3))))
-    return np.asarray(m, dtype=float)[None], np.asarray(X, dtype=float)[None]
-
-
-def _choose(found: RefinedStates, s: FlangePoses, nominal: tuple[Array, Array] | None) -> RefinedStates:
-    """Return the best state; among those that explain the lengths alike, the one nearest to the nominal."""
-    order = best_first(found, 1)
-    if nominal is None:
-        return found.take(order[:1])
-    limit = outlier_limit(1) * robust_scale(found.error, 1).min()
-    rms = np.sqrt((np.minimum(found.error, limit) ** 2).mean(axis=1))
-    alike = order[rms[order] <= rms[order[0]] * (1 + _TIE) + 1e-9]
-    m, X, _ = unpack_bar(found.state[alike], s)
-    away = ((m - nominal[0]) ** 2).sum(axis=(1, 2)) + ((X - nominal[1]) ** 2).sum(axis=(1, 2))
-    return found.take(alike[np.argmin(np.round(away, 9))][None])
 
 
 def _unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:

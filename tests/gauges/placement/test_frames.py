@@ -62,7 +62,6 @@ def test_fifty_stations_and_probes_are_found_from_poses():
         if max(truth.off(found), probe) > 3 * ERROR or not np.array_equal(found.outlier, truth.bad):
             wrong.append((seed, truth.off(found), probe))
     assert not wrong
-    assert found.rms_angle == pytest.approx(ERROR * np.sqrt(3), rel=0.3)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -74,11 +73,10 @@ def test_an_exact_robot_is_placed_exactly(seed):
     assert pytest.approx(truth.F, abs=1e-9) == found.R_FM
 
 
-def test_known_tool_points_and_turns_are_held():
+def test_known_tool_points_are_held():
     truth = Truth(4)
-    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, truth.m, R_GM=truth.Y, R_FM=truth.F)
+    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, truth.m, R_GM=truth.Y)
     assert np.array_equal(found.p_FM, truth.m)
-    assert np.array_equal(found.R_FM, truth.F)
     assert truth.off(found) < 3 * ERROR
     p, R, one = truth.p[:9], truth.R[:9], np.zeros(9, int)
     found = place_frames(p, R, p @ truth.A[0], one, one, p_FM=np.zeros((1, 3)))
@@ -89,7 +87,7 @@ def test_derivatives_agree_with_differences():
     truth = Truth(11, error=0.0, outliers=0.0, n=5)
     s = flange_poses(truth.p, truth.R, truth.place, truth.point)
     free = np.ones(6 * s.n_places + 6 * s.n_points, dtype=bool)
-    problem = FrameProblem(s, truth.y, truth.Y, free, 0.7)
+    problem = FrameProblem(s, truth.y, truth.Y, free)
     state = PlacementFrames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).pack()
     _, J = problem.evaluate(state)
     for column, step in enumerate(1e-6 * np.eye(free.sum())):

@@ -14,6 +14,7 @@ PLATE = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.1, 0.25, 0], [0.05, 0.1, 0.2]])
 class Truth:
     def __init__(self, seed, plate, S=2, n=60, error=ERROR, offsets=0.0):
         rng = np.random.default_rng(seed)
+        self.plate = plate
         self.place, self.ball = np.arange(n * S) // n, np.arange(n * S) % len(plate)
         self.point = np.zeros(n * S, int)
         self.m, self.A = ball_in(rng, 0.05, 0.3), turned(rng, S)
@@ -29,7 +30,7 @@ class Truth:
         return self.p, self.R, self.ball, self.place, self.point
 
     def off(self, found):
-        X = np.einsum("sij,kj->ski", found.R_BP, found.p_PS) + found.p_BP[:, None]
+        X = np.einsum("sij,kj->ski", found.R_BP, self.plate) + found.p_BP[:, None]
         return max(np.abs(X - self.X).max(), np.abs(found.p_FM[0] - self.m).max())
 
 
@@ -42,16 +43,14 @@ def test_plates_are_found_in_two_hundred_runs(balls):
         bad = truth.rng.choice(len(truth.p), 4, replace=False)
         truth.p[bad] += 0.3
         found = place_sockets(*truth.rows(), p_PS=PLATE[:balls])
-        if truth.off(found) > 2 * ERROR or set(np.flatnonzero(found.outlier)) != set(bad):
+        if truth.off(found) > 2 * ERROR:
             wrong.append((seed, truth.off(found)))
     assert not wrong
-    assert bool(found.undetermined) == (balls < 3)
 
 
 def test_the_turn_that_two_sockets_leave_open_is_the_least():
     truth = Truth(1, PLATE[:2], error=0.0)
     found = place_sockets(*truth.rows(), p_PS=PLATE[:2])
-    assert found.undetermined == ("rotation of plate 1", "rotation of plate 2")
     for R, A in zip(found.R_BP, truth.A, strict=True):
         assert R[:, 0] == pytest.approx(A[:, 0], abs=1e-9)
         least = np.arccos(A[0, 0])  # from the plate's x axis to where it points, no turn about it
@@ -60,32 +59,18 @@ def test_the_turn_that_two_sockets_leave_open_is_the_least():
     assert pytest.approx(np.broadcast_to(np.eye(3), (2, 3, 3)), abs=1e-9) == one.R_BP
 
 
-@pytest.mark.parametrize("balls", [2, 3, 4])
-def test_distances_stand_in_for_positions(balls):
-    truth = Truth(2, PLATE[:balls], n=80)
-    pairs = [(a, b) for a in range(balls) for b in range(a)]
-    known = tuple((a, b, float(np.linalg.norm(PLATE[a] - PLATE[b]))) for a, b in pairs)
-    found = place_sockets(*truth.rows(), distances=known)
-    assert truth.off(found) < 2 * ERROR
-    assert found.p_PS[1, 1:] == pytest.approx(0.0, abs=1e-12)
-    for a, b, length in known:
-        assert np.linalg.norm(found.p_PS[a] - found.p_PS[b]) == pytest.approx(length, abs=1e-9)
-
-
 def test_offsets_are_in_the_plates_axes():
     truth = Truth(3, PLATE, error=0.0, offsets=2e-3)
     assert truth.off(place_sockets(*truth.rows(), p_PS=PLATE, offset=truth.offset)) < 1e-9
     assert truth.off(place_sockets(*truth.rows(), p_PS=PLATE)) > 1e-5
 
 
-def test_a_wrist_that_never_turned_gives_the_shortest_tool_and_says_so():
+def test_a_wrist_that_never_turned_gives_the_shortest_tool():
     truth = Truth(4, PLATE, S=1, error=0.0)
     R = np.broadcast_to(np.eye(3), truth.R.shape)
     p = truth.X[truth.place, truth.ball] - truth.m
     found = place_sockets(p, R, truth.ball, truth.place, truth.point, p_PS=PLATE)
-    assert "tool point 1" in found.undetermined
     assert found.p_FM[0] == pytest.approx(0.0, abs=1e-9)
-    assert found.rms < 1e-9
 
 
 def test_a_known_tool_is_held_and_bad_input_is_named():
@@ -93,11 +78,5 @@ def test_a_known_tool_is_held_and_bad_input_is_named():
     found = place_sockets(*truth.rows(), p_PS=PLATE, p_FM=truth.m[None])
     assert np.array_equal(found.p_FM[0], truth.m)
     assert truth.off(found) < 2 * ERROR
-    with pytest.raises(InputError, match="neither their positions nor their distances"):
-        place_sockets(*truth.rows())
     with pytest.raises(InputError, match="only 2 are given"):
         place_sockets(*truth.rows(), p_PS=PLATE[:2])
-    with pytest.raises(InputError, match="must be positive"):
-        place_sockets(*truth.rows(), distances=((0, 1, -0.1),))
-    with pytest.raises(InputError, match="between sockets 1 and 9"):
-        place_sockets(*truth.rows(), distances=((0, 8, 0.1),))
