@@ -8,7 +8,6 @@ __all__ = [
     "cross_validation",
     "estimates",
     "expected_error",
-    "expected_error_table",
     "identifiable_parameters",
     "least_squares",
     "pipeline",

@@ -21,7 +21,7 @@ from planner.identification.covariance import (
     workspace_error,
     workspace_warning,
 )
-from planner.identification.cross_validation import Split, finer_split, number_poses, predict_held_out
+from planner.identification.cross_validation import Split, finer_split, new_frames, number_poses, predict_held_out
 from planner.identification.estimates import estimate_parameters
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit
@@ -29,7 +29,6 @@ from planner.identification.release import describe_release, release_robot, tool
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.stages import FitContext, FittedStage
-from planner.identification.validation import new_frames
 from planner.model.identification_document import (
     Estimate,
     Finding,

@@ -32,6 +32,18 @@ from planner.kinematics.robot import Robot
 from planner.model.tool_error import tool_rows, tool_setup
 from planner.runs.run import Samples
 
+
+def expected_error_csv(released: ReleasedRobot) -> str:
+    """Return the table: joint angles, where the measured tool point is, and its expected error of three robots."""
+    tool = released.tool
+    head = [f"q{j + 1}_deg" for j in range(tool.q.shape[1])]
+    head += ["x_mm", "y_mm", "z_mm", "nominal_mm", "geometry_mm", "released_mm"]
+    errors = [released.expected_errors(fit) for fit in (None, released.geometry, released.fit)]
+    rows = np.column_stack([to_deg(tool.q), to_mm(tool.position), to_mm(np.stack(errors, axis=1))])
+    text = "\n".join(",".join(f"{v + 0.0:.4f}" for v in row) for row in rows.round(4))
+    return ",".join(head) + "\n" + text + "\n"
+
+
 NAME = "expected_error.json"  # beside robot.toml
 ALIGNING_STATES = 300  # at which the base is aligned
 LEFT_OUT = 0.03  # part of the mean square error that the directions lack

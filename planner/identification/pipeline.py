@@ -9,7 +9,7 @@ from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import TRACEABLE_READINGS, approach_warnings, assess_fit, too_few_text
 from planner.identification.calibration import Calibration, TracingResult
-from planner.identification.cross_validation import split_run
+from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
@@ -21,7 +21,6 @@ from planner.identification.stages import (
     add_declared_stages,
     add_stage_if_gain,
 )
-from planner.identification.validation import validate_fit
 from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run

@@ -4,23 +4,173 @@ Forward steps, each with backward pruning; when no step is left, effects are swa
 likelier under; and at the very end corrections without a name are tried.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from planner.effects.effect import Effect, Role
 from planner.effects.excitation import Excitation
-from planner.effects.nonparametric import nonparametric_effects
+from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import Steppable, steppables
 from planner.identification.stages import FitContext
-from planner.tracing.change_points import rank_changes, relocate_steps
+from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import rank_candidates
-from planner.tracing.score_test import ScoreTest
+from planner.tracing.rivals import without_effect
+from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.search_context import Progress, SearchContext
-from planner.tracing.search_steps import SWAP_EVIDENCE, add_series, best_step, swap_effects
-from planner.tracing.significance import LOG_SIGNIFICANCE
-from planner.tracing.state import FittedEffect, SearchState
-from planner.tracing.transmission_error import all_gear_curves
+from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
+from planner.tracing.state import FittedEffect, SearchState, number_repeat
+from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
+
+SIMILAR_GAIN = 0.9  # share of the best gain above which another candidate is refitted beside it
+PARALLEL_REFITS = 4  # candidates that are refitted side by side
+THREADS = 2  # refits at a time: they are taken in order, so their number does not show
+SWAP_EVIDENCE = 4.0  # fall of minus twice the log evidence for which an effect is swapped
+# the same for the compliance of a joint: every arm has it, so that it is the likelier cause beforehand
+COMPLIANCE_EVIDENCE = 20.0
+Trial = tuple[FittedEffect, ...]
+
+
+def best_step(
+    context: SearchContext, state: SearchState, test: ScoreTest, likely: list[EffectScore]
+) -> SearchState | None:
+    """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
+    doubtful = list[SearchState]()
+    while likely:
+        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][:PARALLEL_REFITS]
+        likely = [c for c in likely if all(c is not n for n in near)]
+        trials = _refit_candidates(context, state, test, near)
+        kept = []
+        for trial in trials:
+            reason = rejection_reason(state, trial, context.bench, context.tried)
+            if reason is None:
+                kept.append(trial)
+            else:
+                context.rejected.why[trial.effects[-1].name] = reason
+        if kept:
+            return context.likeliest(kept, at=kept[0])
+        context.rejected.add_shares(near, test.scatter)
+        doubtful += trials
+    return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
+
+
+def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best: EffectScore) -> SearchState | None:
+    """Refit with all steps of the thing that stepped again and again; ``None`` unless that is worth more than ``best``.
+
+    Only steps that are significant beside each other stay.
+    """
+    series = [s for s in step_series(test, context.things) if _series_name(s) not in context.barred]
+    if not series or series_merit(test, series[0]) <= series_merit(test, [best]):
+        return None
+    context.say(f"trying {series[0][0].effect.name}, {len(series[0])} times")
+    effects = state.effects
+    for step in series[0]:
+        effects = (*effects, FittedEffect(number_repeat(step.effect, effects)))
+    trial = context.try_refit(state, effects)
+    if trial is None:
+        context.barred.add(_series_name(series[0]))
+        return None
+    kept = context.prune(trial)
+    fall, error = held_out_gain(state, kept, context.bench)
+    fits = fall > max(error, LEAST_GAIN) and context.evidence_fall(state, kept) > 0
+    if fits and len(kept.names - state.names) > 1:
+        return kept
+    context.barred.add(_series_name(series[0]))
+    return None
+
+
+def _series_name(series: tuple[EffectScore, ...]) -> str:
+    return f"{series[0].effect.name}, several times"
+
+
+def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWAP_EVIDENCE) -> SearchState | None:
+    """Put another effect in the place of each one where the run is likelier so; ``None`` if it nowhere is.
+
+    ``ahead`` is by how much its merit must be above the effect's own to be tried.
+    """
+    swapped = None
+    for found in state.effects:
+        if found.has(Role.GEAR_CURVE):
+            continue  # it took the place of the waves that would now be tried for it
+        bare = without_effect(context.score_test(state), state, found)
+        rest = tuple(f for f in state.effects if f.name != found.name)
+        own = rank_candidates(bare, bare.lay_out([(found.effect, found.value)]), rest)
+        best = rank_candidates(bare, context.dictionary, rest)[:2]
+        other = next((c for c in best if c.effect.name != found.name), None)
+        if other is None or (own and other.merit < own[0].merit + ahead):
+            continue
+        context.say(f"trying {other.effect.name} for {found.name}")
+        trial = context.try_refit(state, _with_candidate(bare, other, rest))
+        if trial is None:
+            continue
+        least = COMPLIANCE_EVIDENCE if found.has(Role.COMPLIANCE) else SWAP_EVIDENCE
+        if context.evidence_fall(state, trial) > least and context.is_significant(trial, trial.effects[-1]):
+            state = swapped = trial
+    return swapped
+
+
+def _with_candidate(test: ScoreTest, candidate: EffectScore, effects: Trial) -> Trial:
+    """Return effects and a further one, its nonlinear value refined."""
+    value = None if candidate.value is None else test.refine_value(candidate.effect, candidate.value)
+    return (*effects, FittedEffect(number_repeat(candidate.effect, effects), value))
+
+
+def _refit_candidates(
+    context: SearchContext, state: SearchState, test: ScoreTest, near: list[EffectScore]
+) -> list[SearchState]:
+    """Refit with each of some candidates, and with the whole curve of each joint that is to have one more wave.
+
+    A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
+    """
+    with ThreadPoolExecutor(THREADS) as pool:
+        waves = pool.map(lambda c: context.try_refit(state, _with_candidate(test, c, state.effects)), near)
+        curves = pool.map(
+            lambda joint: context.try_refit(state, _with_curve(state, test, *joint)), _joints(context, state, near)
+        )
+        return [s for s in (*waves, *curves) if s is not None]
+
+
+def _joints(context: SearchContext, state: SearchState, near: list[EffectScore]) -> Iterator[tuple[int, Trial]]:
+    """Joints that are to have one more wave, with the effects that would stay beside their whole curve."""
+    seen = set[int]()
+    for c in near:
+        kept, joint = effects_beside_curve(state.effects, c.effect), c.effect.place.joint
+        if kept is None or joint is None or joint in seen or f"{GEAR_CURVE}, {c.effect.place}" in context.barred:
+            continue
+        seen.add(joint)
+        yield joint, kept
+
+
+def _with_curve(state: SearchState, test: ScoreTest, joint: int, kept: Trial) -> Trial:
+    """Return the effects that are kept and the whole curve of a joint."""
+    for found in state.effects:
+        test = test if found in kept else without_effect(test, state, found)
+    return (*kept, FittedEffect(likeliest_curve(test, joint)))
+
+
+def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) -> SearchState | None:
+    """Add an effect together with a second of its kind at its place, where one alone leaves too much to be sure of it.
+
+    An arm that warms up in two ways leaves, less one of them, a residual so slow that neither would be believed.
+    """
+    first = trial.effects[-1]
+    if not first.has(Role.REPEATABLE) or len(trial.effects) == len(state.effects):
+        return None
+    fall, error = held_out_gain(state, trial, context.bench)
+    if fall <= error:
+        return None
+    test = context.score_test(trial)
+    same = (c for c in rank_candidates(test, context.dictionary, trial.effects) if c.effect.name == first.effect.family)
+    second = next((c for c in same if c.log_p < LOG_SIGNIFICANCE), None)
+    if second is None:
+        return None
+    context.say(f"trying {first.name} in two ways")
+    both = context.try_refit(trial, _with_candidate(test, second, trial.effects))
+    if both is None or rejection_reason(trial, both, context.bench, context.tried):
+        return None
+    return both if context.is_significant(both, both.effects[-2]) else None
+
 
 MOST_TRIES = 6  # of the most surprising candidates that are refitted before the search gives up
 MOST_EFFECTS = 25

@@ -20,8 +20,7 @@ from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
-from planner.identification.expected_error import expected_error_text
-from planner.identification.expected_error_table import expected_error_csv
+from planner.identification.expected_error import expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv

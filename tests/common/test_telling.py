@@ -8,7 +8,7 @@ from pydantic import Field
 from planner.cell.file import CellFile
 from planner.common.errors import MOST_SIGNS, InputError, printable
 from planner.common.schema import StrictModel, validate
-from planner.runs.column_map import ColumnMap
+from planner.runs.traces import ColumnMap
 
 CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}
 MAP = {"schema": "edbb-map/1", "columns": {"t_s": 1}}

@@ -10,9 +10,9 @@ from scipy.special import betaln
 from scipy.stats import multivariate_normal
 
 import planner.identification.posterior_draws as draws
-import planner.identification.posterior_mixture as mixture_room
+import planner.identification.posterior_fit as mixture_room
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
-from planner.identification.posterior_mixture import SizeMixture
+from planner.identification.posterior_fit import SizeMixture
 
 LEVELS = SizePrior(np.array([0.0, 0.5, 1.5]), np.array([0.6, 0.3, 0.1]))
 

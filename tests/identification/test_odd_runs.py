@@ -12,10 +12,10 @@ from planner.effects.catalogue import catalogue
 from planner.effects.nonparametric import gear_curve
 from planner.effects.parameters import Parameter, transform_move
 from planner.identification.angle_hints import angle_hint
+from planner.identification.cross_validation import validate_fit
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, directions_by_row, number_samples, setup_for_run
-from planner.identification.validation import validate_fit
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.joint_motion import looks_continuous
 from planner.runs.run import Samples

@@ -15,8 +15,7 @@ from planner.cell.reading import load_cell
 from planner.gauges.frame_gauge import ToolPosition
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.identification.expected_error import NAME as NAME_OF_FILE
-from planner.identification.expected_error import ExpectedError, expected_error_text
-from planner.identification.expected_error_table import expected_error_csv
+from planner.identification.expected_error import ExpectedError, expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs

@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from planner.kinematics.chain import Chain
-from planner.kinematics.joint_origins import exported_models
 from planner.kinematics.robot_reader import load_robot
+from planner.kinematics.robot_writer import exported_models
 
 
 def _changed(name: str, seed: int = 0, size: float = 2e-3) -> tuple:

@@ -7,10 +7,9 @@ from scipy.interpolate import CubicSpline
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.runs.clock_alignment import align_clocks
 from planner.runs.joint_motion import joint_speeds
 from planner.runs.loader import load_runs
-from planner.runs.synchronisation import edge_offset, rising_edges
+from planner.runs.synchronisation import align_clocks, edge_offset, rising_edges
 from tests.runs.made import sine_path, write
 
 OFFSET = 812.3456  # [s] what the gauge's clock is behind

@@ -10,8 +10,7 @@ import pytest
 
 import planner.studies.sweep as sweep_module
 from planner.common.errors import InputError, MissingProgramError
-from planner.studies.sweep import SweepFile, sweep
-from planner.studies.sweep_trials import SweepTask, run_task
+from planner.studies.sweep import SweepFile, SweepTask, run_task, sweep
 from tests.command import edbb
 
 SWEEP = 'schema = "edbb-sweep/1"\ncells = ["ur10/edbb"]\nposes = [30, 60]\ncandidates = 200\ntrials = 40\n'

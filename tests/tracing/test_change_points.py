@@ -10,10 +10,9 @@ from planner.effects.steps import steppables
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, step_series
-from planner.tracing.change_text import slip_of_the_pen
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.state import FittedEffect
-from planner.tracing.trace import trace
+from planner.tracing.trace import slip_of_the_pen, trace
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import Noise, draw_errors
 

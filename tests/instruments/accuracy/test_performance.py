@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.instruments.accuracy.performance import pose_performance
+from planner.instruments.accuracy.validation import pose_performance
 from planner.runs.run import Readings, Run, Samples
 from planner.service.certificate import RMS_OF_REPEATABILITY
 

@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-import planner.instruments.centring.kukavarproxy as kukavarproxy
-from planner.instruments.centring.kukavarproxy import VarProxy
+import planner.instruments.centring.robot_link as kukavarproxy
+from planner.instruments.centring.robot_link import VarProxy
 from planner.instruments.centring.stop import LinkError
 from tests.instruments.centring.test_session import angles, rows_of
 
