@@ -135,7 +135,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
     proof = 0 if len(nodes) > MANY and not place.measuring.bar else None
     forbidden: dict[tuple[int, int], str] = {}
     for _ in range(TRIES):
-        tour = solve_tour(cost, start=0, end=0, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
+        tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
         order = [*(int(k) for k in tour.order), 0]
         order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
         path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
@@ -173,7 +173,7 @@ def _repeat_tour(
     again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(repeats, len(inner))).astype(int))]
     nodes = [0, *again]
     inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
-    tour = solve_tour(cost[np.ix_(nodes, nodes)], start=0, end=0, forbidden=inside, method=tsp, seed=seed)
+    tour = solve_tour(cost[np.ix_(nodes, nodes)], forbidden=inside, method=tsp, seed=seed)
     return [*(nodes[k] for k in tour.order[1:]), 0]
 
 

@@ -53,16 +53,15 @@ def fast_tsp(cost: Array) -> str:
     return f"{closed_cost(cost, import_module('fast_tsp').find_tour(whole.tolist(), 1.0)):.4f}"
 
 
-def row(kind: str, n: int, seed: int, ends: str) -> tuple[Tour, str]:
+def row(kind: str, n: int, seed: int) -> tuple[Tour, str]:
     """Solve one instance and return its line of the table."""
     cost = leg_costs(kind, n, seed)
-    start, end = {"closed": (0, 0), "open": (0, n - 1), "free end": (0, None), "free": (None, None)}[ends]
     wall, cpu = time.perf_counter(), time.process_time()
-    tour = solve_tour(cost, start=start, end=end, method="exact")
+    tour = solve_tour(cost, method="exact")
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    rivals = f"{nearest_next(cost):9.4f} {fast_tsp(cost):>9}" if ends == "closed" else f"{'-':>9} {'-':>9}"
+    rivals = f"{nearest_next(cost):9.4f} {fast_tsp(cost):>9}"
     verdict = "proven" if tour.optimal else f"gap {100 * tour.gap:.3f} %"
-    line = f"{kind:10} {ends:9} {n:4d} {seed:4d} {wall:7.2f} {cpu:7.2f}  {verdict:12} {tour.unsorted_s:9.3f} "
+    line = f"{kind:10} {n:4d} {seed:4d} {wall:7.2f} {cpu:7.2f}  {verdict:12} {tour.unsorted_s:9.3f} "
     return tour, line + f"{tour.cost_s:9.4f} {tour.lower_bound_s:9.4f} {rivals}"
 
 
@@ -72,18 +71,13 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="35 to 100 poses only")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--sizes", type=int, nargs="*")
-    parser.add_argument("--ends", nargs="*", default=["closed"], help="closed, open, 'free end', free")
     options = parser.parse_args()
     sizes = options.sizes or ([35, 80, 100] if options.quick else [35, 80, 100, 200, 500])
-    print(
-        "poses      ends         n seed  wall_s   cpu_s  verdict      "
-        "unsorted_s    cost_s   bound_s nearest_s fast-tsp_s"
-    )
+    print("poses         n seed  wall_s   cpu_s  verdict      unsorted_s    cost_s   bound_s nearest_s fast-tsp_s")
     for n in sizes:
         for kind in KINDS:
-            for ends in options.ends:
-                for seed in range(options.seeds if n < 500 else 1):
-                    print(row(kind, n, seed, ends)[1], flush=True)
+            for seed in range(options.seeds if n < 500 else 1):
+                print(row(kind, n, seed)[1], flush=True)
 
 
 if __name__ == "__main__":

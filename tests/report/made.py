@@ -63,7 +63,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
 
 def made_drive(cell: Cell, mounting: Mounting, nodes: np.ndarray, poses: int) -> Drive:
     """Drive the nodes, the mount pose first, straight in the order of the tour; the last node comes twice."""
-    tour = solve_tour(tour_costs(cell, mounting, nodes), start=0, end=0)
+    tour = solve_tour(tour_costs(cell, mounting, nodes))
     order = np.array([*tour.order, tour.order[1], 0])
     q = nodes[order]
     length = bar_state(cell.map_position(q), cell.fixtures[mounting.fixture].p_BX).length

@@ -69,7 +69,9 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
         ConcordeError: it crashed, hung or wrote what is not an optimal tour.
 
     """
-    matrix, timeout = _matrix(instance, upper + 1), min(TIMEOUT_S, seconds_left(TOUR))
+    # a forbidden leg costs more than a tour that is known
+    matrix = np.where(instance.forbidden, upper + 1, instance.cost)
+    timeout = min(TIMEOUT_S, seconds_left(TOUR))
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
         command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]
@@ -88,26 +90,9 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
     length = int(matrix[tour, np.roll(tour, -1)].sum())
     if abs(float(announced[1]) - length) > 0.5:
         raise ConcordeError(f"Concorde announced {announced[1]} for a tour that costs {length}")
-    cycle = [node for node in tour if node < len(instance.cost)]
-    if instance.length(cycle) > upper or not instance.holds_required(cycle):
+    if instance.length(tour) > upper:
         raise ConcordeError("Concorde's tour is worse than one already known")
-    return cycle
-
-
-def _matrix(instance: TourInstance, far: int) -> IntArray:
-    """Return what Concorde gets: a cost ``far`` above any tour instead of bonus and penalty, ends through a dummy."""
-    cost = np.where(instance.forbidden, far, instance.cost)
-    if instance.required is None:
-        return cost
-    if len(cost) > instance.n:
-        ends: tuple[int, ...] = (instance.required[0],)
-    else:
-        ends = instance.required
-        cost = np.pad(cost, (0, 1))
-    cost[-1] = cost[:, -1] = far
-    cost[-1, ends] = cost[ends, -1] = 0
-    cost[-1, -1] = 0
-    return cost
+    return tour
 
 
 def _tsplib(matrix: IntArray) -> str:

@@ -64,8 +64,6 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | Non
     if bound >= length or limit == 0:
         return Outcome(tour, min(bound, length), 0)
     useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
-    if instance.required is not None:
-        useful[tuple(sorted(instance.required))] = True
     return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
 
 
@@ -73,7 +71,7 @@ class _Program:
     """Degree equations and subtour inequalities of HiGHS over legs (k, 2), the smaller node first."""
 
     def __init__(self, instance: TourInstance, scale: float, **options: object) -> None:
-        self.instance, self.size = instance, len(instance.cost)
+        self.size = len(instance.cost)
         self.cost = (instance.cost + instance.penalty * instance.forbidden) / scale
         self.legs: IntArray = np.zeros((0, 2), dtype=np.int64)
         self.sets: BoolArray = np.zeros((0, self.size), dtype=np.bool_)
@@ -96,11 +94,8 @@ class _Program:
         ends = np.zeros((len(legs), self.size))
         ends[np.arange(len(legs)), tail] = ends[np.arange(len(legs)), head] = 1.0
         rows = csr_array(np.hstack([ends, (self.sets[:, tail] != self.sets[:, head]).T]))
-        required = np.zeros((self.size, self.size))
-        if self.instance.required is not None:
-            required[tuple(sorted(self.instance.required))] = 1.0
         parts = rows.indptr[:-1].astype(np.int32), rows.indices.astype(np.int32), rows.data.astype(float)
-        bounds = required[tail, head], np.ones(len(legs))
+        bounds = np.zeros(len(legs)), np.ones(len(legs))
         self.solver.addCols(len(legs), self.cost[tail, head], *bounds, rows.nnz, *parts)
         self.legs = np.concatenate([self.legs, legs])
         return True
@@ -171,9 +166,7 @@ class Relaxation(_Program):
 
     def bound(self, reduced: IntArray) -> int:
         """Return the lower bound over all tours [1/_GRID unit]."""
-        value = 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
-        required = self.instance.required
-        return value if required is None else value + max(int(reduced[required]), 0)
+        return 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
 
     def tight_sets(self) -> BoolArray:
         """Return the node sets (k, m) whose inequalities hold the bound up."""

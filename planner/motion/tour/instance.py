@@ -65,21 +65,16 @@ _LARGEST_TOUR = 10**9  # [units] so that a tour and a forbidden leg fit in Conco
 
 @dataclass(frozen=True)
 class TourInstance:
-    """A symmetric closed tour over m nodes, m = n or n + 1 with the dummy node last.
+    """A symmetric closed tour over n nodes.
 
     Attributes:
-        cost: (m, m) integer costs in units of ``unit_s``, rounded down, without bonus or penalty.
+        cost: (n, n) integer costs in units of ``unit_s``, rounded down, without penalty.
         unit_s: [s] what one unit stands for.
-        n: number of real nodes.
-        required: the leg that the closed tour must contain, if any.
-        forbidden: (m, m) bool, legs that no tour may use.
-
+        forbidden: (n, n) bool, legs that no tour may use.
     """
 
     cost: IntArray
     unit_s: float
-    n: int
-    required: tuple[int, int] | None
     forbidden: NDArray[np.bool_]
 
     @property
@@ -87,66 +82,23 @@ class TourInstance:
         """Cost added to a forbidden leg: more than any tour costs [units]."""
         return int(self.cost.max(axis=1).sum()) + 1
 
-    @property
-    def bonus(self) -> int:
-        """Cost taken off the required leg: more than any tour costs with all its penalties [units]."""
-        return (len(self.cost) + 1) * self.penalty
-
     def weigh_legs(self) -> IntArray:
-        """Return (m, m) costs with penalties on forbidden legs and the bonus on the required one."""
-        cost = self.cost + self.penalty * self.forbidden
-        if self.required is not None:
-            a, b = self.required
-            cost[a, b] = cost[b, a] = -self.bonus
-        return cost
+        """Return (n, n) costs with penalties on forbidden legs."""
+        return np.asarray(self.cost + self.penalty * self.forbidden)
 
     def length(self, cycle: list[int]) -> int:
-        """Return the closed tour's cost with penalties, the required leg at its own cost [units]."""
+        """Return the closed tour's cost with penalties [units]."""
         legs = (np.array(cycle), np.roll(cycle, -1))
         return int(self.cost[legs].sum()) + self.penalty * int(self.forbidden[legs].sum())
 
-    def holds_required(self, cycle: list[int]) -> bool:
-        """Say whether the closed tour contains the required leg."""
-        if self.required is None:
-            return True
-        a, b = (cycle.index(node) for node in self.required)
-        return (a - b) % len(cycle) in (1, len(cycle) - 1)
 
-    def order(self, cycle: list[int]) -> list[int]:
-        """Cut the closed tour open at the dummy or the required leg, in either direction."""
-        if len(self.cost) > self.n:
-            place = cycle.index(self.n)
-            return cycle[place + 1 :] + cycle[:place]
-        if self.required is None:
-            return cycle
-        place = cycle.index(self.required[0])
-        nodes = cycle[place:] + cycle[:place]
-        return [nodes[0], *nodes[:0:-1]] if nodes[1] == self.required[1] else nodes
-
-
-def build_instance(
-    cost_s: Array, start: int | None, end: int | None, forbidden: Collection[tuple[int, int]]
-) -> TourInstance:
-    """Turn costs (n, n) [s] and the wishes about ends and legs into a closed problem in integers."""
-    n = len(cost_s)
-    anchor = end if start is None else start
-    joined = start is not None and end is not None
-    m = n if joined else n + 1
+def build_instance(cost_s: Array, forbidden: Collection[tuple[int, int]]) -> TourInstance:
+    """Turn costs (n, n) [s] and the legs that no tour may use into a problem in integers."""
     unit_s = _FINEST
     while cost_s.max(axis=1).sum() > _LARGEST_TOUR * unit_s:
         unit_s *= 10.0
-    cost = np.zeros((m, m), dtype=np.int64)
-    cost[:n, :n] = np.floor(cost_s / unit_s * (1.0 + 1e-12))  # a whole number of units is not rounded down
-    banned = np.zeros((m, m), dtype=np.bool_)
+    cost = np.floor(cost_s / unit_s * (1.0 + 1e-12)).astype(np.int64)  # a whole number of units is not rounded down
+    banned = np.zeros(cost.shape, dtype=np.bool_)
     for a, b in forbidden:
         banned[a, b] = banned[b, a] = True
-    required = None
-    if not joined and anchor is not None:
-        required = (anchor, n)
-    elif start is not None and end is not None and start != end:
-        required = (start, end)
-    if required is not None:
-        a, b = required
-        cost[a, b] = cost[b, a] = 0
-        banned[a, b] = banned[b, a] = False
-    return TourInstance(cost, unit_s, n, required, banned)
+    return TourInstance(cost, unit_s, banned)

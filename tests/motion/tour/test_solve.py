@@ -12,11 +12,10 @@ from planner.motion.tour.solve import solve_tour
 from tests.motion.tour.conftest import brute_force, driven, leg_costs
 
 UNPROVEN_AT_THE_ROOT = 11
-ENDS = [(None, None), (0, None), (None, 2), (1, 1), (3, 0)]
 
 
 def small_cases(count):
-    """Random and lattice poses (many ties), every kind of ends, with and without forbidden legs."""
+    """Random and lattice poses (many ties), with and without forbidden legs."""
     rng = np.random.default_rng(7)
     for trial in range(count):
         n = int(rng.integers(5, 8))
@@ -26,55 +25,51 @@ def small_cases(count):
 
 
 @pytest.mark.parametrize("few", [0, 12], ids=["branch and cut", "dynamic programming"])
-@pytest.mark.parametrize(("start", "end"), ENDS)
-def test_small_tours_are_those_of_brute_force(start, end, few, monkeypatch):
+def test_small_tours_are_those_of_brute_force(few, monkeypatch):
     monkeypatch.setattr(solve, "_FEW", few)
     solved = 0
     for cost, forbidden in small_cases(16):
-        best = brute_force(cost, start, end, forbidden)
+        best = brute_force(cost, forbidden)
         if not np.isfinite(best):
             with pytest.raises(NoSolutionError, match="forbidden legs"):
-                solve_tour(cost, start=start, end=end, forbidden=forbidden, method="exact")
+                solve_tour(cost, forbidden=forbidden, method="exact")
             continue
-        tour = solve_tour(cost, start=start, end=end, forbidden=forbidden, method="exact")
+        tour = solve_tour(cost, forbidden=forbidden, method="exact")
         solved += 1
         assert sorted(tour.order) == list(range(len(cost)))
-        assert tour.closed == (start is not None and start == end)
-        assert start in (None, tour.order[0])
-        assert tour.closed or end in (None, tour.order[-1])
+        assert tour.order[0] == 0
         assert tour.optimal
         assert tour.cost_s == pytest.approx(best, abs=1e-5)
-        assert tour.cost_s == pytest.approx(driven(cost, tour.order, tour.closed))
+        assert tour.cost_s == pytest.approx(driven(cost, tour.order))
         assert tour.lower_bound_s <= best * (1 + 1e-12)
-        legs = set(map(frozenset, zip(tour.order[:-1], tour.order[1:], strict=True)))
+        legs = set(map(frozenset, zip(tour.order, np.roll(tour.order, -1), strict=True)))
         assert not legs & {frozenset(leg) for leg in forbidden}
     assert solved >= 8
 
 
-@pytest.mark.parametrize(("start", "end"), ENDS)
-def test_both_exact_solvers_agree_at_twelve_poses(start, end, monkeypatch):
+def test_both_exact_solvers_agree_at_twelve_poses(monkeypatch):
     cost = leg_costs(12, seed=3)
-    exact = solve_tour(cost, start=start, end=end)
+    exact = solve_tour(cost)
     monkeypatch.setattr(solve, "_FEW", 0)
-    embedded = solve_tour(cost, start=start, end=end, method="exact")
+    embedded = solve_tour(cost, method="exact")
     assert (exact.solver, embedded.solver) == ("dynamic-programming", "embedded")
     assert embedded.cost_s == pytest.approx(exact.cost_s, abs=2e-5)
 
 
-@pytest.mark.parametrize(("start", "end", "clusters"), [(0, 0, 0), (0, 0, 6), (0, None, 6), (0, 99, 6)])
-def test_a_hundred_poses_are_proven(start, end, clusters):
+@pytest.mark.parametrize("clusters", [0, 6])
+def test_a_hundred_poses_are_proven(clusters):
     cost = leg_costs(100, seed=5, clusters=clusters)
-    tour = solve_tour(cost, start=start, end=end, method="exact")
+    tour = solve_tour(cost, method="exact")
     assert tour.optimal
     assert tour.solver == "embedded"
     assert 0.0 <= tour.cost_s - tour.lower_bound_s <= 1e-6 * 100
     assert tour.cost_s < tour.unsorted_s / 2
-    assert tour.cost_s == pytest.approx(driven(cost, tour.order, tour.closed))
+    assert tour.cost_s == pytest.approx(driven(cost, tour.order))
 
 
 def test_the_order_repeats_and_is_read_only():
     cost = leg_costs(60, seed=1, clusters=4)
-    one, two = (solve_tour(cost, start=0, end=0, method="exact") for _ in range(2))
+    one, two = (solve_tour(cost, method="exact") for _ in range(2))
     assert one.order.tolist() == two.order.tolist()
     assert one.order[0] == 0
     assert one.order[1] < one.order[-1]
@@ -86,9 +81,9 @@ def test_the_order_repeats_and_is_read_only():
 
 def test_forbidding_the_best_legs_costs_and_is_obeyed():
     cost = leg_costs(40, seed=2)
-    free = solve_tour(cost, start=0, end=0, method="exact")
+    free = solve_tour(cost, method="exact")
     banned = [(int(a), int(b)) for a, b in zip(free.order[3:9], free.order[4:10], strict=True)]
-    bound = solve_tour(cost, start=0, end=0, forbidden=banned, method="exact")
+    bound = solve_tour(cost, forbidden=banned, method="exact")
     legs = set(map(frozenset, zip(bound.order, np.roll(bound.order, -1), strict=True)))
     assert not legs & {frozenset(leg) for leg in banned}
     assert bound.optimal
@@ -98,15 +93,15 @@ def test_forbidding_the_best_legs_costs_and_is_obeyed():
 def test_a_pose_cut_off_from_all_others_is_no_solution():
     cost = leg_costs(20, seed=2)
     with pytest.raises(NoSolutionError, match="no order of the 20 poses exists that avoids the 18 forbidden legs"):
-        solve_tour(cost, start=0, end=0, forbidden=[(7, other) for other in range(20) if other not in (7, 3)])
+        solve_tour(cost, forbidden=[(7, other) for other in range(20) if other not in (7, 3)])
 
 
 def test_a_search_cut_short_reports_bound_and_gap(monkeypatch):
     monkeypatch.setattr("planner.motion.tour.exact._NODE_LIMIT", 0)
     cost = leg_costs(50, seed=UNPROVEN_AT_THE_ROOT)
-    tour = solve_tour(cost, start=0, end=0, method="exact")
+    tour = solve_tour(cost, method="exact")
     monkeypatch.undo()
-    best = solve_tour(cost, start=0, end=0, method="exact")
+    best = solve_tour(cost, method="exact")
     assert not tour.optimal
     assert 0.0 < tour.gap < 0.02
     assert tour.lower_bound_s <= best.cost_s <= tour.cost_s
@@ -114,19 +109,19 @@ def test_a_search_cut_short_reports_bound_and_gap(monkeypatch):
 
 
 def test_equal_poses_and_single_poses():
-    assert solve_tour(np.zeros((30, 30)), start=4, end=4).cost_s == 0.0
-    alone = solve_tour(np.zeros((1, 1)), start=0, end=0)
-    assert (alone.order.tolist(), alone.cost_s, alone.closed) == ([0], 0.0, True)
-    pair = solve_tour(np.array([[0.0, 2.0], [2.0, 0.0]]), start=1, end=1)
-    assert (pair.order.tolist(), pair.cost_s) == ([1, 0], 4.0)
+    assert solve_tour(np.zeros((30, 30))).cost_s == 0.0
+    alone = solve_tour(np.zeros((1, 1)))
+    assert (alone.order.tolist(), alone.cost_s) == ([0], 0.0)
+    pair = solve_tour(np.array([[0.0, 2.0], [2.0, 0.0]]))
+    assert (pair.order.tolist(), pair.cost_s) == ([0, 1], 4.0)
 
 
 def test_costs_of_any_size_are_solved():
     small = leg_costs(30, seed=4)
     for factor in (1e-3, 1e4):
-        tour = solve_tour(small * factor, start=0, end=0, method="exact")
+        tour = solve_tour(small * factor, method="exact")
         assert tour.optimal
-        assert tour.cost_s / factor == pytest.approx(solve_tour(small, start=0, end=0).cost_s, rel=1e-4)
+        assert tour.cost_s / factor == pytest.approx(solve_tour(small).cost_s, rel=1e-4)
 
 
 def test_slowest_axis_sets_the_pace():
@@ -149,7 +144,7 @@ def test_bad_costs_are_named(cost, words):
         solve_tour(np.array(cost))
 
 
-@pytest.mark.parametrize("wish", [{"start": 3}, {"end": -1}, {"forbidden": [(0, 9)]}, {"method": "quickly"}])
+@pytest.mark.parametrize("wish", [{"forbidden": [(0, 9)]}, {"forbidden": [(-1, 0)]}, {"method": "quickly"}])
 def test_wishes_that_make_no_sense_are_named(wish):
     with pytest.raises(InputError, match="found"):
         solve_tour(np.ones((3, 3)), **wish)
