@@ -7,6 +7,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 
 from planner.cli.app import main
+from tests.processors import with_threads
 
 
 def edbb(*words, threads=None, cwd=None, **env):
@@ -22,8 +23,8 @@ def edbb(*words, threads=None, cwd=None, **env):
         capture_output=True,
         text=True,
         cwd=cwd,
-        env={**os.environ, "OMP_NUM_THREADS": threads or "1", **env},
         check=False,
+        **(with_threads(threads) if threads else {"env": {**os.environ, "OMP_NUM_THREADS": "1", **env}}),
     )
 
 

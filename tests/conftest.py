@@ -1,6 +1,12 @@
 """Files whose fixtures are shared go to one worker, and the longest first: none is left alone with one at the end."""
 
+import os
+
 import pytest
+
+from tests.processors import keep_to_one
+
+keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
 
 TOGETHER = ("tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies")
 LONGEST = (

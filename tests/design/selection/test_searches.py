@@ -1,6 +1,5 @@
 """Searches against naive versions of themselves, brute force, and their own certificates."""
 
-import os
 import subprocess
 import sys
 from itertools import combinations
@@ -25,6 +24,7 @@ from planner.design.selection.pruning import prune_poses
 from planner.design.selection.refinement import refine_off_grid
 from planner.design.selection.search import Swap
 from tests.design.observability.dh_arm import NJ130
+from tests.processors import with_threads
 
 INDICES = list(INDEX_RULES)
 
@@ -231,10 +231,10 @@ def test_the_same_bytes_on_one_thread_and_on_two():
     seen = {
         subprocess.run(
             [sys.executable, "-c", _SCRIPT],
-            env=os.environ | {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
             capture_output=True,
             text=True,
             check=True,
+            **with_threads(threads),
         ).stdout
         for threads in "12"
     }

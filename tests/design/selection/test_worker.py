@@ -12,6 +12,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.common.second_process import Beside
 from planner.design.selection.index_curves import BackgroundCurve, compute_index_curve
+from tests.processors import keep_to_one, use_all
 
 SLOW = """
 import sys, time, numpy as np
@@ -21,6 +22,14 @@ curve = BackgroundCurve(rows, range(26, 300), "O2", 0)
 print(curve.beside.pid, flush=True)
 time.sleep(60)
 """
+
+
+@pytest.fixture(autouse=True)
+def _all_processors():
+    """On one processor there is no second process."""
+    use_all()
+    yield
+    keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))
 
 
 def test_it_finds_what_one_process_finds():

@@ -17,6 +17,7 @@ from planner.motion.path.constraints import Constraints
 from planner.motion.path.ompl_search import rrt_connect
 from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, join_to_earlier, leg_time
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
+from tests.processors import with_threads
 
 
 class Discs:
@@ -163,10 +164,8 @@ def test_joining_is_silent_and_the_same_on_any_number_of_threads(tmp_path: os.Pa
     answers = []
     for threads in "12":
         path = os.path.join(tmp_path, threads)
-        environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
-        run = subprocess.run(
-            [sys.executable, "-c", SCRIPT.format(path=path)], env=environment, capture_output=True, check=False
-        )
+        script = [sys.executable, "-c", SCRIPT.format(path=path)]
+        run = subprocess.run(script, capture_output=True, check=False, **with_threads(threads))
         assert (run.returncode, run.stdout, run.stderr) == (0, b"", b"")
         with open(path) as answer:
             answers.append(answer.read())

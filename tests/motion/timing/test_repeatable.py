@@ -1,5 +1,4 @@
 import ast
-import os
 import socket
 import subprocess
 import sys
@@ -14,6 +13,7 @@ import planner.motion.timing.phases as timing
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import plan_trajectory
 from tests.motion.timing.arm import nj130
+from tests.processors import with_threads
 
 ARM = nj130()
 
@@ -40,9 +40,8 @@ def test_same_bytes_with_one_thread_or_two_and_in_another_process():
     root = Path(__file__).parents[3]
     found = set()
     for threads in ("1", "2"):
-        environment = os.environ | {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
         run = [sys.executable, "-c", SCRIPT]
-        done = subprocess.run(run, cwd=root, env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(run, cwd=root, capture_output=True, text=True, check=True, **with_threads(threads))
         found.add(done.stdout)
     assert len(found) == 1
 
