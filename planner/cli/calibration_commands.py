@@ -166,11 +166,10 @@ def loaded_command(
 ) -> None:
     """Evaluate circles driven under load: joint compliances, and the circle as it would be without load."""
     from planner.common.units import DEG
-    from planner.instruments.loaded.evaluation import LoadedOptions
 
-    options = LoadedOptions(None if overshoot is None else overshoot * DEG)
+    skipped = None if overshoot is None else overshoot * DEG
     give(
-        lambda stages: circle_evaluation.evaluate_loaded(runs, cell, stages, plan, tracker, options, unloaded or ()),
+        lambda stages: circle_evaluation.evaluate_loaded(runs, cell, stages, plan, tracker, skipped, unloaded or ()),
         output,
         as_json,
     )

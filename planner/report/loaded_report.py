@@ -81,16 +81,11 @@ def compensated_chart(c: EvaluatedCircle) -> Drawing:
         Series("average", angle, c.averaged.mean(axis=0) / UM, BLUE),
         Series("offset of the centre", angle, sine(c.offset, curves.theta) / UM, RED, dashed=True),
     ]
-    free = ""
-    if c.paper_offset is not None:
-        lines.append(Series("with b free", angle, sine(c.paper_offset, curves.theta) / UM, GREY, dashed=True))
-        amplitude, b = (digits(v) for v in (c.paper_offset.amplitude * 1e3, c.paper_offset.frequency))
-        free = f" (b free as in the paper: {amplitude} mm, b = {b})"
     read = float(np.ptp(curves.length, axis=1).max())
     spread, read_spread, amplitude = (digits(v) for v in (c.spread / UM, read / UM, c.offset.amplitude * 1e3))
     caption = (
         f"The loads' curves lie up to {spread} µm apart (as read: {read_spread} µm). The circle's centre is off its "
-        f"ball, which shows once a turn with {amplitude} mm{free}."
+        f"ball, which shows once a turn with {amplitude} mm."
     )
     apart = shown - shown.mean(axis=0)
     panels = [

@@ -15,7 +15,6 @@ from planner.common.units import UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
-from planner.instruments.loaded.evaluation import LoadedOptions
 from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
 from planner.instruments.loaded.results import compliance_text, curves_csv, loaded_content
@@ -144,12 +143,13 @@ def evaluate_loaded(
     stages: Stages,
     plan: Path | None = None,
     tracker: Path | None = None,
-    options: LoadedOptions | None = None,
+    overshoot: float | None = None,
     unloaded: Sequence[Path] = (),
 ) -> LoadedTestEvaluation:
     """Evaluate one or more runs of loaded circles.
 
-    A tracker's run of the same circle, where one is given, is compared; runs of a bar without load are fitted together
+    ``overshoot`` is how much of either end of a pass is left out [rad], by default as the cell says. A tracker's run
+    of the same circle, where one is given, is compared; runs of a bar without load are fitted together
     with the loaded one.
 
     Raises:
@@ -164,7 +164,7 @@ def evaluate_loaded(
         if plan is not None:
             check_run_of_plan(run, plan, read_plan_header(plan), where.robot.name)
     with stages.stage("evaluation"):
-        found = evaluate(run, where, other, options)
+        found = evaluate(run, where, other, overshoot)
         if free is None:
             return LoadedTestEvaluation(found, stages=stages)
         return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)), stages)

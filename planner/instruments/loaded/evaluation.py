@@ -1,6 +1,6 @@
 """Evaluation of a loaded run as in the EDBB paper (sections 2.2, 4.2), and its comparison with a tracker."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from planner.instruments.loaded.checks import (
     problems_of,
     warnings_of,
 )
-from planner.instruments.loaded.circle import centring_offset, measured_points, paper_offset, sine
+from planner.instruments.loaded.circle import centring_offset, measured_points, sine
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
 from planner.instruments.loaded.equilibrium import raise_fixture
@@ -112,24 +112,13 @@ PAPER = 180.0 * DEG
 CENTRING_ROUNDS = 2  # rounds: the second with the fixture where the first found it
 
 
-@dataclass(frozen=True)
-class LoadedOptions:
-    """What the caller may choose.
-
-    Attributes:
-        overshoot: how much of either end of a pass is overshoot [rad]; ``None``: as the cell says.
-        paper: whether eq. 9 is fitted in the paper's form as well, with b free; only its reproduction needs that.
-    """
-
-    overshoot: float | None = None
-    paper: bool = False
-
-
 @on_one_thread
 def evaluate_loaded(
-    run: Run, cell: Cell, tracker: Run | None = None, options: LoadedOptions | None = None
+    run: Run, cell: Cell, tracker: Run | None = None, overshoot: float | None = None
 ) -> LoadedEvaluation:
     """Evaluate a run of loaded circles, one or more fixtures.
+
+    ``overshoot`` is how much of either end of a pass is left out [rad]; ``None``: as the cell says.
 
     Raises:
         InputError: run and cell do not belong together, the loads are too few, too large or of the wrong sign, or what
@@ -138,8 +127,7 @@ def evaluate_loaded(
     """
     check_cell(cell)
     setup = setup_for_run(cell, run)
-    options = options or LoadedOptions()
-    curves = average_curves(setup, run, _overshoot(cell, options.overshoot))
+    curves = average_curves(setup, run, _overshoot(cell, overshoot))
     check_measured_loads(cell, curves, run.name)
     for c in curves:
         check_reach(cell, setup, c, run.name)
@@ -149,7 +137,7 @@ def evaluate_loaded(
         told = fit_compliances(setup, curves)
         found = told.compliances
         circles = tuple(
-            _evaluate_circle(raise_fixture(setup, c, float(h)), c, found, options.paper)
+            _evaluate_circle(raise_fixture(setup, c, float(h)), c, found)
             for c, h in zip(curves, told.heights, strict=True)
         )
         setup = _recentre_fixtures(setup, circles)
@@ -177,16 +165,13 @@ def overshoot_of(cell: Cell) -> float:
     return min((c.overshoot for c in cell.circles), default=PAPER)
 
 
-def _evaluate_circle(
-    setup: MeasurementSetup, curves: AveragedCurves, found: JointCompliances, paper: bool
-) -> EvaluatedCircle:
+def _evaluate_circle(setup: MeasurementSetup, curves: AveragedCurves, found: JointCompliances) -> EvaluatedCircle:
     yielded = bar_deflection(setup, curves, found.value)
     compensated = curves.length - yielded
     apart = np.ptp(compensated, axis=1)
     averaged = compensated.mean(axis=1)
     averaged = averaged - averaged.mean(axis=1, keepdims=True)
-    both = averaged.mean(axis=0)
-    offset = centring_offset(curves.theta, both)
+    offset = centring_offset(curves.theta, averaged.mean(axis=0))
     return EvaluatedCircle(
         curves=curves,
         predicted=read_only(yielded[:, 1:] - yielded[:, :1]),
@@ -196,7 +181,6 @@ def _evaluate_circle(
         bent=_nonlinearity(curves),
         averaged=read_only(averaged),
         offset=offset,
-        paper_offset=paper_offset(curves.theta, both) if paper else None,
         centre_offset=read_only(_centre_offset(curves, offset.amplitude, offset.phase)),
         kinematic=read_only(averaged - sine(offset, curves.theta)),
     )

@@ -172,7 +172,6 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
         **in_units(2, spread_um=c.spread, spread_rms_um=c.spread_rms, spread_of_straight_lines_um=c.bent),
         **in_units(4, centre_offset_mm=c.centre_offset),
         "offset": _offset(c.offset),
-        **({} if c.paper_offset is None else {"offset_as_in_the_paper": _offset(c.paper_offset)}),
         "kinematic_error_um": {
             "rms": round(float(np.sqrt(np.mean(c.kinematic**2))) / UM, 2),
             "largest": round(float(np.abs(c.kinematic).max()) / UM, 2),
@@ -184,7 +183,7 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
 def _offset(o: CentringOffset) -> dict[str, object]:
     return {
         **in_units(5, amplitude_mm=o.amplitude),
-        "frequency": round(o.frequency, 5),
+        "frequency": 1.0,
         **in_units(4, phase_deg=o.phase),
         **in_units(2, rms_left_um=o.rms),
     }

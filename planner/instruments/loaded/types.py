@@ -136,17 +136,15 @@ class AveragedCurves:
 
 @dataclass(frozen=True)
 class CentringOffset:
-    """A sine fitted to the averaged curve (EDBB paper, eq. 9): a sin(b θ − φ).
+    """A sine fitted to the averaged curve (EDBB paper, eq. 9 with b = 1): a sin(θ − φ).
 
     Attributes:
         amplitude: a [m].
-        frequency: b; 1 where it was fixed.
         phase: φ [rad].
         rms: of what is left [m].
     """
 
     amplitude: float
-    frequency: float
     phase: float
     rms: float
 
@@ -179,7 +177,7 @@ class EvaluatedCircle:
         spread: largest distance of the loads' compensated curves at one angle [m]; ``spread_rms`` [m].
         bent: the same after a straight line over the load at each angle, what no linear compliance explains [m].
         averaged: mean over loads, per direction, its own mean taken off, (D, B) [m].
-        offset: eq. 9 with b = 1; ``paper_offset`` with b free, where the paper is reproduced.
+        offset: eq. 9 with b = 1.
         centre_offset: of the circle's centre from the fixture's axis along angle 0 and 90 degrees, (2,) [m].
         kinematic: what is left of ``averaged`` without the offset, (D, B) [m].
         tracker: the comparison, where a tracker's run was given.
@@ -193,7 +191,6 @@ class EvaluatedCircle:
     bent: float
     averaged: Array
     offset: CentringOffset
-    paper_offset: CentringOffset | None
     centre_offset: Array
     kinematic: Array
     tracker: TrackerComparison | None = None
