@@ -16,6 +16,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg.blas import dgemm
 
 from planner.common.units import Array
 
@@ -98,31 +99,36 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
-    def _whiten(self, draw: SizeDraw) -> tuple[Array, Array, float]:
-        """Return D, B and log |C| of C⁻¹ = D⁻¹ (1 − B Bᵀ) D⁻¹: deviations (m,) of the noise, and B (m, w).
-
-        A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
-        """
+    def _whiten(self, draw: SizeDraw) -> tuple[Array, Array]:
+        """Return deviations of the noise (m,), and [X S D⁻¹; 1] (m + w, w) of the columns X that act."""
         root = np.sqrt(self.variance(draw.noise_logs))
         acts = self.sizes(draw.factors) > 0
         wide = self.columns[:, acts] * self.sizes(draw.factors)[acts] / root[:, None]
-        basis, R = np.linalg.qr(np.vstack([wide, np.eye(wide.shape[1])]))
-        log_det = 2 * float(np.log(root).sum() + np.log(np.abs(np.diag(R))).sum())
-        return root, basis[: len(root)], log_det
+        return root, np.vstack([wide, np.eye(wide.shape[1])])
 
     def precision(self, draw: SizeDraw) -> "_Precision":
-        """Return what is known of the readings at one draw of the sizes."""
-        root, basis, _ = self._whiten(draw)
+        """Return what is known of the readings at one draw of the sizes: C⁻¹ = D⁻¹ (1 − B Bᵀ) D⁻¹, and B from a QR.
+
+        A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
+        """
+        root, tall = self._whiten(draw)
+        basis = np.linalg.qr(tall)[0][: len(root)]
         columns, y = self.sorted_columns / root[:, None], self.y / root
         inner = basis.T @ columns
-        return _Precision(columns.T @ columns - inner.T @ inner, columns.T @ y - inner.T @ (basis.T @ y), self.places)
+        gram = np.asfortranarray(columns.T @ columns - inner.T @ inner)
+        return _Precision(gram, columns.T @ y - inner.T @ (basis.T @ y), self.places)
 
     def deviance(self, draw: SizeDraw) -> float:
-        """Minus twice the log density of the readings and of the noise's size, without a constant."""
-        root, basis, log_det = self._whiten(draw)
-        y = self.y / root
+        """Minus twice the log density of the readings and of the noise's size, without a constant.
+
+        With the readings as the last column the triangle of the QR decomposition says all of it.
+        """
+        root, tall = self._whiten(draw)
+        y = np.append(self.y / root, np.zeros(tall.shape[1]))
+        diagonal = np.diag(np.linalg.qr(np.column_stack([tall, y]), mode="r"))
+        log_det = 2 * (np.log(root).sum() + np.log(np.abs(diagonal[:-1])).sum())
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
-        return float(log_det + y @ y - ((basis.T @ y) ** 2).sum() + prior)
+        return float(log_det + diagonal[-1] ** 2 + prior)
 
 
 @dataclass(frozen=True)
@@ -140,7 +146,7 @@ class _Block:
         return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Precision:
     """With C the covariance of the readings and X the columns of all families: XᵀC⁻¹X (q, q) and XᵀC⁻¹y (q,)."""
 
@@ -154,11 +160,12 @@ class _Precision:
         values, axes = np.linalg.eigh(self.gram[place, place])
         return _Block(place, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
 
-    def plus(self, block: _Block, variance: float) -> "_Precision":
-        """Return it with ``variance`` times the family's columns added to C (Woodbury)."""
+    def add(self, block: _Block, variance: float) -> None:
+        """Add ``variance`` times the family's columns to C (Woodbury)."""
         side = self.gram[:, block.place] @ block.axes
         turned = side * (variance / np.maximum(1 + variance * block.values, SURE))
-        return _Precision(self.gram - turned @ side.T, self.toward - turned @ block.toward, self.places)
+        self.gram = dgemm(-1.0, turned, side, 1.0, self.gram, trans_b=True, overwrite_c=True)  # without a copy
+        self.toward = self.toward - turned @ block.toward
 
 
 def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[SizeDraw, ...]:
@@ -207,7 +214,7 @@ class _Chain:
         logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
         chosen = float(prior.factors[_choose(logs, rng)])
         if chosen != own:
-            self.known = self.known.plus(block, chosen**2 - own**2)
+            self.known.add(block, chosen**2 - own**2)
             self.factors[family] = chosen
 
     def swap(self, rng: np.random.Generator) -> None:
@@ -216,16 +223,16 @@ class _Chain:
         if not len(acting):
             return
         leaving = int(rng.choice(acting))
-        without = self.known.plus(self.known.block(leaving), -(self.factors[leaving] ** 2))
+        self.known.add(self.known.block(leaving), -(self.factors[leaving] ** 2))
         self.factors[leaving] = 0.0
         idle = np.flatnonzero(self.optional & (self.factors == 0))
-        blocks = [without.block(int(f)) for f in idle]
+        blocks = [self.known.block(int(f)) for f in idle]
         sizes = [self.model.priors[f].factors[1:] for f in idle]
         odds = [logs[1:] - logs[0] for logs in self._prior_logs(idle)]
         gains = [b.gains(v**2) + o for b, v, o in zip(blocks, sizes, odds, strict=True)]
         k = _choose(np.array([np.logaddexp.reduce(g) for g in gains]), rng)
         self.factors[idle[k]] = sizes[k][_choose(gains[k], rng)]
-        self.known = without.plus(blocks[k], self.factors[idle[k]] ** 2)
+        self.known.add(blocks[k], self.factors[idle[k]] ** 2)
 
     def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
         """Log probabilities of the factors of families with all others as they are."""
