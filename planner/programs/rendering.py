@@ -5,10 +5,13 @@ import textwrap
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import accumulate
+from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, pass_context
 from jinja2.environment import TemplateModule
+from jinja2.runtime import Context
 
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text, dialect_root
@@ -162,15 +165,7 @@ def render_program(program: Program, dialect: Dialect, stem: str) -> tuple[Progr
 def _render_files(
     program: Program, dialect: Dialect, stem: str, steps: tuple[ProgramStep, ...]
 ) -> tuple[ProgramFile, ...]:
-    environment = Environment(
-        loader=FileSystemLoader([dialect.folder, dialect_root()]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=False,  # a robot program is no HTML
-    )
-    environment.filters |= {"fixed": format_fixed, "comment_text": lambda text: comment_text(text, dialect.comment)}
-    template = environment.get_template("program.j2")
+    template = _environment(dialect.folder, dialect_root()).get_template("program.j2")
     name = program_name(stem, dialect)
     context = {
         "d": dialect,
@@ -205,6 +200,24 @@ def _render_files(
     if dialect.files.data is not None:
         files.append((dialect.files.data.format(name=name), _lines(module, "data", parts)))
     return tuple(_finish(file_name, lines, dialect) for file_name, lines in files)
+
+
+@lru_cache  # compiling the templates takes longer than a short program; a file that was changed is read again
+def _environment(folder: Path, root: Path) -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader([folder, root]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,  # a robot program is no HTML
+    )
+    environment.filters |= {"fixed": format_fixed, "comment_text": _comment}
+    return environment
+
+
+@pass_context
+def _comment(context: Context, text: str) -> str:
+    return comment_text(text, context["d"].comment)
 
 
 def _remarks(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> list[str]:

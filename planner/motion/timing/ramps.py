@@ -40,28 +40,37 @@ def reachable_speed(v0: Array, length: Array, acceleration: Array, jerk: Array) 
 
 def travel_time(length: Array, v0: Array, v1: Array, fastest: Array, acceleration: Array, jerk: Array) -> Array:
     """Return the shortest time [s] over ``length`` from v0 to v1, never above ``fastest``; inf where impossible."""
-    top = np.maximum(v0, v1)
-    possible = (top <= fastest) & (ramp_length(v0, v1, acceleration, jerk) <= length)
-    fastest = np.maximum(fastest, top)
+    possible = (np.maximum(v0, v1) <= fastest) & (ramp_length(v0, v1, acceleration, jerk) <= length)
+    out = np.full(possible.shape, np.inf)
+    moves = np.broadcast_arrays(length, v0, v1, fastest, acceleration, jerk)
+    out[possible] = _possible_time(*(x[possible] for x in moves))
+    return out
 
-    def way(peak: Array) -> Array:
-        return ramp_length(v0, peak, acceleration, jerk) + ramp_length(peak, v1, acceleration, jerk)
 
-    def either(part: Array) -> Array:
-        return np.minimum(reachable_speed(v0, part, acceleration, jerk), reachable_speed(v1, part, acceleration, jerk))
-
+def _possible_time(length: Array, v0: Array, v1: Array, fastest: Array, acceleration: Array, jerk: Array) -> Array:
     # the peak is reached over half the length at least, and over no more than all of it
-    low = np.minimum(np.maximum(top, either(0.5 * length)), fastest)
-    high = np.minimum(np.maximum(top, either(length)), fastest)
-    reached = way(high) <= length  # the highest at once: then it cruises there, or is within rounding of the peak
+    peak = _peak_within(length, v0, v1, fastest, acceleration, jerk)
+    room = length - _two_ramps(v0, v1, peak, acceleration, jerk)
+    open_ = np.flatnonzero(room < 0.0)  # elsewhere the highest at once: it cruises there, or is within rounding of it
+    moves = [x[open_] for x in (length, v0, v1, fastest, acceleration, jerk)]
+    low, high = _peak_within(0.5 * moves[0], *moves[1:]), peak[open_]
     for _ in range(TIME_BISECTIONS):
         middle = 0.5 * (low + high)
-        short = way(middle) <= length
+        short = _two_ramps(moves[1], moves[2], middle, moves[4], moves[5]) <= moves[0]
         low, high = np.where(short, middle, low), np.where(short, high, middle)
-    peak = np.where(reached, high, low)
-    rest = np.maximum(length - way(peak), 0.0)
+    peak[open_], room[open_] = low, moves[0] - _two_ramps(moves[1], moves[2], low, moves[4], moves[5])
     moving = ramp_time(peak - v0, acceleration, jerk) + ramp_time(peak - v1, acceleration, jerk)
-    return np.where(possible, moving + rest / peak, np.inf)
+    return np.asarray(moving + np.maximum(room, 0.0) / peak)
+
+
+def _peak_within(part: Array, v0: Array, v1: Array, fastest: Array, acceleration: Array, jerk: Array) -> Array:
+    """Return the highest speed, ``fastest`` at most, that both ends reach over a ``part`` of the length."""
+    reached = [reachable_speed(v, part, acceleration, jerk) for v in (v0, v1)]
+    return np.minimum(np.maximum(np.maximum(v0, v1), np.minimum(*reached)), fastest)
+
+
+def _two_ramps(v0: Array, v1: Array, peak: Array, acceleration: Array, jerk: Array) -> Array:
+    return ramp_length(v0, peak, acceleration, jerk) + ramp_length(peak, v1, acceleration, jerk)
 
 
 PEAK_BISECTIONS = 100  # of the peak speed, to the last bit
