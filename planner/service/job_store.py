@@ -1,9 +1,11 @@
 """Jobs and their events: accepted once, owned by one server at a time, ended by the owner of the latest fence alone."""
 
 import json
+import os
 import sqlite3
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from pydantic import TypeAdapter
@@ -11,7 +13,37 @@ from pydantic.dataclasses import dataclass as model
 
 from planner import __version__
 from planner.service.database import Database
-from planner.service.owners import is_gone, own_name
+
+
+def own_name() -> str:
+    """Return the name of this process, which no other ever has."""
+    return f"{_boot()}:{os.getpid()}:{_start_time(os.getpid())}"
+
+
+def is_gone(owner: str) -> bool:
+    """Tell whether the process of this name certainly runs no more; of another machine only its lease can tell."""
+    boot, _, rest = owner.partition(":")
+    pid, _, started = rest.partition(":")
+    if boot != _boot() or not pid.isdigit():
+        return False
+    return _start_time(int(pid)) != started
+
+
+def _boot() -> str:
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return "unknown"
+
+
+def _start_time(pid: int) -> str:
+    """Return when a process began, in ticks since the machine did; empty where there is none, or a dead one."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return "" if words[0] in ("Z", "X") else words[19]
+
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 LEASE_S = 20.0

@@ -4,11 +4,163 @@ Run in the folder of a job, with the words of the job's command; a failure ends 
 """
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import BaseModel
+import numpy as np
+from pydantic import BaseModel, Field
 
+from planner import load_run
+from planner.cell.cell import Cell
 from planner.common.errors import InputError, PlannerError
+from planner.common.units import Array, to_deg, to_mm
+from planner.instruments.circular.document import is_circular, load_circular_plan
+from planner.report.cell_view import ViewFrames, ViewPose, carrier_poses, compose_cell_view
+from planner.runs.run import Run
+from planner.service.job_requests import ServiceModel
+from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene
+from planner.session.course import Course
+from planner.session.document import read_plan
+from planner.session.planned_session import load_session
+
+LAYERS = (("released_mm", "calibrated"), ("geometry_mm", "geometry alone"), ("nominal_mm", "before"))
+MOST_POINTS, MOST_QUANTILE = 20_000, 0.99
+
+
+def map_errors(cell: Cell, table: Path) -> SceneView:
+    """Return the view of a cell with the expected errors of ``expected_error.csv``.
+
+    Raises:
+        InputError: the table has no such columns.
+    """
+    values = np.genfromtxt(table, delimiter=",", names=True, max_rows=MOST_POINTS)
+    names = values.dtype.names or ()
+    missing = [n for n in ("x_mm", "y_mm", "z_mm", LAYERS[0][0]) if n not in names]
+    if missing:
+        raise InputError(f"{table.name}: the column '{missing[0]}' is missing")
+    points = np.stack([values["x_mm"], values["y_mm"], values["z_mm"]], axis=1)
+    layers = [
+        ViewLayer(name=title, values=pack_numbers(values[name]), rms=_rms(values[name]))
+        for name, title in LAYERS
+        if name in names
+    ]
+    most = float(np.quantile(values[LAYERS[0][0]], MOST_QUANTILE))
+    cloud = ViewCloud(what="error to be expected", unit="mm", points=pack_numbers(points), layers=layers, most=most)
+    view = check_view(cell).view
+    low, high = (f(np.vstack([points, view.low_mm, view.high_mm]), axis=0) for f in (np.min, np.max))
+    return view.model_copy(update={"cloud": cloud, "low_mm": tuple(low.tolist()), "high_mm": tuple(high.tolist())})
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+SERIES = 600  # samples shown
+
+
+class RunSeries(ServiceModel):
+    """One quantity of a run, thinned."""
+
+    name: str
+    unit: str
+    values: list[float | None]
+
+
+class RunCheck(ServiceModel):
+    """What a run holds."""
+
+    samples: int
+    sessions: int
+    kind: str
+    plan_id: str | None
+    robot: str | None
+    duration_s: float | None
+    at: list[float] = Field(description="time [s], or number of the sample where there is no clock")
+    series: list[RunSeries]
+    warnings: list[str]
+
+
+def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
+    """Return what is in measured runs of the robot of ``cell``."""
+    runs = [load_run(p, cell.robot.n_joints) for p in paths]
+    first, samples = runs[0], sum(len(r) for r in runs)
+    s = first.samples
+    shown = np.unique(np.linspace(0, len(first) - 1, min(SERIES, len(first))).astype(int))
+    at = s.t[shown] if s.t is not None else shown.astype(float)
+    return RunCheck(
+        samples=samples,
+        sessions=sum(1 if r.samples.session is None else len(np.unique(r.samples.session)) for r in runs),
+        kind="continuous" if first.continuous else "poses at rest",
+        plan_id=first.plan_id,
+        robot=first.robot,
+        duration_s=None if s.t is None else float(s.t.max() - s.t.min()),
+        at=[float(v) for v in at],
+        series=_series(first, shown),
+        warnings=[w for r in runs for w in r.warnings],
+    )
+
+
+def _series(run: Run, shown: Array) -> list[RunSeries]:
+    s, r = run.samples, run.readings
+    columns = [(f"axis {k + 1}", "deg", to_deg(s.q[:, k])) for k in range(s.q.shape[1])]
+    if r.length is not None:
+        columns.insert(0, ("length", "mm", to_mm(r.length)))
+    if r.position is not None:
+        columns = [(x, "mm", to_mm(r.position[:, k])) for k, x in enumerate("xyz")] + columns
+    if s.temperature is not None:
+        columns.append(("temperature", "°C", s.temperature))
+    return [
+        RunSeries(name=n, unit=u, values=[float(x) if np.isfinite(x) else None for x in v[shown]])
+        for n, u, v in columns
+    ]
+
+
+FRAMES, PATH_POINTS = 360, 1500
+
+
+def plan_view(path: Path) -> SceneView:
+    """Return the view of the plan at ``path``: the robot along its way, and all poses."""
+    session = load_circular_plan(path) if is_circular(path) else load_session(path, "shown")
+    cell, courses = session.cell, session.courses
+    count = max(2, FRAMES // len(courses))
+    parts = [_frames(cell, c, count) for c in courses]
+    frames = ViewFrames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
+    paths = tuple(_tool_path(cell, c) for c in courses)
+    ways = tuple(to_mm(cell.at(c.mounting).map_position(c.travel.trajectory.sample(0.1).q)) for c in courses)
+    return pack_scene(compose_cell_view(cell, frames, np.empty((0, 3)), paths, ways, _spots(cell, courses, path)))
+
+
+def _frames(cell: Cell, course: Course, count: int) -> ViewFrames:
+    trajectory = course.trajectory
+    t = np.linspace(0.0, trajectory.duration_s, count)
+    q = trajectory.at(t).q
+    where = f"{cell.place_name(course.mounting)}   " if len(cell.mountings) > 1 else ""
+    labels = tuple(
+        f"{where}{int(s) // 60}:{int(s) % 60:02d} min   axes {'  '.join(f'{a:.1f}' for a in to_deg(angles))} deg"
+        for s, angles in zip(t, q, strict=True)
+    )
+    return ViewFrames(carrier_poses(cell, course.mounting, q), labels)
+
+
+def _tool_path(cell: Cell, course: Course) -> Array:
+    q = course.trajectory.at(np.linspace(0.0, course.trajectory.duration_s, PATH_POINTS)).q
+    return np.asarray(to_mm(cell.at(course.mounting).map_position(q)))
+
+
+def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose, ...]:
+    if is_circular(path):
+        return ()
+    roles = {p.id: p.role for p in read_plan(path, "poses").poses}
+    spots = dict[int, ViewPose]()
+    for c in courses:
+        way = c.measuring
+        for q, visit in zip(way.q, way.visit, strict=True):
+            if visit >= 0 and int(visit) not in spots:
+                role = roles.get(int(visit), "mount")
+                position = to_mm(cell.at(c.mounting).map_position(q[None])[0])
+                spots[int(visit)] = ViewPose(position, role, f"pose {int(visit)}, {role}")
+    return tuple(spots.values())
+
 
 RESULT = Path("out/view.json")
 
@@ -23,7 +175,7 @@ def run_task(words: list[str]) -> BaseModel:
     if name == "cell-check":
         return _check_cell(rest[0])
     if name == "plan-view":
-        from planner.service.plan_views import plan_view
+        from planner.service.tasks import plan_view
 
         return plan_view(Path("plan/plan.json"))
     if name == "error-map":
@@ -45,14 +197,14 @@ def _check_cell(reference: str) -> BaseModel:
 
 def _map_errors(reference: str) -> BaseModel:
     from planner import load_cell
-    from planner.service.error_views import map_errors
+    from planner.service.tasks import map_errors
 
     return map_errors(load_cell(reference), Path("calibrated/expected_error.csv"))
 
 
 def _check_run(words: list[str]) -> BaseModel:
     from planner import load_cell
-    from planner.service.run_views import check_run
+    from planner.service.tasks import check_run
 
     cell = load_cell(words[words.index("--cell") + 1], planning=False)
     options = {k + j for k, w in enumerate(words) if w in ("--cell", "--plan") for j in (0, 1)}

@@ -12,10 +12,9 @@ from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.result_folder import draft_folder, move_all
-from planner.instruments.loaded.circle_candidates import with_circles
+from planner.instruments.loaded.circle_candidates import CirclePlaceChoice, study_circle_places, with_circles
 from planner.instruments.loaded.common_fit import CommonFit, UnloadedPoses, predict_common_fit
 from planner.instruments.loaded.place_results import describe_places, places_content, places_csv
-from planner.instruments.loaded.place_selection import CirclePlaceChoice, study_circle_places
 from planner.instruments.loaded.results import share_text
 from planner.workflow.writing import write_cell
 

@@ -8,9 +8,9 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.service.certificate import RMS_OF_REPEATABILITY
-from planner.service.finding_actions import GENERAL, find_action
 from planner.service.job_store import JobOutput
-from planner.service.session_steps import session_steps
+from planner.service.page_content import GENERAL, find_action
+from planner.service.pages import session_steps
 from planner.session.document import PlanDocument
 from tests.service.conftest import client_of, ended, upload
 from tests.service.test_crashes import CHEAP, Store

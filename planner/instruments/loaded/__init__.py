@@ -8,7 +8,6 @@ __all__ = [
     "evaluation",
     "joint_fit",
     "place_results",
-    "place_selection",
     "results",
     "types",
 ]

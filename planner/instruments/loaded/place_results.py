@@ -6,13 +6,13 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import significant, to_deg, to_mm
-from planner.instruments.loaded.circle_candidates import CirclePlace
-from planner.instruments.loaded.common_fit import CommonFit
-from planner.instruments.loaded.place_selection import (
+from planner.instruments.loaded.circle_candidates import (
+    CirclePlace,
     CirclePlaceChoice,
     PredictedCompliance,
     predict_compliance,
 )
+from planner.instruments.loaded.common_fit import CommonFit
 from planner.instruments.loaded.results import share_text
 
 GOOD = 0.15  # of the prior size: more places are said to be worth it until the worst joint is known so well

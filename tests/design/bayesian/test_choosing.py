@@ -14,6 +14,7 @@ from planner.design.bayesian_design import (
     OTHER_NUMBERS,
     PASSES,
     BayesianPosterior,
+    bound_tool_error,
     describe_bayesian_design,
     describe_numbers_of_poses,
     errors_after,
@@ -21,7 +22,6 @@ from planner.design.bayesian_design import (
     select_greedily,
 )
 from planner.design.candidates.pool import draw_candidates
-from planner.design.error_bound import bound_tool_error
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
 from planner.session.mount import with_mounts

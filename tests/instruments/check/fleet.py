@@ -10,7 +10,7 @@ from planner.identification.baseline import Baseline, BaselineFile
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.problem import FitProblem
 from planner.instruments.check.changes import possible_changes
-from planner.instruments.check.selection import choose_check_poses
+from planner.instruments.check.planning import choose_check_poses
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import World, world

@@ -11,9 +11,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.progress import Stages
 from planner.instruments.circular.planning import check_loads, load_notes, plan_circles
-from planner.instruments.loaded.checks import problems_of
 from planner.instruments.loaded.compliance import compliance_posterior
-from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.instruments.loaded.evaluation import evaluate_loaded, problems_of
 from planner.session.options import PlanOptions
 
 

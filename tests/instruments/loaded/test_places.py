@@ -13,17 +13,19 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
-from planner.instruments.loaded.circle_candidates import find_circle_places, find_own_place, with_circles
-from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
-from planner.instruments.loaded.compliance import fit_compliances
-from planner.instruments.loaded.curves import average_curves
-from planner.instruments.loaded.place_results import places_content, places_csv
-from planner.instruments.loaded.place_selection import (
+from planner.instruments.loaded.circle_candidates import (
+    find_circle_places,
+    find_own_place,
     predict_compliance,
     predict_information,
     promised_turn_noise,
     select_circle_places,
+    with_circles,
 )
+from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
+from planner.instruments.loaded.compliance import fit_compliances
+from planner.instruments.loaded.curves import average_curves
+from planner.instruments.loaded.place_results import places_content, places_csv
 from planner.runs.run import Samples
 from planner.workflow.loaded_places import CirclePlacesResult, study_places
 

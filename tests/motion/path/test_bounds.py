@@ -5,8 +5,7 @@ import pytest
 
 from planner.cell.workspace import Workspace
 from planner.common.units import Array
-from planner.motion.path.margins import PairBounds, WorkspaceBounds
-from planner.motion.path.travel import ToolKinematics
+from planner.motion.path.margins import PairBounds, ToolKinematics, WorkspaceBounds
 from tests.motion.path.poses import cell_and_world, valid_poses
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]

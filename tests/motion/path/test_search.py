@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from planner.common.units import Array
 from planner.motion.path.connection import cut_corners, pull_supports
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.ompl_search import rrt_connect
-from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, join_to_earlier, leg_time
+from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, join_to_earlier, leg_time, rrt_connect
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 from tests.processors import with_threads
 
@@ -176,7 +175,7 @@ def test_an_error_inside_a_callback_leaves_ompl_silent() -> None:
     code = (
         "import numpy as np\n"
         "from types import SimpleNamespace\n"
-        "from planner.motion.path.ompl_search import rrt_connect\n"
+        "from planner.motion.path.roadmap import rrt_connect\n"
         "def broken(q):\n    raise ZeroDivisionError\n"
         "stub = SimpleNamespace(cell=SimpleNamespace(robot=SimpleNamespace(speed=np.ones(2))), valid=broken)\n"
         "try:\n    rrt_connect(stub, np.zeros(2), np.ones(2), np.zeros(2), np.ones(2), 9, 1)\n"
