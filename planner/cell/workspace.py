@@ -103,10 +103,11 @@ class Workspace:
         A line painted on the bar is carried without twist from the fixture's axis to the bar's direction, another
         from the tool's axis to the bar; the angle between them is what a cable along the bar is twisted by.
         """
-        return wrap_angle(self._raw_spin(q) - self._zero_spin)
+        return wrap_angle(self._raw_spin(q) - self.zero_spin)
 
     @cached_property
-    def _zero_spin(self) -> float:
+    def zero_spin(self) -> float:
+        """Twist at the state where the bar is attached; which lines are painted on the bar then cancels."""
         mount = self.cell.mount(self.mounting)
         return float(self._raw_spin((self.cell.home if mount is None else mount)[None])[0])
 

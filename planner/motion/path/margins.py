@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge_types import PointTravel
 from planner.cell.workspace import Workspace, axis_reach, bar_twist, perpendicular, wrap_angle
 from planner.common.units import Array
@@ -14,7 +13,6 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
 from planner.motion.collision.pieces import SceneBody
 from planner.motion.collision.scene import Scene
-from planner.runs.run import FIRST_MOUNTING, Mounting
 
 
 @dataclass(frozen=True)
@@ -38,48 +36,6 @@ class ToolState:
     direction: Array
     axis: Array
     spin: Array
-
-
-@dataclass(frozen=True)
-class ToolKinematics:
-    """Forward pass of a cell with the gauge held in one way; agrees with :class:`planner.cell.workspace.Workspace`."""
-
-    cell: Cell
-    mounting: Mounting = FIRST_MOUNTING
-
-    @property
-    def _fixture(self) -> Fixture:
-        return self.cell.fixtures[self.mounting.fixture]
-
-    def at(self, q: Array) -> ToolState:
-        """Return tool and bar at controller angles q (n, N) [rad]."""
-        motion = self._chain.forward(self.cell.robot.theta(q))
-        J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
-        W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
-        bar = bar_state(motion.x.T, self._fixture.p_BX)
-        axis = np.einsum("ijn,j->ni", motion.R, self.cell.tool.axis_F)
-        mark = np.einsum("ijn,j->ni", motion.R, perpendicular(self.cell.tool.axis_F))
-        spin = wrap_angle(bar_twist(self._fixture.axis_B, bar.direction, axis, mark) - self._zero)
-        return ToolState(motion.x.T, J, W, bar.length, bar.direction, axis, spin)
-
-    @cached_property
-    def map_reach(self) -> Array:
-        """Largest distance of the MAP from each joint's axis over all states, (N,) [m]."""
-        return axis_reach(self._chain.transforms, self.cell.robot.n_joints)
-
-    @cached_property
-    def _chain(self) -> Chain:
-        return self.cell.chain
-
-    @cached_property
-    def _zero(self) -> float:
-        """Twist at the state where the bar is attached; which lines are painted on the bar then cancels."""
-        mount = self.cell.mount(self.mounting)
-        q = (self.cell.home if mount is None else mount)[None]
-        motion = self._chain.forward(self.cell.robot.theta(q))
-        direction = bar_state(motion.x.T, self._fixture.p_BX).direction
-        axis, mark = (motion.R[:, :, 0] @ v for v in (self.cell.tool.axis_F, perpendicular(self.cell.tool.axis_F)))
-        return float(bar_twist(self._fixture.axis_B, direction, axis[None], mark[None])[0])
 
 
 FAR = np.inf
@@ -128,23 +84,35 @@ def curvature(step: Array, reach: Array) -> Array:
 
 @dataclass(frozen=True)
 class WorkspaceBounds:
-    """Margins and their bounds for one workspace."""
+    """Forward pass of one workspace, with the margins' bounds."""
 
     workspace: Workspace
 
+    def at(self, q: Array) -> ToolState:
+        """Return tool and bar at controller angles q (n, N) [rad]."""
+        cell, fixture = self.workspace.cell, self.workspace.fixture
+        motion = self._chain.forward(cell.robot.theta(q))
+        J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
+        W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
+        bar = bar_state(motion.x.T, fixture.p_BX)
+        axis = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F)
+        mark = np.einsum("ijn,j->ni", motion.R, perpendicular(cell.tool.axis_F))
+        spin = wrap_angle(bar_twist(fixture.axis_B, bar.direction, axis, mark) - self.workspace.zero_spin)
+        return ToolState(motion.x.T, J, W, bar.length, bar.direction, axis, spin)
+
     @cached_property
-    def kinematics(self) -> ToolKinematics:
-        """The forward pass."""
-        return ToolKinematics(self.workspace.cell, self.workspace.mounting)
+    def map_reach(self) -> Array:
+        """Largest distance of the MAP from each joint's axis over all states, (N,) [m]."""
+        return axis_reach(self._chain.transforms, self.workspace.cell.robot.n_joints)
+
+    @cached_property
+    def _chain(self) -> Chain:
+        return self.workspace.cell.chain
 
     def travel(self, q: Array, spokes: Array) -> tuple[ToolState, Travel]:
         """Return tool, bar and their travel over neighbourhoods q (n, N), spokes (n, M, N) [rad, controller's]."""
-        pose = self.kinematics.at(q)
-        return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.kinematics.map_reach)
-
-    def margins(self, q: Array, pose: ToolState) -> Array:
-        """Return the margins at q (n, N) [rad], (n, columns) [rad or m]."""
-        return self.workspace.margins(q, pose)
+        pose = self.at(q)
+        return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.map_reach)
 
     def changes(self, spokes: Array, far: Travel) -> Array:
         """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""

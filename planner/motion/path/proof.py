@@ -120,12 +120,12 @@ class Prover:
     """Bisection with the bounds of a cell and the distances of one engine.
 
     Attributes:
-        workspace, pairs: the bounds.
+        bounds, pairs: of the workspace, and of the pairs of bodies.
         distances: the engine.
         clearance: smallest distance wanted [m].
     """
 
-    workspace: WorkspaceBounds
+    bounds: WorkspaceBounds
     pairs: PairBounds
     distances: Distances
     clearance: float
@@ -153,10 +153,10 @@ class Prover:
     ) -> tuple[Neighbourhoods, np.ndarray]:
         """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
-        pose, far = self.workspace.travel(q, spokes)
+        pose, far = self.bounds.travel(q, spokes)
         record.see_length(cells.motion, pose.length)
-        margins = self.workspace.margins(q, pose)
-        room = margins - self.workspace.changes(spokes, far)
+        margins = self.bounds.workspace.margins(q, pose)
+        room = margins - self.bounds.changes(spokes, far)
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
@@ -233,7 +233,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         if len(cells.motion) == 0:
             break
         q, spokes = cells.q, cells.spokes
-        pose, far = prover.workspace.travel(q, spokes)
+        pose, far = prover.bounds.travel(q, spokes)
         change = prover.pairs.changes(far)
         found = prover.distances.distances(q, asked, np.maximum(change, tolerance) + nearest)
         nearest = min(nearest, float(found.min(initial=np.inf)))
@@ -241,7 +241,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         asked &= found - change < nearest - tolerance
         shorter = pose.length - far.stretch < shortest - tolerance
         longer = pose.length + far.stretch > longest + tolerance
-        if not prover.workspace.workspace.cell.gauge.is_attached:  # nothing whose length matters
+        if not prover.bounds.workspace.cell.gauge.is_attached:  # nothing whose length matters
             shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
         rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
         cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))

@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.workspace import Workspace
 from planner.common.units import Array
-from planner.motion.path.margins import PairBounds, ToolKinematics, WorkspaceBounds
+from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from tests.motion.path.poses import cell_and_world, valid_poses
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
@@ -29,12 +29,12 @@ def test_kinematics_agrees_with_workspace_and_finite_differences(name: str) -> N
     cell, _ = cell_and_world(name)
     q = valid_poses(150, name)
     bounds = WorkspaceBounds(Workspace(cell))
-    pose = bounds.kinematics.at(q)
-    np.testing.assert_allclose(bounds.margins(q, pose), Workspace(cell).margins(q), atol=1e-12)
+    pose = bounds.at(q)
+    np.testing.assert_allclose(bounds.workspace.margins(q, pose), Workspace(cell).margins(q), atol=1e-12)
     np.testing.assert_allclose(
-        WorkspaceBounds(Workspace(cell, bar=False)).margins(q, pose), Workspace(cell, bar=False).margins(q), atol=1e-12
+        Workspace(cell, bar=False).margins(q, pose), Workspace(cell, bar=False).margins(q), atol=1e-12
     )
-    step, kinematics = 1e-6, ToolKinematics(cell)
+    step, kinematics = 1e-6, WorkspaceBounds(Workspace(cell))
     for j in range(cell.robot.n_joints):
         dq = step * np.eye(cell.robot.n_joints)[j]
         far, near = kinematics.at(q + dq), kinematics.at(q - dq)
@@ -74,9 +74,9 @@ def test_bounds_of_small_motions_are_tight() -> None:
     q, spokes, inside = neighbourhoods("comau-nj130/edbb", 0.002, 1)
     bounds = WorkspaceBounds(Workspace(cell))
     pose, far = bounds.travel(q, spokes)
-    moved = np.linalg.norm(bounds.kinematics.at(inside[0]).x - pose.x, axis=1)
+    moved = np.linalg.norm(bounds.at(inside[0]).x - pose.x, axis=1)
     assert np.median(moved / far.move) > 0.9
-    change = np.abs(bounds.kinematics.at(inside[0]).length - pose.length)
+    change = np.abs(bounds.at(inside[0]).length - pose.length)
     assert np.median(change / far.stretch) > 0.9
     loss = PairBounds(world.scene).changes(far)
     ratio = np.abs(world.distances(inside[0]) - world.distances(q)) / np.maximum(loss, 1e-6)
