@@ -101,11 +101,6 @@ def _unit_vector(path: Path, key: str, v: tuple[float, float, float]) -> Array:
     return read_only(np.array(v) / norm)
 
 
-SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
-NESTS = 3
-FLAT = 0.05  # share of their spread by which the nests must leave one line
-
-
 def read_balls(path: Path, file: CellFile) -> tuple[Ball, ...]:
     """Return the balls or sockets of a cell file.
 

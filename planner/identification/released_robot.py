@@ -100,14 +100,10 @@ class ReleasedRobot:
         rows = self.tool.rows.reshape(-1, len(self.tool.names))
         return np.asarray(rows[:, [self.tool.names.index(n) for n in names]])
 
-    def expected_errors(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
-        """Return the expected error at every state of a map [m], (n,), of a robot with the values of ``fit``.
-
-        ``None`` is the nominal robot, or the measured tool.
-        """
-        where = self.tool if tool is None else tool
-        off = self.offset(where.names, fit)
-        return np.sqrt(where.square(self.spread(where.names)) + where.square(off[:, None]))
+    def expected_errors(self, fit: Fit | None) -> Array:
+        """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
+        off = self.offset(self.tool.names, fit)
+        return np.sqrt(self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None]))
 
     def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
         """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
@@ -156,10 +152,6 @@ class ReleasedRobot:
         return np.array(
             [0.0 if n not in mean or (placed and n.startswith("map")) else own.get(n, 0.0) - mean[n] for n in names]
         )
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt((x**2).mean()))
 
 
 def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None]:

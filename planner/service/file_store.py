@@ -14,7 +14,6 @@ from planner.common.errors import InputError
 
 CHUNK = 1 << 20
 ID = re.compile(r"[0-9a-f]{64}")
-NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}")
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 

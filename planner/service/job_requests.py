@@ -55,7 +55,6 @@ class FileInFolder(ServiceModel):
     name: FilePath
 
 
-RunFiles = Annotated[list[FileReference], Field(min_length=1, max_length=20)]
 ExtraFiles = Annotated[
     list[FileReference], Field(max_length=50, description="files that an uploaded cell names: robot, URDF, meshes")
 ]

@@ -63,11 +63,6 @@ class Certificate:
         """For which sets it holds, in words."""
         return "any number of poses" if self.poses is None else f"exactly {self.poses} poses"
 
-    @property
-    def slack(self) -> float:
-        """Relative distance between the relaxation's optimum and the proven value."""
-        return abs(self.relaxed / self.value - 1.0)
-
     def among(self, kept: np.ndarray) -> "Certificate":
         """Return the certificate for the candidates ``kept`` (N,) bool, numbered anew: its bound holds for them too."""
         left = kept[self.support]

@@ -63,7 +63,6 @@ class ProvenPath:
         legs: one from each pose to the next.
         verdict: what coal says.
         second: what python-fcl says.
-        checked: how the path was checked.
     """
 
     q: Array
@@ -71,7 +70,6 @@ class ProvenPath:
     legs: tuple[PathLeg, ...]
     verdict: Verdict
     second: Verdict
-    checked: str = "continuous"
 
     @property
     def clear(self) -> bool:
@@ -97,11 +95,6 @@ class ProvenPath:
     def direct_legs(self) -> int:
         """Number of legs that are one straight joint motion."""
         return sum(leg.direct for leg in self.legs)
-
-    @property
-    def planned_legs(self) -> int:
-        """Number of legs with support poses."""
-        return len(self.legs) - self.direct_legs
 
 
 @dataclass(frozen=True)
