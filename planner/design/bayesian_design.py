@@ -282,6 +282,14 @@ def _forecast_errors(white: Array, weight: Array, start: Array) -> dict[int, flo
     return {n: _error_left(white[_exchange(white, weight, taken[:n])], weight) for n in numbers}
 
 
+def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, float]:
+    """Return the expected error [m] before any reading, and after ``poses`` of the samples, chosen greedily."""
+    unknown = undeclared_errors(cell, samples)
+    white, weight = unknown.white(samples), unknown.weight_per_prior
+    chosen = select_greedily(BayesianPosterior.prior(white * _start_factors(unknown), weight), poses, 0.0)
+    return _error_left(white[:0], weight), _error_left(white[chosen], weight)
+
+
 def _error_left(white: Array, weight: Array) -> float:
     """Return the expected error [m] after all readings of ``white`` (n, P)."""
     covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))

@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import tomli_w
 from pydantic import Field
 
@@ -68,6 +69,7 @@ class CheckedChange(PartialModel):
     change: str
     motion_mm: float
     std_mm: float
+    detectable_mm: float | None = None
     values: dict[str, float]
 
 
@@ -78,9 +80,20 @@ class CheckFile(PartialModel):
     outcome: str
     advice: str
     cause: str | None
+    rivals: tuple[str, ...] = ()
     p_value: float
     threshold: float
     changes: tuple[CheckedChange, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the robot may go on."""
+        return self.outcome != "changed"
+
+    @property
+    def decades(self) -> float:
+        """How far the readings are beyond chance: above zero something has changed."""
+        return float(np.log10(max(self.threshold, 1e-300) / max(self.p_value, 1e-300)))
 
 
 class AccuracyFigures(PartialModel):
@@ -121,6 +134,14 @@ class RecordEntry:
 
 
 @dataclass(frozen=True)
+class AxisDrift:
+    """The zero of one axis by every check, as motion of the tool if it alone had moved [mm]; nan: not known."""
+
+    name: str
+    motions_mm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class RobotRecord:
     """One robot and its entries, the oldest first."""
 
@@ -143,6 +164,38 @@ class RobotRecord:
         """Day of the next check."""
         days = [e.file.circumstances.date for e in self.entries if e.file.kind != "validation"]
         return max(days) + timedelta(days=self.file.check_days) if days else None
+
+    @property
+    def calibrated(self) -> date | None:
+        """Day of the calibration that still holds; ``None`` where none does, or a check since has found a change."""
+        days = None
+        for e in self.entries:
+            if e.file.kind == "calibration":
+                days = e.file.circumstances.date
+            elif isinstance(e.document, CheckFile) and e.document.outcome == "changed":
+                days = None
+            elif isinstance(e.document, CheckFile) and days is None:
+                days = self._last_calibration  # what was wrong has been put right: the robot is as it was
+        return days
+
+    @property
+    def _last_calibration(self) -> date | None:
+        return next((e.file.circumstances.date for e in self.entries[::-1] if e.file.kind == "calibration"), None)
+
+    @property
+    def checks(self) -> tuple[tuple[date, CheckFile], ...]:
+        """Every check with its day."""
+        return tuple((e.file.circumstances.date, e.document) for e in self.entries if isinstance(e.document, CheckFile))
+
+    @property
+    def drifts(self) -> tuple[AxisDrift, ...]:
+        """Return the zeros of all axes by all checks."""
+        lines: dict[str, list[float]] = {}
+        for k, (_, check) in enumerate(self.checks):
+            for c in (c for c in check.changes if c.change.startswith("zero of ")):
+                motion = float(np.copysign(c.motion_mm, sum(c.values.values())))
+                lines.setdefault(c.change, [float("nan")] * len(self.checks))[k] = motion
+        return tuple(AxisDrift(n.removeprefix("zero of "), tuple(v)) for n, v in sorted(lines.items()))
 
     def differences(self) -> Iterator[tuple[int, str]]:
         """Yield what differs between a calibration and the one before by more than chance: entry, and in words."""

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.instruments.record import CheckFile, RobotRecord
+from planner.instruments.record import RobotRecord
 from planner.report.chart import JOINTS, RED, Chart, Panel, ReferenceLine, Series
 from planner.report.page import Report, Row
 
@@ -13,30 +13,17 @@ MARKS: tuple[Literal["line", "points"], ...] = ("line", "points")
 
 def drift_chart(record: RobotRecord) -> Chart | None:
     """Draw each axis' zero by every check as motion of the tool, and how sure it is that anything has changed."""
-    checks = [(e.file.circumstances.date, e.document) for e in record.entries if isinstance(e.document, CheckFile)]
+    checks = record.checks
     if not checks:
         return None
     first = record.entries[0].file.circumstances.date
     days = np.array([float((when - first).days) for when, _ in checks])
-    lines: dict[str, list[float]] = {}
-    for k, (_, check) in enumerate(checks):
-        for c in check.changes:
-            if c.change.startswith("zero of "):
-                lines.setdefault(c.change, [np.nan] * len(checks))[k] = float(
-                    np.copysign(c.motion_mm, sum(c.values.values()))
-                )
     series = tuple(
-        Series(
-            name.removeprefix("zero of ") if mark == "line" else "",
-            days,
-            np.array(lines[name]),
-            JOINTS[k % len(JOINTS)],
-            mark,
-        )
-        for k, name in enumerate(sorted(lines))
+        Series(d.name if mark == "line" else "", days, np.array(d.motions_mm), JOINTS[k % len(JOINTS)], mark)
+        for k, d in enumerate(record.drifts)
         for mark in MARKS
     )
-    sure = np.array([np.log10(max(c.threshold, 1e-300) / max(c.p_value, 1e-300)) for _, c in checks])
+    sure = np.array([c.decades for _, c in checks])
     alarm = Series("", days, sure, RED, "points")
     panels = (
         Panel("", "days", "motion of the tool (mm)", series),

@@ -18,6 +18,7 @@ from planner.service.job_requests import (
     ExportRequest,
     FileInFolder,
     FileReference,
+    FixtureViewRequest,
     IdentificationRequest,
     JobRequest,
     MeasuredRequest,
@@ -54,6 +55,7 @@ class CommandBuilder:
             PlanRequest: self._plan,
             StudyRequest: self._study,
             CellCheckRequest: self._cell_check,
+            FixtureViewRequest: self._fixture_view,
             PlanViewRequest: self._plan_view,
             SimulationRequest: self._simulation,
             ExportRequest: self._export,
@@ -118,6 +120,10 @@ class CommandBuilder:
     def _cell_check(self, r: CellCheckRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
         return JobCommand(("cell-check", cell), tuple(inputs), task=True)
+
+    def _fixture_view(self, r: FixtureViewRequest) -> JobCommand:
+        cell, inputs = self._cell(r.cell, r.files)
+        return JobCommand(("fixture-view", cell, str(r.fixture), *map(str, r.position_mm)), tuple(inputs), task=True)
 
     def _plan_view(self, r: PlanViewRequest) -> JobCommand:
         return JobCommand(("plan-view",), tuple(self._results(r.plan, "plan", "plan")), task=True)

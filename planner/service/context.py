@@ -9,6 +9,7 @@ from planner.service.commands import CommandBuilder
 from planner.service.file_store import FileStore
 from planner.service.job_requests import JobRequest
 from planner.service.job_store import JobRecord, JobStore
+from planner.service.record_store import RecordStore
 from planner.service.settings import ServiceSettings
 from planner.service.supervisor import Supervisor
 from planner.service.uploads import UploadList
@@ -22,6 +23,7 @@ class ServiceContext:
     jobs: JobStore
     files: FileStore
     uploads: UploadList
+    records: RecordStore
     commands: CommandBuilder
     supervisor: Supervisor
 

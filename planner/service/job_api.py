@@ -20,6 +20,7 @@ from planner.service.job_requests import (
     CompensationRequest,
     ErrorMapRequest,
     ExportRequest,
+    FixtureViewRequest,
     IdentificationRequest,
     JobId,
     JobRequest,
@@ -39,6 +40,7 @@ ROUTES: dict[str, type[JobRequest]] = {
     "plans": PlanRequest,
     "plan-views": PlanViewRequest,
     "cell-checks": CellCheckRequest,
+    "fixture-views": FixtureViewRequest,
     "run-checks": RunCheckRequest,
     "simulations": SimulationRequest,
     "exports": ExportRequest,
@@ -52,7 +54,7 @@ ROUTES: dict[str, type[JobRequest]] = {
 }
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
-    "compensation", "error-map", "command", "check-plan", "check",
+    "compensation", "error-map", "command", "check-plan", "check", "fixture-view",
 ]  # fmt: skip
 RESULTS = {
     "plan": "plan.json",
@@ -61,6 +63,7 @@ RESULTS = {
     "check-plan": "plan.json",
     "check": "check.json",
     "cell-check": "view.json",
+    "fixture-view": "view.json",
     "plan-view": "view.json",
     "run-check": "view.json",
     "error-map": "view.json",

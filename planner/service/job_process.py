@@ -81,7 +81,7 @@ def _allow(libc: CDLL, ruleset: int, path: str, rights: int) -> None:
 SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
-NICE = 10  # what answers a person goes first
+NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
 ADDRESS_SPACE = 4  # times the memory: libraries reserve more than they use; the server watches what is used
 
 
@@ -131,7 +131,7 @@ def die_with(parent: int) -> None:
 
 def limit_resources(job: JobSpecification) -> None:
     """Set the limits that the system itself keeps."""
-    os.nice(NICE)
+    os.nice(TASK_NICE if job.command.task else NICE)
     seconds = int(job.time_s * (os.cpu_count() or 1)) + 1
     for what, most in (
         (resource.RLIMIT_AS, ADDRESS_SPACE * job.memory_bytes),

@@ -22,6 +22,7 @@ Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
 FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
 
 
+Coordinate = Annotated[float, Field(ge=-50_000, le=50_000)]
 FilePath = Annotated[
     str,
     Field(
@@ -118,6 +119,14 @@ class CellCheckRequest(CellRequest):
     """Check a cell, and make the view of it."""
 
     kind: ClassVar[str] = "cell-check"
+
+
+class FixtureViewRequest(CellRequest):
+    """See a cell with a fixture at another place: what is reached from there, and the error to be expected."""
+
+    kind: ClassVar[str] = "fixture-view"
+    fixture: Annotated[int, Field(ge=0, le=50, description="its number, from 0")] = 0
+    position_mm: tuple[Coordinate, Coordinate, Coordinate]
 
 
 class OfPlanRequest(JobRequest):
@@ -236,6 +245,7 @@ EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
     PlanRequest: {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]},
     StudyRequest: {"cell": "comau-nj130/edbb"},
     CellCheckRequest: {"cell": "comau-nj130/edbb"},
+    FixtureViewRequest: {"cell": "comau-nj130/edbb", "position_mm": [300, 1400, 700]},
     PlanViewRequest: {"plan": "0123456789abcdef01234567"},
     SimulationRequest: {"plan": "0123456789abcdef01234567", "seed": 1},
     ExportRequest: {"plan": "0123456789abcdef01234567", "dialect": "rapid"},

@@ -177,11 +177,15 @@ class JobStore:
     def take(self, most: int) -> JobRecord | None:
         """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
 
+        The short tasks of a page, at which a person looks, go before commands.
         A job whose server is gone, or has not renewed its lease, waits again.
         """
         with self._db.write() as db:
             now, running = time.time(), len(_release_lost(db))
-            row = db.execute("SELECT id FROM jobs WHERE state = 'queued' ORDER BY created, id LIMIT 1").fetchone()
+            row = db.execute(
+                "SELECT id FROM jobs WHERE state = 'queued'"
+                " ORDER BY json_extract(command, '$.task') DESC, created, id LIMIT 1"
+            ).fetchone()
             if row is None or running >= most:
                 return None
             db.execute(
@@ -273,6 +277,11 @@ class JobStore:
         """Return the files of a job that has ended."""
         rows = self._db.connection.execute("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", (id,))
         return [JobOutput(r["name"], r["sha256"], r["size"]) for r in rows]
+
+    def jobs_by_output(self) -> dict[str, str]:
+        """Return which job has written a JSON document, by the document's hash."""
+        rows = self._db.connection.execute("SELECT sha256, job FROM outputs WHERE name LIKE '%.json'")
+        return {r["sha256"]: r["job"] for r in rows}
 
     def events_after(self, number: int, jobs: list[str], most: int = 500) -> list[JobEvent]:
         """Return what happened to some jobs (to all, where none is named) after the event of this number."""

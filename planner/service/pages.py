@@ -15,6 +15,7 @@ from planner.cell.file import CellFile
 from planner.cell.reading import shipped_cells
 from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
+from planner.instruments.record import CheckFile
 from planner.service.answers import Job, OutputFile, describe_job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
@@ -23,6 +24,7 @@ from planner.service.job_api import find_job, find_output
 from planner.service.job_requests import JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries
 from planner.service.page_content import pictures, plan_facts, read_calibration, visible_files
+from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, list_records
 from planner.session.document import PlanDocument, PlanHeader
 
 
@@ -112,9 +114,17 @@ def render(template: str, status: int = 200, /, **content: object) -> HTMLRespon
 
 
 @PAGES.get("/")
-def show_start() -> HTMLResponse:
-    """Robots, and what was done lately."""
-    return render("start", robots=robot_entries())
+def show_start(context: Context) -> HTMLResponse:
+    """The robots of this plant with their states, those that ship with cells, and what was done lately."""
+    return render("start", robots=robot_entries(), records=_in_need_first(list_records(context)))
+
+
+@PAGES.get("/robots/{serial}")
+def show_robot(serial: Serial, context: Context) -> HTMLResponse:
+    """The record of a robot: how it stands, its drift, its history."""
+    record = describe_record(context, find_record(context, serial))
+    calibrations = [e.job for e in record.history if e.kind == "calibration"]
+    return render("robot", record=record, baseline=calibrations[-1] if calibrations else None)
 
 
 @PAGES.get("/jobs")
@@ -180,10 +190,12 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
             found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
         baseline = any(f.name == BASELINE for f in job.files)
         checks = _check_plans(context, id) if baseline else []
-        shown_too = {"baseline": baseline, "checks": checks}
+        shown_too = {"baseline": baseline, "checks": checks, "serials": _serials(context)}
         return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
+    if job.kind == "check":
+        return _show_check(context, job, files)
     report = any(f.name == "report.html" for f in files)
-    return render("job", job=job, files=files, pictures=shown, report=report)
+    return render("job", job=job, files=files, pictures=shown, report=report, serials=_serials(context))
 
 
 @PAGES.get("/compare")
@@ -227,6 +239,24 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
     rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in _plans(context)]
     return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
+
+
+def _show_check(context: ServiceContext, job: Job, files: list[OutputFile]) -> HTMLResponse:
+    """A check: passed or failed, and what to do."""
+    check, plan = None, find_job(context, job.request["check_plan"])
+    if job.state == "done":
+        document = context.files.path(find_output(context, job.id, "check.json").sha256)
+        check = CheckFile.model_validate(read_json(document))
+    baseline = json.loads(plan.request)["identification"]
+    return render("check", job=job, files=files, check=check, baseline=baseline, serials=_serials(context))
+
+
+def _serials(context: ServiceContext) -> list[str]:
+    return [r.file.serial for r in context.records.list_records()]
+
+
+def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
+    return sorted(records, key=lambda r: (r.state == "good", str(r.next_check), r.serial))
 
 
 def _plans(context: ServiceContext) -> list[Job]:

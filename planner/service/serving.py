@@ -22,6 +22,8 @@ from planner.service.job_store import JobStore
 from planner.service.list_api import LISTS
 from planner.service.pages import PAGES, STATIC
 from planner.service.problems import Problem, add_problem_handlers
+from planner.service.record_api import RECORDS
+from planner.service.record_store import RecordStore
 from planner.service.settings import ServiceSettings
 from planner.service.supervisor import Supervisor
 from planner.service.uploads import UploadList
@@ -60,7 +62,8 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     jobs = JobStore(database)
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits)
     uploads = UploadList(database)
-    return ServiceContext(settings, jobs, files, uploads, CommandBuilder(jobs, files, uploads), supervisor)
+    records, commands = RecordStore(settings.folder, jobs, files), CommandBuilder(jobs, files, uploads)
+    return ServiceContext(settings, jobs, files, uploads, records, commands, supervisor)
 
 
 BACKLOG = 1024  # connections that wait to be taken
@@ -87,7 +90,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
-    for router in (LISTS, FILES, JOBS, EVENTS, PAGES):
+    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, PAGES):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     return app

@@ -174,6 +174,8 @@ def run_task(words: list[str]) -> BaseModel:
     name, *rest = words
     if name == "cell-check":
         return _check_cell(rest[0])
+    if name == "fixture-view":
+        return _view_fixture(rest[0], int(rest[1]), rest[2:])
     if name == "plan-view":
         from planner.service.tasks import plan_view
 
@@ -193,6 +195,14 @@ def _check_cell(reference: str) -> BaseModel:
     cell = load_cell(reference)
     check_surroundings(cell)
     return check_view(cell)
+
+
+def _view_fixture(reference: str, which: int, position_mm: list[str]) -> BaseModel:
+    from planner import load_cell
+    from planner.service.fixture_views import view_fixture
+
+    x, y, z = map(float, position_mm)
+    return view_fixture(load_cell(reference), which, (x, y, z), RESULT.parent)
 
 
 def _map_errors(reference: str) -> BaseModel:

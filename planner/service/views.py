@@ -81,12 +81,20 @@ class CellFact(ServiceModel):
     value: str
 
 
+class FixtureSpot(ServiceModel):
+    """A fixture that may be moved."""
+
+    name: str
+    position_mm: tuple[float, float, float]
+
+
 class CellCheck(ServiceModel):
-    """A cell that can be planned for."""
+    """A cell that can be planned for; ``fixtures`` of a bar."""
 
     title: str
     facts: list[CellFact]
     view: SceneView
+    fixtures: list[FixtureSpot]
 
 
 def check_view(cell: Cell) -> CellCheck:
@@ -104,7 +112,13 @@ def check_view(cell: Cell) -> CellCheck:
         ("obstacles", str(len(cell.obstacles))),
         ("home", ", ".join(f"{v:.1f}" for v in to_deg(cell.home)) + " deg"),
     ]
-    return CellCheck(title=cell.name, facts=[CellFact(what=w, value=v) for w, v in facts], view=pack_scene(view))
+    movable = cell.gauge.is_attached and not cell.gauge.is_loaded and not cell.circles
+    return CellCheck(
+        title=cell.name,
+        facts=[CellFact(what=w, value=v) for w, v in facts],
+        view=pack_scene(view),
+        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_triple(to_mm(f.p_BX))) for f in cell.fixtures * movable],
+    )
 
 
 def pack_scene(view: CellView) -> SceneView:

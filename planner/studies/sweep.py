@@ -274,4 +274,4 @@ def compute(tasks: Sequence[SweepTask], scheduler: str | None) -> Iterator[tuple
             raise MissingProgramError(f"--scheduler {scheduler}: nobody answers ({err})") from err
         futures = {client.submit(run_task, t, key=f"edbb-{t.key}", retries=RETRIES): t for t in tasks}
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
-            yield futures[future], future.result()
+            yield futures.pop(future), future.result()  # forgotten there and here: a sweep may be long

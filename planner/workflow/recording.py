@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from planner.common.files import write_text
+from planner.common.files import document_text, write_text
 from planner.common.result import Result
 from planner.common.result_folder import draft_folder, move_all
+from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 
 
@@ -47,7 +48,7 @@ class RecordResult(Result):
         }
 
     def write(self, folder: Path | str) -> list[Path]:
-        """Write ``history.json``, ``history.csv`` and the report."""
+        """Write ``history.json``, ``history.csv``, ``opcua.json`` and the report."""
         from planner.report.record_report import HEAD, record_rows, report_record  # plotting takes long to load
 
         table = io.StringIO()
@@ -55,12 +56,13 @@ class RecordResult(Result):
         with draft_folder(Path(folder)) as draft:
             write_text(draft / "history.json", self.to_json())
             write_text(draft / "history.csv", table.getvalue())
+            write_text(draft / "opcua.json", document_text(map_to_opcua(self.record).model_dump(mode="json")))
             report_record(self.record).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        return "history.json, history.csv, report.html"
+        return "history.json, history.csv, opcua.json, report.html"
 
 
 def record(

@@ -1,5 +1,6 @@
 import { find, finished, get, make, post, say, upload } from "/static/common.js";
 import { watchJob } from "/static/progress.js";
+import { offerRecord } from "/static/record.js";
 import { showView } from "/static/view3d.js";
 
 const { job, state } = document.body.dataset;
@@ -25,6 +26,7 @@ async function showMap() {
   }
 }
 
+offerRecord(job);
 if (state === "done") {
   showMap();
   find("#correct-form").addEventListener("submit", async (event) => {

@@ -1,16 +1,19 @@
 import { find, finished, get, post, say, showFacts } from "/static/common.js";
+import { FixtureEditor } from "/static/editor.js";
 import { showView } from "/static/view3d.js";
 
 const { cell, files } = document.body.dataset;
 const request = { cell, files: files ? JSON.parse(files) : [] };
 const message = find("#message");
+let editor = null;
 
 try {
   const job = await post("/api/cell-checks", request);
   if (job.state !== "done") await finished(job.id);
   const found = await get(`/api/jobs/${job.id}/result`);
   showFacts(find("#facts"), found.facts.map((f) => [f.what, f.value]));
-  showView(found.view);
+  const shown = showView(found.view);
+  if (shown && found.fixtures.length) editor = new FixtureEditor(shown, found.fixtures, request);
 } catch (problem) {
   say(message, problem.message, true);
   find("#view").replaceChildren();
@@ -18,7 +21,8 @@ try {
 
 async function start(route, body) {
   try {
-    const job = await post(`/api/${route}`, body);
+    const name = `${cell.includes("/") ? cell.replace("/", "_") : "cell"}_moved.toml`;
+    const job = await post(`/api/${route}`, { ...(editor ? await editor.chosen(name) : request), ...body });
     location.href = `/jobs/${job.id}`;
   } catch (problem) { say(message, problem.message, true); message.scrollIntoView(); }
 }
@@ -27,6 +31,6 @@ find("#plan-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const poses = find("#poses").value, aim = find("#aim").value;
   const dialects = [...document.querySelectorAll("input[name=dialect]:checked")].map((i) => i.value);
-  start("plans", { ...request, dialects, ...(poses && { poses: Number(poses) }), ...(aim && { aim }) });
+  start("plans", { dialects, ...(poses && { poses: Number(poses) }), ...(aim && { aim }) });
 });
-find("#study").addEventListener("click", () => start("studies", request));
+find("#study").addEventListener("click", () => start("studies", {}));

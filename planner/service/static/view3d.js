@@ -79,6 +79,17 @@ export class CellView {
     (part.carrier < 0 ? this.scene : this.carriers[part.carrier]).add(this.layer(part.name, part.colour, mesh));
   }
 
+  // Shows other bodies under the name of a layer; its switch stays.
+  replaceLayer(name, parts) {
+    const layer = this.layers.get(name), seen = layer?.nodes[0]?.visible ?? true;
+    if (!layer) return;
+    layer.nodes.forEach((n) => { n.removeFromParent(); n.geometry.dispose(); });
+    layer.nodes.length = 0;
+    parts.forEach((p) => this.addPart(p));
+    layer.nodes.forEach((n) => { n.visible = seen; });
+    this.draw();
+  }
+
   addLine(line) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(unpack(line.points, Float32Array), 3));

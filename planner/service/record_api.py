@@ -1,0 +1,154 @@
+"""Routes of the records of robots: state and next check, history, drift, export."""
+
+import io
+import math
+import zipfile
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Response
+from fastapi import Path as InPath
+from pydantic import Field
+from starlette.exceptions import HTTPException
+
+from planner.instruments.opcua import OpcUaRecord, map_to_opcua
+from planner.instruments.record import Circumstances, EntryKind, RobotRecord
+from planner.service.context import Context, ServiceContext
+from planner.service.job_api import find_job
+from planner.service.job_requests import JobId, ServiceModel
+from planner.service.problems import Problem
+from planner.service.record_store import RobotState, robot_advice, robot_state
+
+RECORDS = APIRouter(prefix="/api", tags=["records"])
+MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
+Serial = Annotated[
+    str, InPath(pattern="^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$", description="serial number", examples=["KR6-0815"])
+]
+
+
+class RecordSummary(ServiceModel):
+    """A robot and how it stands."""
+
+    serial: str
+    robot: str
+    state: RobotState
+    advice: str
+    next_check: date | None
+    entries: int
+
+
+class HistoryEntry(ServiceModel):
+    """What was done to a robot, what came of it, and what differs from the calibration before by more than 3 σ."""
+
+    number: int
+    kind: EntryKind
+    result: str
+    changed: list[str]
+    circumstances: Circumstances
+    job: str | None = Field(description="where its files are; none of an entry that came otherwise")
+
+
+class DriftLine(ServiceModel):
+    """One number at each check."""
+
+    name: str
+    values: list[float | None]
+
+
+class RecordHistory(RecordSummary):
+    """The history of a robot: entries, the oldest first, and by its checks the drift."""
+
+    history: list[HistoryEntry]
+    check_days: list[int] = Field(description="days of the checks since the first entry")
+    drift_mm: list[DriftLine] = Field(description="zero of each axis, as motion of the tool if it alone had moved")
+    beyond_chance: list[float] = Field(description="decades; above zero something has changed")
+
+
+class EntryRequest(ServiceModel):
+    """What is added to a record: the results of a job, and who measured, when and with what."""
+
+    job: JobId
+    circumstances: Circumstances
+
+
+@RECORDS.get("/records")
+def list_records(context: Context) -> list[RecordSummary]:
+    """List the robots that have a record, with state and next check due."""
+    return [RecordSummary(**_summary(r)) for r in context.records.list_records()]
+
+
+@RECORDS.get("/records/{serial}", responses=MISSING)
+def get_record(serial: Serial, context: Context) -> RecordHistory:
+    """Get the history of a robot."""
+    return describe_record(context, find_record(context, serial))
+
+
+@RECORDS.post("/records/{serial}/entries", status_code=201, responses=MISSING)
+def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> RecordHistory:
+    """Add a calibration, validation or check to a robot's record; the same again changes nothing."""
+    job = find_job(context, request.job)
+    return describe_record(context, context.records.add(serial, job, request.circumstances))
+
+
+@RECORDS.get("/records/{serial}/opcua", responses=MISSING)
+def get_opcua(serial: Serial, context: Context) -> OpcUaRecord:
+    """Get a robot's record as values of OPC UA: a calibration's prognosis (OPC 40210)."""
+    return map_to_opcua(find_record(context, serial))
+
+
+@RECORDS.get("/records/{serial}/export", responses=MISSING, response_class=Response)
+def export_record(serial: Serial, context: Context) -> Response:
+    """Get the whole folder of a record as ZIP, as ``edbb record`` reads it."""
+    find_record(context, serial)
+    folder, packed = context.records.path(serial), io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+            archive.write(path, Path(serial, path.relative_to(folder)))
+    headers = {"content-disposition": f'attachment; filename="{serial}.zip"'}
+    return Response(packed.getvalue(), media_type="application/zip", headers=headers)
+
+
+def find_record(context: ServiceContext, serial: str) -> RobotRecord:
+    """Return a record.
+
+    Raises:
+        HTTPException: there is none.
+    """
+    try:
+        return context.records.read(serial)
+    except KeyError:
+        raise HTTPException(404, f"there is no record of a robot {serial}") from None
+
+
+def _summary(record: RobotRecord) -> dict[str, Any]:
+    known = {"serial": record.file.serial, "robot": record.file.robot, "entries": len(record.entries)}
+    return known | {"state": robot_state(record), "advice": robot_advice(record), "next_check": record.due}
+
+
+def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
+    """Return a record as the interface shows it."""
+    jobs, moved = context.jobs.jobs_by_output(), list(record.differences())
+    history = [
+        HistoryEntry(
+            number=e.number,
+            kind=e.file.kind,
+            result=e.said,
+            changed=[text for number, text in moved if number == e.number],
+            circumstances=e.file.circumstances,
+            job=jobs.get(e.file.document_sha256),
+        )
+        for e in record.entries
+    ]
+    first = history[0].circumstances.date if history else None
+    return RecordHistory(
+        **_summary(record),
+        history=history,
+        check_days=[(when - first).days for when, _ in record.checks] if first else [],
+        drift_mm=[DriftLine(name=d.name, values=[_finite(v) for v in d.motions_mm]) for d in record.drifts],
+        beyond_chance=[check.decades for _, check in record.checks],
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

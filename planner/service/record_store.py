@@ -1,0 +1,108 @@
+"""The records of robots that the service keeps: the plain folders of ``edbb record``, one a serial number."""
+
+import fcntl
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Literal
+
+from planner.common.errors import InputError
+from planner.common.result_folder import file_hash
+from planner.instruments.record import BESIDE, DOCUMENTS, CheckFile, Circumstances, RobotRecord, add_entry
+from planner.service.file_store import FileStore
+from planner.service.job_store import JobRecord, JobStore
+
+RobotState = Literal["good", "check due", "changed", "not calibrated"]
+
+
+class RecordStore:
+    """A folder of records; entries are made of what jobs have written."""
+
+    def __init__(self, folder: Path, jobs: JobStore, files: FileStore) -> None:
+        self._folder, self._jobs, self._files = folder / "records", jobs, files
+        self._folder.mkdir(exist_ok=True)
+        self._known: dict[Path, tuple[int, RobotRecord]] = {}
+
+    def path(self, serial: str) -> Path:
+        """Return the folder of a record.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = self._folder / serial
+        if not (found / "record.toml").is_file():
+            raise KeyError(serial)
+        return found
+
+    def read(self, serial: str) -> RobotRecord:
+        """Return a record; read again only where something was added.
+
+        Raises:
+            KeyError: there is none.
+            InputError: it is damaged.
+        """
+        folder = self.path(serial)
+        number = len(list((folder / "entries").glob("*")))
+        known = self._known.get(folder)
+        if known is None or known[0] != number:
+            known = self._known[folder] = (number, RobotRecord.read(folder))
+        return known[1]
+
+    def list_records(self) -> list[RobotRecord]:
+        """Return all records by serial number."""
+        return [self.read(p.parent.name) for p in sorted(self._folder.glob("*/record.toml"))]
+
+    def add(self, serial: str, job: JobRecord, circumstances: Circumstances) -> RobotRecord:
+        """Add what a job has found to the record of a robot, which is made where there is none; once only.
+
+        Raises:
+            InputError: the job has nothing for a record, or is of another model of robot, or of no real one.
+        """
+        if '"simulation":"' in job.request:
+            raise InputError("its readings are simulated: nobody has measured this robot")
+        with self._alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
+            for output in self._jobs.outputs(job.id):
+                if output.name in (*DOCUMENTS, *BESIDE):
+                    shutil.copyfile(self._files.path(output.sha256), Path(draft, output.name))
+            found = next((file_hash(p) for n in DOCUMENTS if (p := Path(draft, n)).is_file()), None)
+            if found is None:
+                raise InputError(f"the {job.kind} {job.id} has no result for a record: add a calibration or a check")
+            folder = self._folder / serial
+            there = (folder / "record.toml").is_file()
+            if not there or found not in [e.file.document_sha256 for e in self.read(serial).entries]:
+                add_entry(folder, Path(draft), circumstances, serial)
+            return self.read(serial)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Hold off others that add: threads, and servers that share the folder."""
+        with (self._folder / ".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+
+def today() -> date:
+    """Return the day (UTC)."""
+    return datetime.now(UTC).date()
+
+
+def robot_state(record: RobotRecord) -> RobotState:
+    """Return how a robot stands today."""
+    checks = record.checks
+    if checks and checks[-1][1] is record.entries[-1].document and checks[-1][1].outcome == "changed":
+        return "changed"
+    if record.calibrated is None:
+        return "not calibrated"
+    return "check due" if record.due is not None and record.due < today() else "good"
+
+
+def robot_advice(record: RobotRecord) -> str:
+    """Return what a person does next."""
+    state, last = robot_state(record), record.entries[-1].document if record.entries else None
+    if state == "changed" and isinstance(last, CheckFile):
+        return last.advice
+    says = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
+    return says.get(state, "calibrate it")

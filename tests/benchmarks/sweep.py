@@ -1,0 +1,72 @@
+"""Throughput of sweeps on a Dask cluster of processes here, and what that says of larger clusters.
+
+``python -m tests.benchmarks.sweep`` (two minutes on two cores) measures points an hour with 1 and 2 workers, and what
+the one scheduler and the one process that submits and writes parts need for a point; from these the rest follows.
+"""
+
+import tempfile
+import time
+from pathlib import Path
+
+from distributed import Client, LocalCluster, as_completed
+
+from planner.studies.sweep import sweep
+from planner.studies.sweep_trials import SweepTask, run_task, write_part
+
+SWEEP = 'schema = "edbb-sweep/1"\ncells = ["ur10/edbb"]\nposes = {poses}\ncandidates = 400\ntrials = 200\n'
+POINTS, EMPTY, PARTS = 8, 2000, 200
+
+
+def cluster(workers):
+    return LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None)
+
+
+def measure_points(workers, folder):
+    """Seconds that a point takes, all workers together; libraries are loaded before."""
+    file = folder / f"{workers}.toml"
+    with cluster(workers) as here, Client(here) as client:
+        warm = [client.submit(run_task, SweepTask("ur10/edbb", 10, 1, k, 100)) for k in range(4 * workers)]
+        client.gather(warm)
+        file.write_text(SWEEP.format(poses=list(range(30, 30 + POINTS))))
+        begun = time.monotonic()
+        sweep(file, folder / str(workers), scheduler=here.scheduler_address)
+        return (time.monotonic() - begun) / POINTS
+
+
+def measure_overhead():
+    """Seconds that scheduler and client need for a task that does nothing."""
+    with cluster(1) as here, Client(here) as client:
+        begun = time.monotonic()
+        for _ in as_completed([client.submit(abs, -k, pure=False) for k in range(EMPTY)]):
+            pass
+        return (time.monotonic() - begun) / EMPTY
+
+
+def measure_writing(folder):
+    """Seconds that a part takes to be written, and its bytes."""
+    task = SweepTask("ur10/edbb", 30, 200, 0, 400)
+    table = run_task(task)
+    begun = time.monotonic()
+    for _ in range(PARTS):
+        write_part(task, table, folder)
+    return (time.monotonic() - begun) / PARTS, (folder / f"{task.key}.parquet").stat().st_size
+
+
+def main():
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        one, two = (measure_points(n, folder) for n in (1, 2))
+        overhead = measure_overhead()
+        writing, size = measure_writing(folder)
+    print(f"1 worker: {one:.2f} s a point, {3600 / one:.0f} points an hour")
+    print(f"2 workers: {two:.2f} s a point, {3600 / two:.0f} points an hour, {one / two:.2f} times one")
+    print(f"scheduler and client {1e3 * overhead:.2f} ms a point, writing {1e3 * writing:.2f} ms and {size} bytes")
+    serial = overhead + writing
+    for workers in (100, 10_000):
+        most = min(workers / one, 1 / serial)
+        print(f"{workers} workers, on paper: {workers / one:.0f} points/s if all work, {1 / serial:.0f} by one client,")
+        print(f"  so {3600 * most:.0f} points an hour, workers busy {100 * min(1, most * one / workers):.0f} %")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Records of robots in the service: what jobs have found is added, shown, exported, and read by the command line."""
+
+import io
+import json
+import zipfile
+
+import pytest
+
+from planner.common.files import document_text
+from planner.common.units import DEG
+from planner.instruments.check.results import verdict_content
+from planner.instruments.record import RobotRecord
+from planner.service.job_store import JobOutput
+from tests.command import edbb
+from tests.instruments.check.fleet import NAME
+from tests.instruments.check.test_evaluation import judged
+from tests.instruments.check.test_record import calibration
+from tests.service.conftest import client_of
+from tests.service.test_crashes import CHEAP, Store
+
+CALIBRATED, SOUND, CHANGED = "a" * 24, "b" * 24, "c" * 24
+
+
+def finish(store, id, kind, request, name, content):
+    data = document_text(content).encode()
+    store.jobs.submit(id, kind, "run.csv", json.dumps(request, separators=(",", ":")), CHEAP)
+    done = [JobOutput(name, store.files.add(data), len(data))]
+    assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
+
+
+def fill(folder):
+    """Jobs as they end: a calibration, the plan of a check, a check of the sound robot, one after an axis slipped."""
+    store, plan = Store(folder), "d" * 24
+    finish(store, CALIBRATED, "identification", {"plan": "e" * 24}, "identification.json", calibration(0.01))
+    finish(store, plan, "check-plan", {"identification": CALIBRATED, "poses": 10}, "plan.json", {})
+    for id, verdict in ((SOUND, judged()), (CHANGED, judged(theta3=0.03 * DEG))):
+        finish(store, id, "check", {"check_plan": plan}, "check.json", verdict_content(verdict, NAME))
+    finish(store, "f" * 24, "identification", {"simulation": plan}, "identification.json", calibration(0.02))
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fleet")
+    fill(folder)
+    with client_of(folder) as made:
+        made.folder = folder
+        yield made
+
+
+def add(client, job, day, serial="KR6-0815"):
+    body = {"job": job, "circumstances": {"date": day, "operator": "<b>W</b>", "certificate": "D-K-15"}}
+    return client.post(f"/api/records/{serial}/entries", json=body)
+
+
+def test_a_robots_record_grows_with_what_jobs_find(client):
+    assert client.get("/api/records/KR6-0815").status_code == 404
+    assert add(client, CALIBRATED, "2031-01-01").json()["state"] == "good"
+    assert add(client, SOUND, "2031-02-01").json()["state"] == "good"
+    last = add(client, CHANGED, "2031-03-01").json()
+    assert (last["state"], last["advice"]) == ("changed", "master axis 3 and check again")
+    assert [e["job"] for e in last["history"]] == [CALIBRATED, SOUND, CHANGED]
+    assert (last["check_days"], last["next_check"]) == ([31, 59], "2031-03-31")
+    assert last["beyond_chance"][0] < 0 < last["beyond_chance"][1]
+    again = add(client, CHANGED, "2031-03-01")
+    assert (again.status_code, len(again.json()["history"])) == (201, 3), "the same again changes nothing"
+    assert "simulated" in add(client, "f" * 24, "2031-03-02").json()["detail"]
+    assert add(client, "d" * 24, "2031-03-02").status_code == 422
+    assert add(client, SOUND, "2031-03-02", "../x").status_code in (404, 405, 422)
+    page = client.get("/robots/KR6-0815").text
+    assert "master axis 3" in page
+    assert "<b>W" not in page
+    assert "KR6-0815" in client.get("/").text
+    assert "Failed: changed" in client.get(f"/jobs/{CHANGED}").text
+    assert "Passed: unchanged" in client.get(f"/jobs/{SOUND}").text
+
+    ua = client.get("/api/records/KR6-0815/opcua").json()["Prognosis"]
+    assert (ua["Calibrated"], ua["DateOfCalibration"]) == (False, "2031-01-01T00:00:00Z")
+    assert (ua["PredictedTime"], ua["CalibrationInterval"]) == ("2031-03-31T00:00:00Z", 30 * 86_400_000)
+    assert ua["CalibrationCertificate"] == ["D-K-15"]
+
+    with zipfile.ZipFile(io.BytesIO(client.get("/api/records/KR6-0815/export").content)) as packed:
+        packed.extractall(client.folder / "taken")
+    known = RobotRecord.read(client.folder / "taken" / "KR6-0815")
+    assert [e.file.kind for e in known.entries] == ["calibration", "check", "check"]
+    done = edbb("record", client.folder / "records" / "KR6-0815")
+    assert "3 entries" in done.stdout + done.stderr
