@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import jinja2
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, FastAPI, Form, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse
+from starlette.exceptions import HTTPException
 
 from planner import __version__
 from planner.cell.file import CellFile
@@ -24,6 +26,7 @@ from planner.service.job_api import find_job, find_output
 from planner.service.job_requests import JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries
 from planner.service.page_content import pictures, plan_facts, read_calibration, visible_files
+from planner.service.problems import http_problem, request_problem
 from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, list_records
 from planner.session.document import PlanDocument, PlanHeader
 
@@ -113,6 +116,22 @@ def render(template: str, status: int = 200, /, **content: object) -> HTMLRespon
     return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(**content), status)
 
 
+def add_problem_pages(app: FastAPI) -> None:
+    """Let what is wrong with the address of a page be told as a page."""
+
+    @app.exception_handler(HTTPException)
+    def of_http(request: Request, err: HTTPException) -> Response:
+        if request.url.path.startswith(("/api/", "/static/")):
+            return http_problem(err)
+        return render("problem", err.status_code, detail=f"{str(err.detail).capitalize()}.")
+
+    @app.exception_handler(RequestValidationError)
+    def of_request(request: Request, err: RequestValidationError) -> Response:
+        if request.url.path.startswith("/api/"):
+            return request_problem(err)
+        return render("problem", 404, detail="There is no such page.")
+
+
 @PAGES.get("/")
 def show_start(context: Context) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
@@ -123,8 +142,9 @@ def show_start(context: Context) -> HTMLResponse:
 def show_robot(serial: Serial, context: Context) -> HTMLResponse:
     """The record of a robot: how it stands, its drift, its history."""
     record = describe_record(context, find_record(context, serial))
-    calibrations = [e.job for e in record.history if e.kind == "calibration"]
-    return render("robot", record=record, baseline=calibrations[-1] if calibrations else None)
+    last = next((e.job for e in record.history[::-1] if e.kind == "calibration"), None)
+    known = last is not None and any(o.name == BASELINE for o in context.jobs.outputs(last))
+    return render("robot", record=record, baseline=last if known else None)
 
 
 @PAGES.get("/jobs")

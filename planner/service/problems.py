@@ -47,25 +47,25 @@ class ProblemResponse(JSONResponse):
         super().__init__(problem.model_dump(exclude_none=True), status_code=status)
 
 
+def request_problem(err: RequestValidationError) -> ProblemResponse:
+    """Return what is wrong with a request."""
+    return ProblemResponse(422, "; ".join(_fault_sentence(e["loc"], e["msg"], e["input"]) for e in err.errors()[:3]))
+
+
+def http_problem(err: HTTPException) -> ProblemResponse:
+    """Return what a route has refused."""
+    answer = ProblemResponse(err.status_code, str(err.detail))
+    answer.headers.update(err.headers or {})
+    return answer
+
+
 def add_problem_handlers(app: FastAPI) -> None:
-    """Let every error leave ``app`` as a problem."""
+    """Let every other error leave ``app`` as a problem."""
 
     @app.exception_handler(PlannerError)
     def of_planner(_: Request, err: PlannerError) -> ProblemResponse:
         status = next(s for kind, s in STATUS if isinstance(err, kind))
         return ProblemResponse(status, str(err), err.exit_code)
-
-    @app.exception_handler(RequestValidationError)
-    def of_request(_: Request, err: RequestValidationError) -> ProblemResponse:
-        return ProblemResponse(
-            422, "; ".join(_fault_sentence(e["loc"], e["msg"], e["input"]) for e in err.errors()[:3])
-        )
-
-    @app.exception_handler(HTTPException)
-    def of_http(_: Request, err: HTTPException) -> ProblemResponse:
-        answer = ProblemResponse(err.status_code, str(err.detail))
-        answer.headers.update(err.headers or {})
-        return answer
 
     @app.exception_handler(sqlite3.OperationalError)
     def of_database(_: Request, err: sqlite3.OperationalError) -> ProblemResponse:

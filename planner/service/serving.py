@@ -20,7 +20,7 @@ from planner.service.guards import Guard
 from planner.service.job_api import JOBS
 from planner.service.job_store import JobStore
 from planner.service.list_api import LISTS
-from planner.service.pages import PAGES, STATIC
+from planner.service.pages import PAGES, STATIC, add_problem_pages
 from planner.service.problems import Problem, add_problem_handlers
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
@@ -90,6 +90,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
+    add_problem_pages(app)
     for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, PAGES):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

@@ -9,9 +9,8 @@ import time
 from pathlib import Path
 
 from distributed import Client, LocalCluster, as_completed
-from planner.studies.sweep_trials import SweepTask, run_task, write_part
 
-from planner.studies.sweep import sweep
+from planner.studies.sweep import SweepTask, run_task, sweep, write_part
 
 SWEEP = 'schema = "edbb-sweep/1"\ncells = ["ur10/edbb"]\nposes = {poses}\ncandidates = 400\ntrials = 200\n'
 POINTS, EMPTY, PARTS = 8, 2000, 200

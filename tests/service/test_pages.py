@@ -23,6 +23,13 @@ def test_the_first_page_leads_to_every_cell(client):
     assert client.get("/cells/ur10/none").status_code == 404
 
 
+def test_a_wrong_address_is_told_as_a_page(client):
+    for path in ("/jobs/" + "9" * 24, "/jobs/9", "/robots/none", "/nowhere"):
+        answer = client.get(path)
+        assert (answer.status_code, answer.headers["content-type"]) == (404, "text/html; charset=utf-8"), path
+    assert client.get("/api/nowhere").headers["content-type"] == "application/problem+json"
+
+
 def test_pages_take_nothing_from_elsewhere(client):
     for path in ("/", "/jobs", "/calibrate", "/cells/ur10/edbb"):
         answer = client.get(path)

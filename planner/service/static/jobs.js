@@ -1,6 +1,6 @@
 import { find, get, make } from "/static/common.js";
 
-const jobs = await get("/api/jobs?most=300");
+const jobs = (await get("/api/jobs?most=300")).filter((j) => !j.kind.endsWith("-view"));
 find("#none").hidden = jobs.length > 0;
 find("#jobs").hidden = jobs.length === 0;
 find("#jobs tbody").append(...jobs.map((j) => make("tr", {},

@@ -2,6 +2,7 @@
 import { make } from "/static/common.js";
 
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7a5c00", "#3c6e9e", "#555555"];
+const FEW = 40; // values that are marked one by one
 const [WIDTH, HEIGHT, LEFT, TOP, BOTTOM] = [640, 260, 62, 10, 40];
 
 function svg(tag, attributes, text = "") {
@@ -36,6 +37,7 @@ export function lineChart(title, across, at, series) {
   series.forEach((s, k) => {
     const path = s.values.map((v, i) => v === null ? "" : `${i && s.values[i - 1] !== null ? "L" : "M"}${x(at[i]).toFixed(1)} ${y(v).toFixed(1)}`).join("");
     chart.append(svg("path", { d: path, fill: "none", stroke: COLOURS[k % COLOURS.length], "stroke-width": 1.4 }));
+    if (at.length <= FEW) s.values.forEach((v, i) => v === null || chart.append(svg("circle", { cx: x(at[i]), cy: y(v), r: 4, fill: COLOURS[k % COLOURS.length] })));
   });
   const names = series.map((s, k) => {
     const swatch = make("span", { className: "swatch" });
