@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from planner.service import job_store
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobCommand, JobStore
@@ -29,7 +30,11 @@ class Store:
 
 
 def serve(folder, number, told):
-    """One life of a server: takes an upload and a job, says so once both are safe, and works until it is killed."""
+    """One life of a server: takes an upload and a job, says so once both are safe, and works until it is killed.
+
+    Every life is of another version: the program was upgraded between the kill and the restart.
+    """
+    job_store.__version__ = f"{number}.0.0"
     store = Store(folder)
     store.supervisor.start()
     data = random.Random(number).randbytes(300_000)
@@ -100,6 +105,8 @@ def test_what_was_accepted_is_done_once_whatever_is_killed(tmp_path, times):
         outputs = store.jobs.outputs(job.id)
         assert (job.state, len(outputs)) in (("done", 1), ("failed", 0)), job
         assert job.state == "done" or "killed" in job.problem.detail
+    later = [j for j in jobs if j.version not in (f"{int(j.id, 16)}.0.0", job_store.__version__)]
+    assert len(later) >= times // 20, "a life of another version ended what one before had taken"
     assert sum(j.state == "done" for j in jobs) >= 0.8 * len(jobs)
     for sha256 in {*kept, *(o.sha256 for j in jobs for o in store.jobs.outputs(j.id))}:
         assert hashlib.sha256(store.files.path(sha256).read_bytes()).hexdigest() == sha256

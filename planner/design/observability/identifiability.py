@@ -26,8 +26,8 @@ shows lies above 1e-5: every cut between gives the same rank.
 FAINT = 0.1
 """A direction is left out when readings and noise alone would know it ten times worse than its prior size says.
 
-Between that and the prior size itself it is kept: well-chosen poses see several times more of it than the average
-candidate does.
+Between that and the prior size itself it is kept and named weak: well-chosen poses see several times more of it than
+the average candidate does.
 """
 _DROP = 0.5  # a parameter may stand for an unseen direction if its share is at least this part of the largest share
 _PREFER = 0.1  # with an explicit order of preference, a smaller share will do
@@ -47,10 +47,19 @@ class DroppedParameter:
 
 
 @dataclass(frozen=True)
+class WeakParameter:
+    """A kept parameter whose predicted standard deviation exceeds its prior size [m or rad]: it is hardly learnt."""
+
+    name: str
+    std: float
+    prior: float
+
+
+@dataclass(frozen=True)
 class Identifiability:
     """What can be seen.
 
-    ``kept`` column indices, ascending; ``names`` of those; ``dropped`` as said there; ``rank``;
+    ``kept`` column indices, ascending; ``names`` of those; ``dropped`` and ``weak`` as said there; ``rank``;
     ``spectrum`` (P,) singular values of the rms reading per prior size, descending; ``gap`` the ratio of the smallest
     seen to the largest unseen singular value (inf when nothing is unseen).
     """
@@ -58,6 +67,7 @@ class Identifiability:
     kept: tuple[int, ...]
     names: tuple[str, ...]
     dropped: tuple[DroppedParameter, ...]
+    weak: tuple[WeakParameter, ...]
     spectrum: Array
     gap: float
 
@@ -87,7 +97,8 @@ def find_identifiable(
     ``prior`` (P,) is the 1-sigma size of each parameter before measuring [m or rad]; ``prefer`` lists column indices in
     the order in which to keep them (default: as listed). With ``noise`` [m or rad], the standard deviation of a
     reading, and ``readings``, how many will be taken (default: all rows), a direction far fainter than its prior
-    size is left out as well (:data:`FAINT`).
+    size is left out as well (:data:`FAINT`), and parameters whose predicted standard deviation exceeds their
+    prior size are listed in ``weak``.
 
     Raises:
         InputError: counts do not match, a prior is not positive, or no parameter is seen at all.
@@ -109,8 +120,9 @@ def find_identifiable(
     seen = len(kept)
     faint = seen < count and bool(mu[seen] > STRUCTURAL * mu[0])
     dropped = _explain_dropped(null, out, names, size, faint)
+    weak = () if noise is None else _find_weak(factor / np.sqrt(stock / total), names, size, kept, noise)
     gap = float(mu[seen - 1] / mu[seen]) if seen < count and mu[seen] > 0 else float("inf")
-    return Identifiability(kept, tuple(names[k] for k in kept), dropped, read_only(mu), gap)
+    return Identifiability(kept, tuple(names[k] for k in kept), dropped, weak, read_only(mu), gap)
 
 
 def _check_arguments(count: int, names: Sequence[str], size: Array, order: list[int]) -> None:
@@ -164,3 +176,13 @@ def _explain_dropped(
         direction = tuple((names[k], shares[k]) for k in support)
         found.append((pick, DroppedParameter(names[pick], explain_direction(direction, faint=faint), direction)))
     return tuple(each for _, each in sorted(found, key=lambda item: item[0]))
+
+
+def _find_weak(
+    factor: Array, names: Sequence[str], size: Array, kept: tuple[int, ...], noise: float
+) -> tuple[WeakParameter, ...]:
+    inverse = np.linalg.inv(np.linalg.qr(factor[:, list(kept)], mode="r"))
+    std = noise * np.linalg.norm(inverse, axis=1)
+    return tuple(
+        WeakParameter(names[k], float(s), float(size[k])) for k, s in zip(kept, std, strict=True) if s > size[k]
+    )

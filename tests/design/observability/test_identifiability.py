@@ -109,7 +109,7 @@ def test_the_same_rank_whatever_the_units(poses):
     assert find_identifiable(rows * size, names, 1 / size).kept == find_identifiable(rows, names).kept
 
 
-def test_a_direction_fainter_than_its_prior_is_left_out(poses):
+def test_a_direction_fainter_than_its_prior_is_left_out_and_weak_ones_are_named(poses):
     rows, names = dh_arm.rows(NJ130, poses), dh_arm.names(NJ130)
     prior = np.full(24, 1e-3)
     assert find_identifiable(rows, names, prior, noise=1e-4, readings=35).rank == 22  # 21 see more than their prior
@@ -119,6 +119,14 @@ def test_a_direction_fainter_than_its_prior_is_left_out(poses):
     found = find_identifiable(rows, names, prior, noise=1e-4, readings=35)
     assert found.rank == 22
     assert "hardly change" in found.dropped[0].because
+    weak = find_identifiable(rows, names, prior, noise=5e-3, readings=35)
+    std = (
+        5e-3
+        * np.sqrt(600 / 35)
+        * np.sqrt(np.diag(np.linalg.inv(np.einsum("nri,nrj->ij", *[rows[..., list(weak.kept)]] * 2))))
+    )
+    assert [w.std for w in weak.weak] == pytest.approx(list(std[std > 1e-3]), rel=1e-6)
+    assert len(weak.weak) > 0
 
 
 def test_three_readings_a_pose(poses):
