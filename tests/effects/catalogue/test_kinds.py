@@ -40,8 +40,12 @@ def planted(kind, name="comau-nj130"):
     for gauge, moving, build, how in RUNS:
         if not KINDS[kind].allows(gauge, moving):
             continue
+        tried = set()
         for seed in range(8):
             effect = random_effect(arm, kind, np.random.default_rng([5, seed]), share=SHARE)
+            if (effect.joint, effect.inner) in tried:  # its size follows from the share
+                continue
+            tried.add((effect.joint, effect.inner))
             try:
                 return build(arm, seed=5, truth=draw_truth(arm, 5, [effect]), logs=(), **how)
             except Implausible:
