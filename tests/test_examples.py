@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.common.result import Result
 from tests.simulation.made import wide_plan
-from tests.workflow.conftest import small_cell
+from tests.workflow.conftest import FEWER, small_cell
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 USED = {"coal", "pinocchio", "polars", "scipy.interpolate", "scipy.ndimage", "scipy.optimize"}  # by the call itself
@@ -46,7 +46,7 @@ def test_an_effect_of_ones_own_is_found(tmp_path):
 
 @pytest.mark.long
 def test_the_seed_cell_from_plan_to_corrected_program(tmp_path):
-    cell = small_cell("kuka-kr6-r700/edbb", tmp_path)
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path, *FEWER)
     text = run("seed_cell", tmp_path / "out", cell, 34, cwd=tmp_path)
     assert "proven continuously" in text
     assert "corrected" in text

@@ -36,7 +36,7 @@ def help_of(verb):
 def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
     (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     path = tmp_path / "cell.toml"
-    path.write_text(text + "\n[plan]\ncandidates = 1500\n")
+    path.write_text(text + "\n[plan]\ncandidates = 500\nrefine = false\n")
     done = edbb("plan", path, "-o", tmp_path / "out", "--poses", "36")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.html").stat().st_size > 100_000

@@ -22,7 +22,7 @@ MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("places")
     cell = small_cell("kuka-kr6-r700/edbb", folder, FEWER, TWO, OTHER)
-    done = edbb("plan", cell, "-o", folder / "out", "--poses", 60, "--dialect", "krl")
+    done = edbb("plan", cell, "-o", folder / "out", "--poses", 40, "--dialect", "krl")
     assert done.returncode == 0, done.stderr
     return folder / "out", json.loads((folder / "out" / "plan.json").read_text())
 

@@ -267,7 +267,7 @@ def test_two_fixtures_are_driven_one_after_the_other(tmp_path):
     path = small_cell(
         "comau-nj130/edbb",
         tmp_path,
-        ("candidates = 3000", "candidates = 1500"),
+        ("candidates = 3000", "candidates = 1000"),
         ("[motion]", second),
         ('measure = "continuous"', 'measure = "static"'),
     )

@@ -7,6 +7,9 @@ import polars as pl
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.common.progress import Stages
+from planner.identification.pipeline import FitSettings
+from planner.workflow.identification import identify_runs
 from tests.instruments.accuracy.worlds import NAME, calibrated, poses, tracker_run, world
 from tests.workflow.test_identify import edbb
 
@@ -112,15 +115,16 @@ def test_precision_and_mastering(folder):
 
 
 def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified(folder):
-    text = (folder / "balls.csv").read_text()
-    for shown, told in (("6.350, 6.351, 6.350", False), ("6.350, 6.500, 6.350", True)):
-        run = folder / "mastered.csv"
-        run.write_text(f"# master_mm: {shown}\n{text}")
-        code, out, _ = edbb(
-            "identify", run, "--cell", f"{NAME}/trical", "-o", folder / "mastered", "--no-trace", "--json"
-        )
-        assert code == 0
-        assert any("at most 150.0 µm from 6.350 mm" in w for w in json.loads(out)["warnings"]) == told
+    text, cell = (folder / "balls.csv").read_text(), f"{NAME}/trical"
+    for name, shown in (("well", "6.350, 6.351, 6.350"), ("wrongly", "6.350, 6.500, 6.350")):
+        (folder / f"{name}.csv").write_text(f"# master_mm: {shown}\n{text}")
+    fitted = FitSettings(release=False)
+    good = identify_runs(folder / "well.csv", cell, Stages(lambda *_: None), settings=fitted, tracing=False)
+    assert not any("from 6.350 mm" in w for w in good.warnings)
+    words = "--cell", cell, "-o", folder / "mastered", "--no-trace", "--json"
+    code, out, _ = edbb("identify", folder / "wrongly.csv", *words)
+    assert code == 0
+    assert any("at most 150.0 µm from 6.350 mm" in w for w in json.loads(out)["warnings"])
 
 
 def refused(*given):
