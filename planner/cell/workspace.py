@@ -129,8 +129,14 @@ def bar_twist(fixed_B: Array, direction: Array, axis: Array, mark: Array) -> Arr
     """
     at_fixture = parallel_transport(perpendicular(fixed_B)[None], fixed_B[None], direction)
     at_map = parallel_transport(mark, axis, -direction)
-    sine = np.einsum("ni,ni->n", np.cross(at_fixture, at_map), direction)
+    sine = triple_product(at_fixture, at_map, direction)
     return np.asarray(np.arctan2(sine, np.einsum("ni,ni->n", at_fixture, at_map)))
+
+
+def triple_product(a: Array, b: Array, c: Array) -> Array:
+    """Return (a × b) · c of vectors (n, 3), (n,); numpy's cross product takes several times as long."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = a.T, b.T, c.T
+    return np.asarray((ay * bz - az * by) * cx + (az * bx - ax * bz) * cy + (ax * by - ay * bx) * cz)
 
 
 def wrap_angle(angle: Array) -> Array:
@@ -140,10 +146,10 @@ def wrap_angle(angle: Array) -> Array:
 
 def parallel_transport(v: Array, a: Array, b: Array) -> Array:
     """Carry vectors v (n, 3) by the smallest rotation that takes the unit vectors a to b, (n, 3)."""
-    w = np.cross(a, b)
     c = np.maximum(1.0 + np.einsum("ni,ni->n", *np.broadcast_arrays(a, b)), 1e-12)[:, None]
-    u = np.cross(w, v)
-    return np.asarray(v + u + np.cross(w, u) / c)
+    halfway = a + b  # the rotation is two reflections, in the plane across a and in that across what lies between
+    share = np.einsum("ni,ni->n", *np.broadcast_arrays(halfway, v))[:, None] / c
+    return np.asarray(v - share * halfway + 2 * np.einsum("ni,ni->n", *np.broadcast_arrays(a, v))[:, None] * b)
 
 
 def axis_reach(transforms: Sequence[Transform], n_joints: int, tail: float = 0.0) -> Array:

@@ -11,7 +11,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from types import TracebackType
+from typing import Generic, Self, TypeVar
 
 T = TypeVar("T")
 LOOK = 0.5  # [s] between two looks whether the parent lives
@@ -66,6 +67,17 @@ class Beside(Generic[T]):
             os.waitpid(self.pid, 0)
             os.close(self._read)
             self.pid = 0
+
+    def __enter__(self) -> Self:
+        """Return the running task."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the task if the caller failed or was interrupted; else let it go on."""
+        if kind is not None:
+            self.stop()
 
 
 def _answer(task: Callable[[], object], write: int, parent: int) -> None:

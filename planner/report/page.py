@@ -13,10 +13,9 @@ from planner.common.files import write_bytes, write_text
 from planner.common.second_process import Beside
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
-from planner.report.cell_view_rendering import player_json, view_json, view_png
+from planner.report.cell_view_rendering import player_json, view_json
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
-from planner.report.matplotlib_backend import chart_png
 from planner.report.plotly_backend import chart_json
 
 Row = tuple[str, ...]
@@ -65,6 +64,10 @@ class Report:
         return Beside(self._draw)
 
     def _draw(self) -> dict[str, bytes]:
+        # imported where it draws: matplotlib takes the other processor most of a second
+        from planner.report.cell_view_print import view_png
+        from planner.report.matplotlib_backend import chart_png
+
         view = {} if self.view is None else {"view": view_png(self.view)}
         return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts}
 

@@ -1,7 +1,6 @@
 """What a plan is made of, stage by stage: the values that flow from the candidates to the program."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -120,6 +119,7 @@ class Plan(SessionPlan):
 
     Attributes:
         pool: candidates; choice: those that are measured.
+        certificate: no set of candidates and of the poses as chosen beats its value.
         curve: index and bound against the number of poses, where the index chose them.
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
@@ -129,6 +129,7 @@ class Plan(SessionPlan):
     drives: tuple[Drive, ...]
     pool: PoseSet
     choice: PoseChoice
+    certificate: Certificate
     curve: IndexCurve | None
     driven: float
     separation: Discrimination | None = None
@@ -139,14 +140,14 @@ class Plan(SessionPlan):
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
         return self.foresight is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
 
-    @cached_property
-    def certificate(self) -> Certificate:
-        """No set of candidates and of the poses as chosen, which may have left the candidates, beats its value."""
-        choice, among = self.choice, self.choice.certificate
-        if choice.value == choice.on_grid_value:
-            return among
-        rows = np.concatenate([choice.model.rows(s) for s in (self.pool.samples, choice.samples)])
-        return certify_bound(rows, choice.index, among.poses, REFINED_TOLERANCE, near=among)
+
+def certify_refined(pool: PoseSet, choice: PoseChoice) -> Certificate:
+    """Certify that no set of candidates and of the poses as chosen, which may have left the candidates, does better."""
+    among = choice.certificate
+    if choice.value == choice.on_grid_value:
+        return among
+    rows = np.concatenate([choice.model.rows(s) for s in (pool.samples, choice.samples)])
+    return certify_bound(rows, choice.index, among.poses, REFINED_TOLERANCE, near=among)
 
 
 def motion_signs(q: Array) -> np.ndarray:

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
+from planner.common.second_process import Beside
 from planner.common.time_limit import current_limit
 from planner.common.units import Array
 from planner.design.bayesian_design import BayesianDesign
@@ -25,7 +27,7 @@ from planner.session.neutral_program import assemble_programs, session_program, 
 from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import content_hash, plan_record
-from planner.session.plan_types import Drive, Plan, SessionPlan
+from planner.session.plan_types import Drive, Plan, SessionPlan, certify_refined
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
@@ -105,9 +107,12 @@ class PoseSession(ABC):
         self.draw(stages)
         chosen = self.select(stages)
         with chosen.curve or nullcontext():
-            choice = self.refine(chosen, stages)
-            with stages.stage("path"):
-                drives, choice = self._drive_places(choice)
+            refined = self.refine(chosen, stages)
+            with Beside(partial(certify_refined, self.pool, refined)) as certifying, stages.stage("path"):
+                drives, choice = self._drive_places(refined)
+        certificate = certifying.result()
+        if choice is not refined:  # a pose was replaced after all
+            certificate = certify_refined(self.pool, choice)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
         cell, ahead, parted = self.cell, chosen.foreseen, chosen.discriminating
@@ -124,6 +129,7 @@ class PoseSession(ABC):
             notes=(*notes, *session_notes(cell)),
             pool=self.pool,
             choice=choice,
+            certificate=certificate,
             curve=curve,
             driven=index_value(choice.index, self.driven_rows(choice, drives)),
             separation=told,

@@ -18,7 +18,7 @@ from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import Waypoints, axis_limits, time_course
-from planner.session.plan_types import Drive, Plan, Visit, motion_signs
+from planner.session.plan_types import Drive, Plan, Visit, certify_refined, motion_signs
 from planner.session.tour_cost import tour_costs
 
 PLAN_ID = "0123456789ab"
@@ -56,6 +56,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         plan_id=PLAN_ID,
         pool=pool,
         choice=choice,
+        certificate=certify_refined(pool, choice),
         curve=curve,
         driven=1.03 * found.value,
     )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-import planner.report.page as page_module
+import planner.report.matplotlib_backend as matplotlib_backend
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.identification.calibration import Calibration
@@ -68,7 +68,7 @@ def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
 def test_same_calibration_gives_same_bytes(c: Calibration, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     printed = {p.stem: p.read_bytes() for p in (folder / "pictures").glob("*.png")}
     assert chart_png(histogram_chart(CalibrationFacts(c)), small=True) == printed["histogram"]
-    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: printed[chart.name])
+    monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small: printed[chart.name])
     assert report_calibration(c).html() == (folder / "report.html").read_text(encoding="utf-8")
     assert (folder / "report.html").stat().st_size < 8_000_000
 
@@ -136,7 +136,7 @@ def test_a_refused_fit_does_not_boast(c: Calibration) -> None:
 
 
 def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: b"")
+    monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"")
     bad = c.model_copy(update={"problems": ("joint 9 came out <b>odd</b>",)})
     assert refusal_text(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
     html = report_calibration(bad).html()
@@ -245,7 +245,7 @@ def test_tracker_and_balls_have_their_page() -> None:
 
 
 def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_module, "chart_png", lambda chart, small: b"")
+    monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"")
     with pytest.raises(InputError, match="nowhere"):
         report_calibration(c).write(tmp_path / "nowhere")
 

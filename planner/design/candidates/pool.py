@@ -24,7 +24,8 @@ OUT_OF_REACH = 2_000_000  # states of which none reads a length, after which ten
 BLAMED, SHOWN_PAIRS = 300, 4  # states of which it is said what collides, and pairs that are named
 GRID_BLOCK = 1 << 18
 LARGEST_GRID = 200_000_000
-CHUNK = 8192
+CHUNK = 8192  # states that a thread filters
+BLOCK = 65_536  # states that pass all filters before it is seen whether they are enough
 Progress = Callable[[int, int], None]
 
 
@@ -142,7 +143,7 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
     funnel, total = Funnel(), 0
     whole = cell.plan.grid_step is not None
     for sample in _sample_rounds(cell, mounting, seed):
-        q, counted = _apply_filters(sample, workspace, world)
+        q, counted = _apply_filters(sample, workspace, world, None if whole else count - total)
         funnel, total = funnel + counted, total + len(q)
         found.append(q)
         if progress is not None:
@@ -189,17 +190,35 @@ def _grid_blocks(cell: Cell, step: float) -> Iterator[JointSamples]:
         yield JointSamples(q, len(q))
 
 
-def _apply_filters(sample: JointSamples, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
+def _apply_filters(
+    sample: JointSamples, workspace: Workspace, world: CollisionWorld, wanted: int | None
+) -> tuple[Array, Funnel]:
+    """Apply the filters to blocks of samples until ``wanted`` states have passed, or to all of them."""
+    found: list[Array] = [sample.q[:0]]
+    funnel, left = Funnel(), sample
+    while len(left.q) and (wanted is None or funnel.collision < wanted):
+        share = min(1.0, BLOCK / len(left.q))
+        stands_for = round(left.stands_for * share)
+        block, left = (
+            JointSamples(left.q[:BLOCK], stands_for),
+            JointSamples(left.q[BLOCK:], left.stands_for - stands_for),
+        )
+        q, counted = _filter_block(block, workspace, world)
+        found.append(q)
+        funnel += counted
+    return np.vstack(found), funnel
+
+
+def _filter_block(sample: JointSamples, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
     """Apply the filters in order, the cheap ones first and in threads (numpy lets them run side by side)."""
     chunks = [sample.q[i : i + CHUNK] for i in range(0, len(sample.q), CHUNK)]
     with ThreadPoolExecutor(available_threads()) as threads:
         results = list(threads.map(lambda q: _apply_workspace_filters(q, workspace), chunks))
-    q = np.vstack([r[0] for r in results]) if results else sample.q
-    counts = np.sum([r[1] for r in results], axis=0) if results else np.zeros(len(STAGES), int)
+    q = np.vstack([r[0] for r in results])
     free = q[~world.collides(q, world.cell.motion.clearance + SAFETY_MARGIN)]
     # states that the arcs never visited passed the joint limits as well
     outside = sample.stands_for - len(sample.q)
-    within, shell, cones, cable = (int(c) for c in counts)
+    within, shell, cones, cable = (int(c) for c in np.sum([r[1] for r in results], axis=0))
     return free, Funnel(sample.stands_for, within + outside, shell, cones, cable, len(free))
 
 

@@ -35,6 +35,7 @@ from planner.design.selection.relaxation import (
 
 _SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
 _BATCH = 150  # poses priced in a round
+_STAY, _USED = 150, 1e-3  # active ones that stay: the cheapest, and those with that share of the largest weight
 _ROUNDS = 40
 _CORE = 4_000
 
@@ -177,7 +178,8 @@ class IndexPricing(Pricing):
         limit = np.partition(price[state.active], count - 1)[count - 1]
         violating = np.flatnonzero(outside & (price < limit))
         order = np.lexsort((violating, round_significant(price[violating])))[:_BATCH]
-        stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(400, 3 * count)]
+        stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(_STAY, 3 * count)]
+        stay = np.union1d(stay, np.flatnonzero(state.weights > _USED * np.max(state.weights)))
         active = np.concatenate([state.active[stay], violating[order]])
         weights = np.concatenate([state.weights[stay], np.zeros(len(order))])
         arranged = np.argsort(active)

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -108,7 +106,7 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
     return int(n[order][int(np.argmax(np.round(y - x, 9)))])
 
 
-class BackgroundCurve:
+class BackgroundCurve(Beside[IndexCurve]):
     """Computes :func:`compute_index_curve` on another processor; the context ends that if its caller fails.
 
     Args:
@@ -131,7 +129,7 @@ class BackgroundCurve:
     ) -> None:
         self._compute = partial(compute_index_curve, rows, index=index, seed=seed, near=near)
         self._own = list(sizes)[1::2] if help_out else []
-        self.beside = Beside(partial(self._compute, [n for n in sizes if n not in self._own]))
+        super().__init__(partial(self._compute, [n for n in sizes if n not in self._own]))
 
     def result(self) -> IndexCurve:
         """Wait for the curve."""
@@ -140,16 +138,5 @@ class BackgroundCurve:
     @cached_property
     def _curve(self) -> IndexCurve:
         mine = self._compute(self._own) if self._own else None
-        curve = self.beside.result()
+        curve = super().result()
         return curve if mine is None else curve.merge(mine)
-
-    def __enter__(self) -> Self:
-        """Return the running task."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End the task if the caller failed or was interrupted; else let it go on."""
-        if kind is not None:
-            self.beside.stop()

@@ -7,7 +7,8 @@ primal stays feasible throughout; the dual gets there by itself. Nothing here is
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dtrtrs
 
 from planner.common.time_limit import CHOICE, must_stop
 from planner.common.units import Array
@@ -76,21 +77,23 @@ def _take_step(
     system[np.diag_indices_from(system)] += 1e-13
     try:
         factor = cho_factor(system, lower=True, overwrite_a=True)
-        inverses = [_inverse(S) for S in problem.matrices(point.z)]
-        slack = problem.slacks(point.z)
+        matrices, slack = problem.matrices(point.z), problem.slacks(point.z)
+        inverses = [_inverse(S) for S in matrices]
+        primal_roots, dual_roots = ([_cholesky(m) for m in which] for which in (matrices, point.X))
         none = [np.zeros_like(S) for S in inverses]
         args = problem, point, (factor, scale), slope, inverses, slack
         dz, dX, dx = _newton_direction(*args, 0.0, none, np.zeros_like(slack))
         dS, ds = problem.changes(dz), problem.slacks(dz)
         ahead = _PrimalDual(
-            point.z + _primal_step_limit(problem, point.z, dz) * dz,
-            *_advance_duals(point, dX, dx, _dual_step_limit(point, dX, dx)),
+            point.z + _step_limit(primal_roots, dS, slack, ds) * dz,
+            *_advance_duals(point, dX, dx, _step_limit(dual_roots, dX, point.x, dx)),
         )
         sigma = min(1.0, max(_duality_gap(problem, ahead)[0] / _duality_gap(problem, point)[0], 0.0)) ** 3
         sigma = max(sigma, 1e-6)
         second = [_symmetrise(a @ b @ S) for a, b, S in zip(dX, dS, inverses, strict=True)]
         dz, dX, dx = _newton_direction(*args, sigma * mu, second, dx * ds / slack)
-        primal, dual = _BACK * _primal_step_limit(problem, point.z, dz), _BACK * _dual_step_limit(point, dX, dx)
+        primal = _BACK * _step_limit(primal_roots, problem.changes(dz), slack, problem.slacks(dz))
+        dual = _BACK * _step_limit(dual_roots, dX, point.x, dx)
     except np.linalg.LinAlgError:
         return None
     primal, dual = min(1.0, primal), min(1.0, dual)
@@ -124,6 +127,10 @@ def _newton_direction(
     return np.asarray(dz), dX, np.asarray(dx)
 
 
+def _cholesky(matrix: Array) -> Array:
+    return np.asarray(np.linalg.cholesky(matrix), dtype=float)
+
+
 def _symmetrise(matrix: Array) -> Array:
     return np.asarray((matrix + matrix.T) / 2)
 
@@ -132,16 +139,10 @@ def _advance_duals(point: _PrimalDual, dX: list[Array], dx: Array, length: float
     return [X + length * d for X, d in zip(point.X, dX, strict=True)], point.x + length * dx
 
 
-def _primal_step_limit(problem: RelaxationProblem, z: Array, dz: Array) -> float:
-    """Largest step before the primal leaves its cone, at most 1 / 0.95."""
-    rooms = [_vector_step_limit(problem.slacks(z), problem.slacks(dz))]
-    rooms += [_matrix_step_limit(S, d) for S, d in zip(problem.matrices(z), problem.changes(dz), strict=True)]
-    return min(1.0 / _BACK, *rooms)
-
-
-def _dual_step_limit(point: _PrimalDual, dX: list[Array], dx: Array) -> float:
-    rooms = [_vector_step_limit(point.x, dx)] + [_matrix_step_limit(X, d) for X, d in zip(point.X, dX, strict=True)]
-    return min(1.0 / _BACK, *rooms)
+def _step_limit(roots: list[Array], changes: list[Array], slack: Array, slack_change: Array) -> float:
+    """Largest step before matrices, given by their Cholesky factors, or slacks leave their cone, at most 1 / 0.95."""
+    rooms = [_matrix_step_limit(root, change) for root, change in zip(roots, changes, strict=True)]
+    return min(1.0 / _BACK, _vector_step_limit(slack, slack_change), *rooms)
 
 
 def _vector_step_limit(value: Array, change: Array) -> float:
@@ -149,9 +150,8 @@ def _vector_step_limit(value: Array, change: Array) -> float:
     return float(np.min(-value[shrinking] / change[shrinking])) if shrinking.any() else np.inf
 
 
-def _matrix_step_limit(matrix: Array, change: Array) -> float:
-    """Largest a with matrix + a change positive semidefinite."""
-    lower = np.linalg.cholesky(matrix)
-    half = solve_triangular(lower, change, lower=True)
-    least = float(np.linalg.eigvalsh(_symmetrise(solve_triangular(lower, half.T, lower=True)))[0])
+def _matrix_step_limit(root: Array, change: Array) -> float:
+    """Largest a with L L' + a change positive semidefinite, L = ``root``."""
+    half = dtrtrs(root, change, lower=1)[0]
+    least = float(np.linalg.eigvalsh(dtrtrs(root, half.T, lower=1)[0])[0])
     return -1.0 / least if least < 0 else np.inf

@@ -1,7 +1,9 @@
 """Off-grid refinement: the chosen poses move in joint space, all filters kept, and the index only gets better.
 
 Around each pose trial poses are drawn, all of them in one batch; the poses then take turns to accept their best valid
-trial, scored exactly against the set as it stands. Reach grows where trials succeed and shrinks where they fail.
+trial, scored exactly against the set as it stands. Reach grows where trials succeed and shrinks where they fail. Half
+of the trials are drawn further along: by the last step, and by where the good trials of the last round lay on average,
+as in an evolution strategy (recombination with weights; Hansen and Ostermeier 2001).
 """
 
 from collections.abc import Callable
@@ -26,6 +28,8 @@ from planner.design.selection.matrix_forms import information_matrix
 
 _STRENGTHS = (0.1, 0.03, 0.01, 0.003)
 _TRIALS = 24
+_LED = 12  # of them further along
+_LAST, _GOOD = 0.3, 1.4  # times the last step, and times the mean of the good trials
 _REACH = 0.2  # [rad] at first
 _SMALLEST = 1e-4  # [rad]
 _FEW = 0.05  # share of the poses that still move, below which they are left there
@@ -48,7 +52,7 @@ class RefinedPoses:
 
 @on_one_thread
 def refine_off_grid(
-    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 60
+    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 30
 ) -> RefinedPoses:
     """Return poses near ``q0`` (n, N) [rad] with a better index.
 
@@ -72,9 +76,10 @@ def refine_off_grid(
     before = index_of_rows(index, rows)
     best = q, rows, before
     for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
-        reach = np.full(len(q), _REACH)
+        reach, lead = np.full(len(q), _REACH), np.zeros_like(q)
         for _ in range(rounds):
-            q, rows, reach = _run_round(q, rows, reach, rows_of, valid, BarrierPotential(index, strength), rng)
+            potential = BarrierPotential(index, strength)
+            q, rows, reach, lead = _run_round(q, rows, reach, lead, rows_of, valid, potential, rng)
             value = index_of_rows(index, rows)
             if find_rule(index).better(value, best[2]):
                 best = q, rows, value
@@ -91,15 +96,20 @@ def _run_round(
     q: Array,
     rows: Array,
     reach: Array,
+    lead: Array,
     rows_of: RowsOf,
     valid: Valid,
     potential: BarrierPotential,
     rng: np.random.Generator,
-) -> tuple[Array, Array, Array]:
-    """One batch of trials around every pose that still gains by some, then a turn for each."""
+) -> tuple[Array, Array, Array, Array]:
+    """One batch of trials around every pose that still gains by some, then a turn for each.
+
+    ``lead`` (n, N) [rad] is where half of the trials are led; that of the next round is returned with the poses.
+    """
     joints, busy = q.shape[1], np.flatnonzero(reach > _SMALLEST)
     step = rng.standard_normal((len(busy), _TRIALS, joints)) / np.sqrt(joints)
     trial = q[busy, None] + reach[busy, None, None] * step
+    trial[:, :_LED] += lead[busy, None]
     which = np.repeat(busy, _TRIALS).reshape(-1, _TRIALS)
     trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(*which.shape, *rows.shape[1:])
     scores = _scores(rows, potential)
@@ -108,8 +118,9 @@ def _run_round(
     passed = np.zeros(gains.shape, dtype=bool)
     if hopeful.any():
         passed[hopeful] = valid(trial[hopeful], which[hopeful])
+    good, start = np.where(passed, gains, 0.0), q
     q, rows, reach = q.copy(), rows.copy(), reach.copy()
-    for turn in np.argsort(-np.max(np.where(passed, gains, 0.0), axis=1), kind="stable"):
+    for turn in np.argsort(-np.max(good, axis=1), kind="stable"):
         k, fine = busy[turn], passed[turn]
         gain = np.where(fine, scores.of_one(k, trial_rows[turn]), -np.inf) if fine.any() else gains[turn]
         best = int(np.argmax(gain))
@@ -119,7 +130,10 @@ def _run_round(
             reach[k] *= 1.4
         else:
             reach[k] *= 0.7
-    return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH)
+    share = good / np.maximum(good.sum(axis=1, keepdims=True), 1e-300)
+    lead = _LAST * (q - start)
+    lead[busy] += _GOOD * np.einsum("kt,ktj->kj", share, trial - start[busy, None])
+    return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH), lead
 
 
 class _TrialScores(Protocol):

@@ -19,7 +19,7 @@ import sys, time, numpy as np
 from planner.design.selection.index_curves import BackgroundCurve
 rows = np.random.default_rng(0).normal(size=(3000, 1, 25))
 curve = BackgroundCurve(rows, range(26, 300), "O2", 0)
-print(curve.beside.pid, flush=True)
+print(curve.pid, flush=True)
 time.sleep(60)
 """
 
