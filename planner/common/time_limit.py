@@ -69,15 +69,19 @@ def seconds_left(share: float) -> float:
     return np.inf if limit is None else max(1.0, limit.start + share * limit.seconds - time.time())
 
 
+class TimeIsOverError(NoSolutionError):
+    """The whole limit is over, and something that a plan cannot be without is not done."""
+
+
 def check_time(doing: str) -> None:
     """Give up where the whole limit is over.
 
     Raises:
-        NoSolutionError: naming what was being done.
+        TimeIsOverError: naming what was being done.
     """
     limit = _current.get()
     if limit is not None and limit.is_over(1.0):
-        raise NoSolutionError(
+        raise TimeIsOverError(
             f"the time limit of {limit.seconds:g} s is over while {doing}: no path is proven, so no program is "
             "written; raise --time-limit, ask for fewer --poses, or lower plan.candidates and motion.clearance_mm"
         )

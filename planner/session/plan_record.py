@@ -12,6 +12,8 @@ from planner.common.units import PLAN_DIGITS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
+from planner.design.pose_selection import PoseChoice
+from planner.design.selection.certificate import Certificate
 from planner.design.undeclared_errors import ASSUMED
 from planner.motion.path.verdict import Verdict
 from planner.session.course import Waypoints
@@ -51,7 +53,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
         "funnel": asdict(plan.pool.funnel),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
-        "observability": _observability_record(plan),
+        "observability": observability_record(choice, plan.certificate) | {"path": {choice.index: plan.driven}},
         "tour": _tour_record(plan.cell, drives),
         "path": _path_record(plan),
         "trajectory": {
@@ -77,8 +79,8 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
     return [{"after": drive.visits[int(ids[k])].id, "q_deg": np.rad2deg(drive.path.q[k])} for k in support]
 
 
-def _observability_record(plan: Plan) -> dict[str, object]:
-    choice, bound = plan.choice, plan.certificate
+def observability_record(choice: PoseChoice, bound: Certificate) -> dict[str, object]:
+    """Return the indices of the chosen poses and what bounds them."""
     rule, among = INDEX_RULES[choice.index], choice.certificate
     values = {name: getattr(choice.raw, name) for name in INDEX_RULES}
     scaled = {name: getattr(choice.scaled, name) for name in INDEX_RULES}
@@ -96,7 +98,6 @@ def _observability_record(plan: Plan) -> dict[str, object]:
             "bound": among.value,
             "gap": rule.gap(choice.on_grid_value, among.value),
         },
-        "path": {choice.index: plan.driven},
     }
 
 

@@ -13,13 +13,14 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
 from planner.common.second_process import Beside
-from planner.common.time_limit import current_limit
+from planner.common.time_limit import TimeIsOverError, current_limit
 from planner.common.units import Array
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
 from planner.design.pose_selection import PoseChoice
+from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.program_files import shared_notes
 from planner.session.approaches import TourStop
@@ -30,6 +31,7 @@ from planner.session.plan_record import content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan, certify_refined
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
+from planner.session.unproven_poses import PathNotProvenError, UnprovenPoses
 
 REPLACEMENTS = 20
 
@@ -107,12 +109,7 @@ class PoseSession(ABC):
         self.draw(stages)
         chosen = self.select(stages)
         with chosen.curve or nullcontext():
-            refined = self.refine(chosen, stages)
-            with Beside(partial(certify_refined, self.pool, refined)) as certifying, stages.stage("path"):
-                drives, choice = self._drive_places(refined)
-        certificate = certifying.result()
-        if choice is not refined:  # a pose was replaced after all
-            certificate = certify_refined(self.pool, choice)
+            choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), stages)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
         cell, ahead, parted = self.cell, chosen.foreseen, chosen.discriminating
@@ -135,6 +132,20 @@ class PoseSession(ABC):
             separation=told,
             foresight=ahead,
         )
+
+    def _drive_refined(self, refined: PoseChoice, stages: Stages) -> tuple[PoseChoice, Certificate, tuple[Drive, ...]]:
+        """Drive all places, and certify the poses beside that; those that are driven come with the drives."""
+        try:
+            with Beside(partial(certify_refined, self.pool, refined)) as certifying, stages.stage("path"):
+                drives, choice = self._drive_places(refined)
+        except TimeIsOverError as over:
+            limit, certificate = current_limit(), certify_refined(self.pool, refined)
+            notes = (*self.notes, *session_notes(self.cell), *(limit.notes if limit else ()))
+            raise PathNotProvenError(
+                UnprovenPoses(self.cell, self.options.seed, self.pool, refined, certificate, notes, str(over))
+            ) from over
+        certificate = certifying.result()
+        return choice, certificate if choice is refined else certify_refined(self.pool, choice), drives
 
     def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""

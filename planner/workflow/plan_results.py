@@ -11,6 +11,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
@@ -22,7 +23,8 @@ from planner.session.document import PlanDocument
 from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.session.tour_cost import cost_name
-from planner.workflow.writing import plan_content, write_plan, write_program_as
+from planner.session.unproven_poses import UnprovenPoses
+from planner.workflow.writing import plan_content, write_cell, write_plan, write_program_as
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,41 @@ class PlanResult(SessionResult):
 
         drive = self.plan.drives[fixture]
         return _plot(tour_chart(drive, tour_orders(self.plan.cell, drive), ""))
+
+
+@dataclass(frozen=True)
+class PosesResult(Result):
+    """Poses that a limit of time left without a proven path; ``cut_short``: what it left undone."""
+
+    poses: UnprovenPoses
+    cut_short: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Return what there is, how good it provably is, and what is not proven."""
+        found, choice, bound = self.poses, self.poses.choice, self.poses.certificate
+        gap = 100 * max(INDEX_RULES[choice.index].gap(choice.value, bound.value), 0.0)
+        lines = [
+            f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
+            f"  not proven  {found.why}",
+            f"  candidates  {found.pool.funnel.text()}",
+            f"  {choice.index:<10}  {choice.value:#.4g}; no set of these exceeds {bound.value:#.4g}, gap {gap:.1f} %",
+        ]
+        return "\n".join([*lines, *(f"  note        {note}" for note in found.notes)])
+
+    def content(self) -> Mapping[str, Any]:
+        """Return what ``plan.json`` says."""
+        return self.poses.record()
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write ``plan.json`` and ``cell.toml``; the program of an earlier plan in the folder is cleared."""
+        with draft_folder(Path(folder)) as draft:
+            write_cell(self.poses.cell, draft)
+            write_text(draft / "plan.json", self.to_json())
+            return move_all(draft, Path(folder))
+
+    def files(self, folder: Path) -> str:
+        """Name what is there."""
+        return "plan.json (poses alone), cell.toml"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from planner.session.options import PlanOptions, check_circle_options, check_poi
 from planner.session.plan_types import Plan
 from planner.session.planning import plan_session
 from planner.session.point_poses import PointPoses
-from planner.workflow.plan_results import CircularPlanResult, PlanResult
+from planner.session.unproven_poses import PathNotProvenError
+from planner.workflow.plan_results import CircularPlanResult, PlanResult, PosesResult
 
 
 def plan(
@@ -32,7 +33,7 @@ def plan(
     aim: Aim | None = None,
     time_limit: float | None = None,
     progress: Progress = no_progress,
-) -> PlanResult | CircularPlanResult:
+) -> PlanResult | PosesResult | CircularPlanResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
 
     Args:
@@ -46,7 +47,7 @@ def plan(
         fixtures: how many in all: good places are found for those beside the first.
         aim: poses by the index, or by the error that is left once hidden effects are traced.
         time_limit: seconds for planning; searches stop early, and the notes say what they left. The same seed then no
-            longer gives the same bytes.
+            longer gives the same bytes. Over before a path is proven: the poses alone, without a program.
         progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
@@ -59,7 +60,10 @@ def plan(
     limit = None if time_limit is None else TimeLimit(time_limit)
     with limit_time(limit):
         if not chosen.circles:
-            return PlanResult(plan_cell(chosen, options, stages), stages, limit.notes if limit else ())
+            try:
+                return PlanResult(plan_cell(chosen, options, stages), stages, limit.notes if limit else ())
+            except PathNotProvenError as cut:
+                return PosesResult(cut.poses, (*(limit.notes if limit else ()), str(cut)))
         check_circle_options(chosen, options)
         return CircularPlanResult(plan_circles(chosen, options, stages), stages, limit.notes if limit else ())
 

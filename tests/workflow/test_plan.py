@@ -8,15 +8,20 @@ import polars as pl
 import pytest
 
 from planner.cell.reading import load_cell, read_cell
-from planner.common.errors import PlannerError
+from planner.common.errors import InputError, PlannerError
+from planner.common.time_limit import TimeIsOverError
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld, FclWorld
 from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Samples
+from planner.session.document import read_plan
+from planner.session.planning import PoseSession
 from planner.workflow.plan_reading import export
+from planner.workflow.plan_results import PosesResult
+from planner.workflow.planning import plan
 from tests.command import edbb
-from tests.workflow.conftest import small_cell
+from tests.workflow.conftest import FEWER, small_cell
 
 KEYS = {
     "schema", "plan_id", "robot", "cell", "seed", "parameters", "dropped", "funnel", "poses", "supports",
@@ -312,3 +317,26 @@ def test_a_plan_that_was_changed_is_proven_anew_or_refused(moving, tmp_path):
     else:
         assert "proven anew by both engines" in one.notes[0]
     assert "proven anew by both engines" in changed(lambda c: c.update(seed=99)).notes[0]
+
+
+def test_poses_that_no_proven_path_joins_in_time_are_told_and_are_no_plan(tmp_path, monkeypatch):
+    def give_up(*_):
+        raise TimeIsOverError("the time limit is over while motions are proven")
+
+    monkeypatch.setattr(PoseSession, "_drive_places", give_up)
+    cell, folder = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", *FEWER), tmp_path / "out"
+    found = plan(cell, poses=30, time_limit=1e4)
+    assert isinstance(found, PosesResult)
+    assert found.cut_short[-1] in found.summary()
+    assert sorted(p.name for p in found.write(folder)) == ["cell.toml", "plan.json"]
+    told = json.loads((folder / "plan.json").read_text())
+    assert "motions are proven" in told["not_proven"]
+    seen, rows = told["observability"], np.deg2rad([p["q_deg"] for p in told["poses"]])
+    assert rows.shape == (30, 6)
+    assert seen["bound_verified"]
+    model = Model.from_cell(load_cell(str(folder / "cell.toml")))
+    kept = [model.names.index(name) for name in told["parameters"]]
+    jacobian = model.rows(Samples.at(rows))[:, 0, kept]
+    assert seen[seen["index"]] == pytest.approx(np.linalg.cond(jacobian), rel=1e-3)
+    with pytest.raises(InputError, match="edbb-plan/1"):
+        read_plan(folder / "plan.json")
