@@ -17,4 +17,5 @@ __all__ = [
     "tour_cost",
     "tour_drive",
     "trust",
+    "unproven_poses",
 ]
