@@ -30,7 +30,6 @@ class Registration:
         needs: what a run needs to show them.
         by_gauge: whether a gauge names the generator among its own errors, see ``Gauge.errors``.
         background: how effects that were not found enter the posterior.
-        pool: name under which kinds share one size there, empty: each has its own.
     """
 
     kinds: tuple[str, ...]
@@ -38,7 +37,6 @@ class Registration:
     needs: str
     by_gauge: bool
     background: Background
-    pool: str
 
     @property
     def order(self) -> int:
@@ -55,12 +53,11 @@ def register(
     needs: str = "another kind of run",
     by_gauge: bool = False,
     background: Background = Background.BY_KIND,
-    pool: str = "",
 ) -> Callable[[EffectGenerator], EffectGenerator]:
     """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`."""
 
     def enter(generator: EffectGenerator) -> EffectGenerator:
-        _REGISTRY.append(Registration(kinds, generator, needs, by_gauge, background, pool))
+        _REGISTRY.append(Registration(kinds, generator, needs, by_gauge, background))
         return generator
 
     return enter

@@ -132,7 +132,7 @@ def coupling(run: Excitation) -> Iterator[Effect]:
         yield _proportional(run, "coupling", i, k, sentence, NUBIOLA)
 
 
-@register(*(f"axis wobble {word} a turn" for _, word in TIMES), pool="axis wobble")
+@register(*(f"axis wobble {word} a turn" for _, word in TIMES), background=Background.BY_PLACE)
 def axis_wobble(run: Excitation) -> Iterator[Effect]:
     """A joint's axis wobbles as it turns: its bearing runs out, or is squeezed out of round."""
     for i in run.moving_joints:

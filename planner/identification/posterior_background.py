@@ -61,7 +61,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         entry = registration_of(effect.kind)
         if entry.background in ABSENT or effect.has(Role.UNTRACED):
             continue
-        label = effect.family if entry.background is Background.BY_PLACE else entry.pool or effect.kind
+        label = effect.family if entry.background is Background.BY_PLACE else effect.kind
         is_known = entry.background is Background.KNOWN
         known |= {label} if is_known else set()
         out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
