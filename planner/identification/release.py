@@ -1,10 +1,14 @@
 """From the stages of a fit to the robot that is released."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import MM, to_mm
 from planner.identification.cross_validation import predict_held_out
+from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families
 from planner.identification.posterior_fit import fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
@@ -13,7 +17,8 @@ from planner.model.identification_document import Metrics, Release, SizeOfFamily
 from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
-DOUBT = 0.1  # probability that geometry alone is the better robot, from which on it is released
+DOUBT = 0.1  # probability that geometry alone is the better robot, at most
+LEAST_SHARE = 0.05  # of the way to the posterior mean, which is worth a robot with effects
 
 
 def release_robot(
@@ -21,8 +26,8 @@ def release_robot(
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
 
-    It is the posterior's mean, unless geometry alone may well be the better robot over the workspace: what an arm may
-    have besides is no reason to move it.
+    It lies on the way from geometry alone to the posterior mean, as far along as it is hardly ever worse over the
+    workspace than geometry alone: what an arm may have besides is no reason to move it.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -44,12 +49,37 @@ def release_robot(
     posterior = fit_posterior(last, run, whole, families, time)
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
-    better = geometry.drawn_errors(plain.fit) <= geometry.drawn_errors(posterior.fit)
-    if geometry_alone or better.mean() > DOUBT:
+    share = 0.0 if geometry_alone else safe_share(geometry)
+    if share < LEAST_SHARE:
         return geometry
+    fit = _part_way(plain.fit, posterior.fit, share)
     held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
-    errors = (Metrics.of(held, split.fold), context.judge(posterior.fit), held)
-    return ReleasedRobot(posterior.fit, plain.fit, posterior, *maps, *errors)
+    before = own.held_residual if few is None else own.held_residual[few]
+    held = share * held + (1 - share) * before
+    errors = (Metrics.of(held, split.fold), context.judge(fit), held)
+    return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
+
+
+def safe_share(geometry: ReleasedRobot) -> float:
+    """Return how far from geometry alone (0) to the posterior mean (1) a robot is worse with a probability of DOUBT.
+
+    On the way errors are quadratic: a robot a share s along is better than geometry alone where the projection t of the
+    true robot on the way, 0 at the posterior mean and 1 at geometry, is below 1 − s / 2.
+    """
+    fit, mean = geometry.geometry, geometry.posterior.fit
+    length = geometry.distance(fit) ** 2
+    if length == 0.0:
+        return 0.0
+    projection = 0.5 + (geometry.drawn_errors(mean) ** 2 - geometry.drawn_errors(fit) ** 2) / (2 * length)
+    return float(np.clip(2 - 2 * np.quantile(projection, 1 - DOUBT), 0.0, 1.0))
+
+
+def _part_way(geometry: Fit, posterior: Fit, share: float) -> Fit:
+    """Return the posterior's fit with values a share of the way from those of geometry alone."""
+    own = dict(zip(geometry.model.names, map(float, geometry.errors), strict=True))
+    start = np.array([own.get(name, 0.0) for name in posterior.model.names])
+    errors = start + share * (posterior.errors - start)
+    return replace(posterior, solution=replace(posterior.solution, errors=errors))
 
 
 def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
@@ -61,8 +91,9 @@ def describe_release(released: ReleasedRobot) -> Release:
     """Return what the document says of the released robot."""
     posterior, work = released.posterior, released.work_tool
     return Release(
-        basis="posterior" if released.fit is posterior.fit else "geometry",
-        findings=posterior.findings if released.fit is posterior.fit else (),
+        basis="posterior" if released.share else "geometry",
+        share=released.share,
+        findings=posterior.findings if released.share else (),
         held_out=released.held_out,
         validation=released.validation,
         at_most=released.at_most,

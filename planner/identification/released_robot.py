@@ -57,13 +57,14 @@ class ReleasedRobot:
     """A calibrated robot and what is known of its errors.
 
     Attributes:
-        fit: whose values are written; of geometry alone, or the posterior mean.
+        fit: whose values are written; of geometry alone, or on the way from there to the posterior mean.
         geometry: the fit of geometry alone.
         posterior: what the errors are judged by.
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
             the robot works with, where the cell names it.
         held_out, validation: errors of the released robot.
         held_residual: of every sample, (n, r) [m, rad]; of a part of a long run.
+        share: how much of that way, 0 to 1.
     """
 
     fit: Fit
@@ -75,6 +76,7 @@ class ReleasedRobot:
     held_out: Metrics
     validation: Metrics | None
     held_residual: Array
+    share: float = 0.0
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -120,6 +122,10 @@ class ReleasedRobot:
         off = known.drawn[which] - (mean.errors[which] + self.offset(names, fit))[:, None]
         rows = where.rows[:, :, at].reshape(-1, len(at))
         return np.asarray(np.sqrt(np.maximum((off * (rows.T @ rows @ off)).sum(axis=0), 0.0) / len(where.q)))
+
+    def distance(self, fit: Fit) -> float:
+        """Return how far a robot's tool is from the posterior mean's over the workspace, rms [m]."""
+        return float(np.sqrt(self.tool.square(self.offset(self.tool.names, fit)[:, None]).mean()))
 
     @cached_property
     def anywhere(self) -> float:

@@ -272,7 +272,9 @@ class Release(DocumentSection):
     Each is as likely exceeded as not.
 
     Attributes:
-        basis: whether the robot holds the posterior mean or geometry alone.
+        basis: whether the robot holds effects by the posterior or geometry alone.
+        share: how much of the way from geometry alone to the posterior mean it goes, 0 to 1: as far as it is hardly
+            ever worse over the workspace than geometry alone.
         findings: those that entered the posterior; what they would do is left to the background of the others.
         held_out, validation: errors of this robot.
         at_most: what the released robot's error stays below with a probability of 95 %.
@@ -284,6 +286,7 @@ class Release(DocumentSection):
 
     if_any = ("validation", "work_tool")
     basis: Literal["posterior", "geometry"]
+    share: float = 1.0
     findings: tuple[str, ...] = ()
     held_out: Metrics
     validation: Metrics | None = None

@@ -124,8 +124,12 @@ def released_text(c: Calibration) -> str:
     r = c.release
     if r is None:
         return "the last stage"
-    what = "the posterior mean of geometry and all effects" if r.basis == "posterior" else "geometry alone"
-    return what
+    if r.basis == "geometry":
+        return "geometry alone"
+    mean = "the posterior mean of geometry and all effects"
+    if r.share == 1.0:
+        return mean
+    return f"{r.share:.0%} of the way from geometry alone to {mean}, as far as that is hardly ever worse"
 
 
 def held_out_text(c: Calibration) -> str:

@@ -55,7 +55,7 @@ class Outcome:
         rms, stated: error of the released robot [m], and what the document states.
         geometry_stated: what it states of geometry alone [m].
         covered: share of the coordinates of the tool that lie within their 95 % interval.
-        basis: what the released robot is made of.
+        basis: how much of the way from geometry alone to the posterior mean the released robot goes.
     """
 
     task: Task
@@ -119,7 +119,7 @@ def try_task(task: Task, measured_q: np.ndarray) -> Outcome:
         found.workspace_error,
         found.release.geometry_anywhere,
         float((np.abs(off) <= 1.96 * sigma).mean()),
-        found.release.basis,
+        f"{found.release.share:.2f}",
         seconds,
         any("workspace" in w or "anywhere" in w for w in found.warnings),
         truth.effects,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import planner.identification.release as release
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
@@ -30,6 +31,7 @@ from tests.test_tool_error import aligned
 
 NAME = "kuka-kr6-r700"
 DRAWN = 24  # robots
+WEAK = (Effect("reducer-ripple", 2, 3e-6, (("frequency", 2.0), ("phase", 0.7))),)
 HIDDEN = (Effect("reducer-ripple", 2, 3e-4, (("frequency", 2.0), ("phase", 0.7))), Effect("joint-compliance", 3, 4e-5))
 
 
@@ -88,6 +90,23 @@ def test_the_expected_error_is_that_of_drawn_robots():
     )
     assert own == pytest.approx(rms, rel=0.1)
     assert released.anywhere < released.at_most
+
+
+def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkeypatch):
+    """Counted over the drawn robots, at every probability that ends part of the way."""
+    released = judged(0, WEAK)[0].released
+    before = replace(released, fit=released.geometry, share=0.0)
+    partial = 0
+    for doubt in np.linspace(0.02, 0.7, 12):
+        monkeypatch.setattr(release, "DOUBT", doubt)
+        share = release.safe_share(before)
+        if not 0.0 < share < 1.0:
+            continue
+        there = release._part_way(released.geometry, released.posterior.fit, share)
+        worse = (released.drawn_errors(there) > released.drawn_errors(released.geometry)).mean()
+        assert worse == pytest.approx(doubt, abs=2 / released.posterior.drawn.shape[1])
+        partial += 1
+    assert partial >= 3
 
 
 @cache
