@@ -17,7 +17,7 @@ from rich.progress import Progress as Bar
 from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
-from planner.common.result_folder import check_overwriting
+from planner.common.result_folder import check_not_inside, check_overwriting
 
 PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
 MOST_PRINTED = 50_000  # signs of a summary
@@ -107,6 +107,7 @@ def check_folder(output: Path) -> None:
     there = next(p for p in (output, *output.absolute().parents) if p.exists())
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")
+    check_not_inside(output)
     check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()])
     try:
         tempfile.TemporaryFile(dir=there).close()

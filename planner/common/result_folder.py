@@ -33,11 +33,7 @@ def draft_folder(folder: Path) -> Iterator[Path]:
         InputError: ``folder`` is the one that the command runs in, or its parent cannot be made.
     """
     folder = folder.resolve()
-    if Path.cwd().is_relative_to(folder):
-        raise InputError(
-            f"{folder}: results are exchanged as a whole folder, which cannot be the one that you are in; "
-            "name a folder of their own with -o"
-        )
+    check_not_inside(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         _clear_dead_drafts(folder.parent)
@@ -47,6 +43,19 @@ def draft_folder(folder: Path) -> Iterator[Path]:
             yield draft
     except OSError as err:
         raise InputError(f"{folder}: cannot be written ({err.strerror or err})") from err
+
+
+def check_not_inside(folder: Path) -> None:
+    """Refuse a folder of results in which the command runs.
+
+    Raises:
+        InputError: naming it.
+    """
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"{folder}: results are exchanged as a whole folder, which cannot be the one that you are in; "
+            "name a folder of their own with -o"
+        )
 
 
 def move_all(draft: Path, folder: Path) -> list[Path]:

@@ -157,7 +157,7 @@ def check_pattern(text: str) -> str:
     """
     try:
         re.compile(text)
-    except re.error as err:
+    except (re.error, RecursionError, OverflowError) as err:
         raise ValueError(f"is no regular expression: {err}") from err
     return text
 

@@ -224,11 +224,17 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[T
     return targets
 
 
+MOST_LINE = 20_000  # the longest of 585 real programs has 1 248
+
+
 def _read(path: Path) -> tuple[str, str]:
     """Return the text and the encoding that gives the same bytes back."""
     data = read_bytes(path)
     if b"\0" in data:
         raise InputError(f"{path}: holds zero bytes and is no text; UTF-8 and Latin-1 are allowed")
+    for line, content in enumerate(data.splitlines(), 1):
+        if len(content) > MOST_LINE:
+            raise InputError(f"{path}:{line}: the line has {len(content)} signs; at most {MOST_LINE} are read")
     try:
         return data.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:

@@ -23,10 +23,10 @@ TP_REMARK = CommentStyle(start="   :  !", end=" ;", forbid=";[]", max_length=31)
 HALVES = {".src": ".dat", ".dat": ".src"}
 MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
-    "krl": r"^\s*(&ACCESS|DEF(DAT)?\s+\w+)",
-    "rapid": r"^\s*MODULE\s+\w+",
-    "pdl2": r"^\s*PROGRAM\s+\w+",
-    TABLE: r"^\s*[^\n]*\bq1_(deg|rad)\b",
+    "krl": r"^[ \t]*+(&ACCESS|DEF(DAT)?\s+\w+)",
+    "rapid": r"^[ \t]*+MODULE\s+\w+",
+    "pdl2": r"^[ \t]*+PROGRAM\s+\w+",
+    TABLE: r"^[^\n]*\bq1_(deg|rad)\b",
 }
 
 

@@ -238,13 +238,11 @@ def add_entry(record: Path, results: Path, circumstances: Circumstances, serial:
     if name is None:
         raise InputError(f"{results} holds none of {', '.join(DOCUMENTS)}: add what identify, accuracy or check wrote")
     kind, robot = DOCUMENTS[name], _read_document(results / name, DOCUMENTS[name]).robot
-    if not (record / "record.toml").is_file():
-        if serial is None:
-            raise InputError(f"{record} is no record yet: name the robot's serial number with --serial")
-        record.mkdir(parents=True, exist_ok=True)
-        content = RecordFile(schema="edbb-record/1", serial=serial, robot=robot).model_dump(by_alias=True)
-        write_text(record / "record.toml", tomli_w.dumps(content))
-    known = RobotRecord.read(record)
+    is_new = not (record / "record.toml").is_file()
+    if is_new and serial is None:
+        raise InputError(f"{record} is no record yet: name the robot's serial number with --serial")
+    file = RecordFile(schema="edbb-record/1", serial=str(serial), robot=robot)
+    known = RobotRecord(file, ()) if is_new else RobotRecord.read(record)
     if robot != known.file.robot:
         raise InputError(f"{results / name} is of {robot}, but {record} is the record of {known.file.robot}")
     if serial not in (None, known.file.serial):
@@ -258,12 +256,16 @@ def add_entry(record: Path, results: Path, circumstances: Circumstances, serial:
         circumstances=circumstances,
     )
     number = max((e.number for e in known.entries), default=0) + 1
-    (record / "entries").mkdir(exist_ok=True)
-    folder = record / "entries" / f"{number:04d}-{kind}"
-    with draft_folder(folder) as draft:
-        for file in (name, *BESIDE):
-            if (results / file).is_file():
-                shutil.copyfile(results / file, draft / file)
-        write_text(draft / "entry.json", document_text(entry.model_dump(mode="json", by_alias=True)))
-        move_all(draft, folder)
+    entry_name = f"entries/{number:04d}-{kind}"
+    place = record if is_new else record / entry_name  # a new record appears with its first entry
+    with draft_folder(place) as draft:
+        folder = draft / entry_name if is_new else draft
+        folder.mkdir(parents=True, exist_ok=True)
+        for file_name in (name, *BESIDE):
+            if (results / file_name).is_file():
+                shutil.copyfile(results / file_name, folder / file_name)
+        write_text(folder / "entry.json", document_text(entry.model_dump(mode="json", by_alias=True)))
+        if is_new:
+            write_text(draft / "record.toml", tomli_w.dumps(file.model_dump(by_alias=True)))
+        move_all(draft, place)
     return RobotRecord.read(record)

@@ -99,8 +99,8 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
-    except UnicodeDecodeError as err:
-        if encoding is not None:
+    except UnicodeError as err:
+        if encoding is not None or not isinstance(err, UnicodeDecodeError):
             raise InputError(f"{path}: the text is not {encoding}, as the map says ({err})") from err
         line = data.count(b"\n", 0, err.start) + 1
         raise InputError(

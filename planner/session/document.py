@@ -14,6 +14,7 @@ from planner.runs.run import Run
 from planner.session.course import Role, Waypoints
 
 SCHEMA = "edbb-plan/1"
+MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
 
 
 class WaypointRecord(PartialModel):
@@ -29,8 +30,8 @@ class DriveRecord(PartialModel):
 
     fixture: str
     point: str = ""
-    travel: tuple[WaypointRecord, ...]
-    waypoints: tuple[WaypointRecord, ...]
+    travel: tuple[WaypointRecord, ...] = Field(max_length=MOST_WAYPOINTS)
+    waypoints: tuple[WaypointRecord, ...] = Field(max_length=MOST_WAYPOINTS)
     shortcuts: tuple[NonNegativeInt, ...] = ()
 
 

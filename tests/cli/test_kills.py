@@ -2,13 +2,14 @@
 
 A kill before the k-th call that changes a file leaves what lies on the disk at that moment, so one run of a command in
 which the disk is looked at before every one of them stands for a kill at each; beside that runs are really killed, at
-random moments, most of them while they write: 200 of all commands with EDBB_ALL_TRIALS=1 (half an hour), else a
-sixth of them, and none of the commands that take a minute.
+random moments, most of them while they write: 200 of all commands with EDBB_ALL_TRIALS=1, else a sixth of them. What
+takes long to compute is computed once, on small grids: no file may change meanwhile, so that a kill there is no trial.
 """
 
 import json
 import os
 import pkgutil
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ import pytest
 import planner
 import tests.instruments.loaded.world as loaded
 from planner.common.result_folder import changed_files
+from planner.instruments.record import RobotRecord
 from tests.cli.states import state_of
 from tests.cli.test_writing import MAP
 from tests.command import edbb
@@ -28,17 +30,27 @@ from tests.instruments.accuracy.worlds import NAME, poses, tracker_run
 from tests.instruments.centring.conftest import Cell
 from tests.instruments.centring.test_command import words as centring_words
 from tests.instruments.centring.test_session import rows_of
+from tests.instruments.check.test_record import calibration, results
 from tests.instruments.circular.conftest import ARC, cell_file
-from tests.instruments.loaded.test_both import FEW
-from tests.workflow.conftest import small_cell
+from tests.instruments.loaded.test_both import write_inputs
+from tests.instruments.test_live_gauge import Gauge
 
 KILLS = {
-    "import": 4, "simulate": 30, "export": 30, "compensate": 36, "accuracy": 20, "circular": 20, "loaded": 12,
-    "study": 8, "identify": 10, "plan": 6, "fixtures": 3, "loaded-places": 4, "plan-both": 1, "centre": 16,
+    "import": 4, "simulate": 20, "export": 20, "compensate": 20, "accuracy": 12, "circular": 12, "loaded": 8,
+    "study": 10, "identify": 10, "plan": 10, "fixtures": 8, "loaded-places": 10, "plan-both": 8, "check": 10,
+    "plan-check": 8, "centre": 10, "measure": 10, "record": 10,
 }  # fmt: skip
 assert sum(KILLS.values()) == 200
 LIGHT = ("import",)
-SLOW = ("study", "fixtures", "loaded-places", "plan-both")
+COMPUTED = ("study", "identify", "plan", "fixtures", "loaded-places", "plan-both", "check", "plan-check")
+GROWING = ("centre", "measure", "record")  # have tests of their own: what they write grows
+SMALL = {
+    "planner.studies.basis:CANDIDATES": 600, "planner.studies.basis:GROWTH": [1.2, 1.6, 2.4],
+    "planner.studies.basis:STEPS": 10, "planner.studies.fixture_places:CANDIDATES": 300,
+    "planner.studies.fixture_places:map_fixture_places.__defaults__": [4, 3],
+    "planner.design.fixtures.addition:CANDIDATES": 200, "planner.design.fixtures.addition:ACROSS": 4,
+    "planner.instruments.loaded.circle_candidates:find_circle_places.__defaults__": [0, [3, 2]],
+}  # fmt: skip
 ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))
 
 
@@ -51,14 +63,21 @@ class Commands:
     """A process that runs commands for the tests, and their inputs."""
 
     def __init__(self, folder: Path) -> None:
-        words = [sys.executable, "-m", "tests.cli.watched"]
-        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        words, one = [sys.executable, "-m", "tests.cli.watched"], {"OMP_NUM_THREADS": "1"}
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, env={**os.environ, **one})
         self.folder = folder
 
     def warm(self) -> None:
         """Load what the commands need."""
         names = (m.name for m in pkgutil.walk_packages(planner.__path__, "planner."))
-        self._order(warm=[n for n in names if not n.endswith("__main__")])
+        self._order(warm=[n for n in names if not n.endswith("__main__")], settings=SMALL)
+
+    def learn(self, words: Sequence[object], folder: Path) -> None:
+        """Compute what a command will write, and see that no file changes before it does."""
+        done = self._order(learn=[str(w) for w in words], folder=str(folder))
+        assert done["said"] == "", done["said"]
+        assert done["changed"] == []
 
     def run(self, words: Sequence[object], folder: Path, out: Path, **order: object) -> dict:
         """Run a command, watched or killed."""
@@ -156,22 +175,9 @@ def _places(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
 
 
 def _both(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
-    text = small_cell("abb-irb6700/ldbb", place).read_text()
-    for old, new in FEW.items():
-        text = text.replace(old, new)
-    free = small_cell("abb-irb6700/edbb", place / "free", ("candidates = 3000", "candidates = 600"))
-    words = (
-        "plan-both",
-        free,
-        _written(place / "quick.toml", text),
-        "-o",
-        out / "o",
-        "--places",
-        1,
-        "--dialect",
-        "rapid",
-    )
-    return (*words, "--poses", 40), (*words, "--poses", 41), out / "o"
+    write_inputs(place)
+    words = ("plan-both", place / "plan.json", place / "loaded.toml", "-o", out / "o", "--places", 1, "--dialect")
+    return (*words, "rapid"), (*words, "krl"), out / "o"
 
 
 def _accuracy(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
@@ -186,9 +192,23 @@ def _identify(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
     return words, (*words, "--hold-out", 0.4), out / "o"
 
 
+def _calibrated(place: Path, small) -> Path:
+    return _made(place / "o" / "robot.toml", *_identify(place, place, small)[0])
+
+
+def _check(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    known, plan = _calibrated(place, small).parent, small.folder / "plan.json"
+    words = ("check", place / "run.csv", "--baseline", known, "--plan", plan, "-o", out / "o", "--limit-mm")
+    return (*words, 5), (*words, 6), out / "o"
+
+
+def _plan_check(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
+    words = ("plan-check", small.cell_path, "--baseline", _calibrated(place, small).parent, "-o", out / "o", "--poses")
+    return (*words, 10), (*words, 12), out / "o"
+
+
 def _compensate(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
-    fit = _identify(place, place, small)[0]
-    robot = _made(place / "o" / "robot.toml", *fit)
+    robot = _calibrated(place, small)
     text = next(p for p in small.folder.iterdir() if p.suffix == ".src").read_text()
     sources = [_written(place / "a.src", text), _written(place / "b.src", text.replace("A1 0.0000", "A1 0.1000"))]
     one, two = (("compensate", s, "--model", robot, "-o", out / "c.src", "--force") for s in sources)
@@ -198,7 +218,7 @@ def _compensate(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
 PAIRS = {
     "import": _import, "simulate": _simulate, "export": _export, "compensate": _compensate, "accuracy": _accuracy,
     "circular": _circular, "loaded": _loaded, "study": _study, "identify": _identify, "plan": _plan,
-    "fixtures": _fixtures, "loaded-places": _places, "plan-both": _both,
+    "fixtures": _fixtures, "loaded-places": _places, "plan-both": _both, "check": _check, "plan-check": _plan_check,
 }  # fmt: skip
 
 
@@ -208,10 +228,10 @@ def _same(state: dict[str, str]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    "kind", [k if k in LIGHT else pytest.param(k, marks=pytest.mark.long) for k in KILLS if k != "centre"]
+    "kind", [k if k in LIGHT else pytest.param(k, marks=pytest.mark.long) for k in KILLS if k not in GROWING]
 )
 def test_a_kill_leaves_old_or_new(kind, commands, tmp_path, request):
-    if kind in SLOW and not ALL:
+    if kind in COMPUTED and not ALL:
         pytest.skip("takes minutes: only with EDBB_ALL_TRIALS=1")
     out = tmp_path / "place"
     out.mkdir()
@@ -220,6 +240,8 @@ def test_a_kill_leaves_old_or_new(kind, commands, tmp_path, request):
     *words, where = PAIRS[kind](commands.folder, out, None if kind in LIGHT else request.getfixturevalue("small"))
     ends, slowest = [], []
     for number, word in enumerate(words):
+        if kind in COMPUTED:
+            commands.learn(word, out)
         before = state_of(where) if number else {}
         found = commands.run(word, out, where)
         assert found["code"] in (0, 5), found["said"]
@@ -267,3 +289,70 @@ def test_a_session_of_centring_that_is_killed_loses_no_pose(commands, tmp_path):
         assert done["code"] == 0, done["said"]
         table = rows_of(made.output)
         assert table["pose"].to_list() == [1, 3, 5, 7]
+
+
+@pytest.mark.long
+def test_a_run_at_a_gauge_that_is_killed_loses_no_pose(commands, tmp_path, small):
+    """What was read stays, whatever was killed; the next command goes on behind it."""
+    commands.warm()
+    gauge, run = Gauge(), tmp_path / "run.csv"
+    words = ("measure", small.folder / "plan.json", "--gauge", gauge.port, "-o", run)
+    poses = [p["id"] for p in small.plan["poses"] if p["role"] != "mount"]
+    whole = commands.run(words, tmp_path, run)
+    assert whole["code"] == 0, whole["said"]
+    assert _measured(run) == poses
+    rng, kept, seen = np.random.default_rng(0), poses, set()
+    for _ in range(kills_of("measure")):
+        if kept == poses:
+            run.unlink()
+            kept = []
+        commands.run(words, tmp_path, run, kill_s=rng.uniform(whole["times"][0], whole["times"][-1]))
+        found = _measured(run)
+        assert found[: len(kept)] == kept
+        assert found == poses[: len(found)]
+        kept = found
+        seen.add(len(found))
+    assert len(seen) > 1
+    assert commands.run(words, tmp_path, run)["code"] == 0
+    assert _measured(run) == poses
+    gauge.on = False
+
+
+def _measured(run: Path) -> list[int]:
+    """The poses of a run that is being measured, which is whole whenever one looks."""
+    if not run.exists():
+        return []
+    text = run.read_text()
+    rows = [line.split(",") for line in text.splitlines() if not line.startswith("#")]
+    assert text.endswith("\n")
+    assert {len(row) for row in rows} == {len(rows[0])}
+    return [int(row[rows[0].index("pose")]) for row in rows[1:]]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_entry_of_a_record_is_there_or_not(commands, tmp_path, begun):
+    commands.warm()
+    added = [results(tmp_path / f"c{k}", "identification.json", calibration(0.01 * k)) for k in (1, 2)]
+    place, record = tmp_path / "place", tmp_path / "place" / "record"
+    words = [("record", record, "--add", a, "--date", "2026-01-01", "--serial", "S1") for a in added]
+
+    def begin() -> None:
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir()
+        if begun:
+            assert edbb(*words[0]).returncode == 0
+
+    begin()
+    before = state_of(record) if begun else {}
+    whole = commands.run(words[-1], place, record)
+    assert whole["code"] == 0, whole["said"]
+    assert [s for s in whole["states"] if s not in (before, whole["states"][-1])] == []
+    rng = np.random.default_rng(0)
+    for _ in range(kills_of("record") // 2):
+        begin()
+        commands.run(words[-1], place, record, kill_s=rng.uniform(0.9 * whole["times"][0], whole["times"][-1]))
+        there = len(RobotRecord.read(record).entries) if record.exists() else 0
+        assert there in (begun, begun + 1)
+        assert commands.run(words[-1], place, record)["code"] == (2 if there > begun else 0)
+        assert len(RobotRecord.read(record).entries) == begun + 1

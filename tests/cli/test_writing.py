@@ -97,6 +97,9 @@ def test_the_folder_that_one_is_in_is_no_folder_of_results(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="the one that you are in"), draft_folder(Path()):
         raise AssertionError
+    for where in (".", "/", ".."):
+        with pytest.raises(InputError, match="the one that you are in"):
+            give(lambda stages: pytest.fail("nothing is computed before"), Path(where), False)
 
 
 def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):

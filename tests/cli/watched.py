@@ -1,20 +1,64 @@
 """Runs commands that are watched or killed, each in a process of its own: ``python -m tests.cli.watched``.
 
-It takes one order a line (JSON) and forks for each, so that no command waits for its libraries.
+It takes one order a line (JSON) and forks for each, so that no command waits for its libraries. What a command has to
+compute can be learnt before: then its forks only write, and are killed while they do.
 """
 
 import importlib
+import io
 import json
 import os
 import select
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
+from unittest.mock import patch
 
 from tests.cli.states import state_of
 
 CHANGES = {"os.rename", "os.remove", "os.link", "os.mkdir", "os.rmdir", "os.truncate", "os.chmod", "shutil.move"}
+LEARNT: dict[str, object] = {}  # results of commands, by their words
+
+
+class _LearntError(Exception):
+    """The result is there; it is not written."""
+
+
+def _learn(words: list[str], folder: str) -> dict[str, object]:
+    """Compute what a command would write; how often it changed ``folder`` meanwhile."""
+    from planner.cli import calibration_commands, check_commands, plan_commands
+    from planner.cli.terminal import give
+    from tests.command import edbb
+
+    changed: list[str] = []
+    looking = True
+
+    def remember(work, output, as_json):  # type: ignore[no-untyped-def]
+        def learn(stages):  # type: ignore[no-untyped-def]
+            LEARNT[str(words)] = work(stages)
+            raise _LearntError
+
+        return give(learn, output, as_json)
+
+    def recall(work, output, as_json):  # type: ignore[no-untyped-def]
+        return give(lambda stages: LEARNT.get(str(sys.argv[1:])) or work(stages), output, as_json)
+
+    def look(event: str, args: tuple[object, ...]) -> None:
+        if looking and _changes(event, args, folder):
+            changed.append(event)
+
+    said, modules = "", (calibration_commands, check_commands, plan_commands)
+    for module in modules:
+        module.give = remember  # type: ignore[attr-defined]
+    sys.addaudithook(look)
+    with suppress(_LearntError):
+        said = edbb(*words).stderr
+    looking = False
+    for module in modules:
+        module.give = recall  # type: ignore[attr-defined]
+    return {"changed": changed, "said": said}
 
 
 def _changes(event: str, args: tuple[object, ...], folder: str) -> bool:
@@ -40,7 +84,8 @@ def _run(words: list[str], folder: str, out: Path) -> dict[str, object]:
         busy = False
 
     sys.addaudithook(look)
-    done = edbb(*words)
+    with patch.object(sys, "stdin", io.StringIO("\n" * 1000)):
+        done = edbb(*words)
     busy = True
     return {
         "code": done.returncode, "said": done.stderr, "states": [*states, state_of(out)],
@@ -75,7 +120,15 @@ def main() -> None:
         order = json.loads(line)
         for module in order.get("warm", ()):
             importlib.import_module(module)
-        print(json.dumps(_fork(order) if "words" in order else {}), flush=True)
+        for name, value in order.get("settings", {}).items():
+            module, _, attribute = name.partition(":")
+            owner = importlib.import_module(module)
+            *inner, last = attribute.split(".")
+            for part in inner:
+                owner = getattr(owner, part)
+            setattr(owner, last, tuple(value) if isinstance(value, list) else value)
+        done = _learn(order["learn"], order["folder"]) if "learn" in order else {}
+        print(json.dumps(_fork(order) if "words" in order else done), flush=True)
 
 
 if __name__ == "__main__":

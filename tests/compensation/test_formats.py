@@ -1,6 +1,7 @@
 """Every language keeps its text: nothing changed gives the same bytes back, a known change gives known numbers."""
 
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -228,6 +229,22 @@ def test_unknown_and_empty_files_are_refused(robot, tmp_path):
     (tmp_path / "c.src").write_bytes(b"D\0E\0F\0")
     with pytest.raises(InputError, match="zero bytes"):
         compensate_file(tmp_path / "c.src", robot, exact(robot))
+    (tmp_path / "d.src").write_text(krl("PTP {A1 " + "0" * 300_000 + "}"))
+    with pytest.raises(InputError, match=r"d\.src:2: the line has 3000\d\d signs; at most"):
+        compensate_file(tmp_path / "d.src", robot, exact(robot))
+
+
+@pytest.mark.parametrize(
+    ("name", "run"),
+    [("a.ngc", "("), ("a.src", "PTP" + " " * 500), ("a.mod", "a" + " " * 500), ("a.xyz", "\n"), ("a.mpf", "X[")],
+)
+def test_runs_of_one_sign_are_read_once(robot, tmp_path, name, run):
+    """None of them is tried from each of its signs: 19 kB would take minutes."""
+    (tmp_path / name).write_text(run * (19_000 // len(run)))
+    start = time.process_time()
+    with pytest.raises(InputError):
+        compensate_file(tmp_path / name, robot, exact(robot))
+    assert time.process_time() - start < 1.0
 
 
 def test_targets_without_a_solution_are_named_or_kept(tmp_path):

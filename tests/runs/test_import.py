@@ -219,6 +219,14 @@ MAPS = {
         "schema = \"edbb-map/1\"\npattern = 'LOG (?P<q1_deg>[0-9]+)'\n",
         "no line of 4 matches the map's pattern",
     ),
+    "a pattern too deep": (
+        f'schema = "edbb-map/1"\npattern = "{"(" * 5000}{")" * 5000}"\n',
+        "is no regular expression",
+    ),
+    "a codec that fails in its own way": (
+        'schema = "edbb-map/1"\nencoding = "punycode"\n[columns]\nq1_deg = 1\nlength_mm = 2\n',
+        "the text is not punycode",
+    ),
     "skipped": ('schema = "edbb-map/1"\nskip_rows = 9\n[columns]\nq1_deg = 1\n', "nothing below the 9 lines"),
     "too few traces": (
         'schema = "edbb-map/1"\n[columns]\nq1_deg = 1\n[[traces]]\ncolumns = {length_mm = 1}\n',

@@ -8,14 +8,18 @@ import pytest
 
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
-from planner.common.units import round_angles
-from planner.programs.program_files import shared_notes
+from planner.common.units import MM, round_angles
+from planner.programs.dialect import dialect_names, load_dialect
+from planner.programs.program_files import shared_notes, write_checked
+from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, time_course
+from planner.session.emitted_speeds import check_emitted_speeds
 from planner.session.neutral_program import assemble_programs, session_program
 from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
+from planner.session.planned_session import load_session
 from planner.session.trust import NOT_HASHED
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.writing import write_cell, write_program_as
@@ -175,3 +179,17 @@ def _with(text, measure, repeat):
         kept.append("[plan]")
     kept.insert(kept.index("[plan]") + 1, f"repeat = {repeat}")
     return "\n".join(kept) + "\n"
+
+
+@pytest.mark.parametrize("name", {load_dialect(n).speed.kind: n for n in dialect_names()}.values())  # one of each kind
+def test_speeds_as_written_are_held_against_those_of_tool_and_gauge(folder, name):
+    session, dialect = load_session(folder / "plan.json", "exported"), load_dialect(name)
+    program = session_program(session.cell, session.courses, session.plan_id, dialect.path_form)
+    found = write_checked(program, name, "a")[1]
+    check_emitted_speeds(session.cell, program, dialect, found)
+    slow = replace(session.cell, gauge=replace(session.cell.gauge, rate=1.0 * MM))
+    with pytest.raises(ProgramMismatchError, match=r"drives the gauge at \d"):
+        check_emitted_speeds(slow, program, dialect, found)
+    tight = [replace(m, tool_limit_mm_s=0.1) if hasattr(m, "tool_limit_mm_s") else m for m in program.instructions]
+    with pytest.raises(ProgramMismatchError, match=r"drives the tool at \d"):
+        check_emitted_speeds(session.cell, replace(program, instructions=tuple(tight)), dialect, found)

@@ -85,7 +85,7 @@ class _GcodeTargets:
         """Pass a line that is no row of words by, unless it moves an axis or makes the order of blocks uncertain."""
         names = "|".join(self.joints)
         assigned = rf"(?<![\w$\[<])({names})\s*=(?!=)" if self.equals else rf"(?<![\w$<])({names})\s*[\[#]"
-        bare = re.sub(r"\[[^\]]*\]|\([^)]*\)", " ", block.text) if self.equals else block.text
+        bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)", " ", block.text) if self.equals else block.text
         if match := re.search(assigned, bare):
             sentence = f"'{block.text}' computes axis {match[1]}; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)

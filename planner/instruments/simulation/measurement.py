@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.instruments.simulation.truth import Truth
@@ -43,11 +44,16 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
     A plan at rest gives one sample a visit, mounting poses left out; one that is driven gives ``RATE`` samples a
     second both ways, each with the id of the visit that it is nearest to in time, so that validation poses can be
     kept out with the stretch of path around them.
+
+    Raises:
+        InputError: nothing is measured.
     """
     moving = is_continuous(cell)
     parts = [_samples_driven(c) if moving else _samples_at_rest(cell, plan, c) for c in courses]
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + FIXTURE_CHANGE_TIME for c in courses[:-1]])
     count = [len(p.t) for p in parts]
+    if not sum(count):
+        raise InputError("the plan measures at no pose: each of them has the role 'mount'")
     q = np.concatenate([p.q for p in parts])
     place, point = (np.repeat(k, count) for k in zip(*(c.mounting for c in courses), strict=True))
     return Samples(

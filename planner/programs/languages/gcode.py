@@ -35,7 +35,9 @@ class Block(Statement):
 def parse(text: str, dialect: Dialect) -> Iterator[Block]:
     """Yield the blocks of a program, without their numbers."""
     start_mark = dialect.comment.start.strip()
-    comment = r"\([^)\r\n]*\)|;[^\r\n]*" if dialect.comment.end else rf"{re.escape(start_mark)}[^\r\n]*"
+    comment = (
+        r"\([^)\r\n]*(?:\)|(?P<unfinished>))|;[^\r\n]*" if dialect.comment.end else rf"{re.escape(start_mark)}[^\r\n]*"
+    )
     for line, start, code in Lines.of(mask_comments(text, comment)):
         head = _HEAD.match(code.upper())
         assert head is not None

@@ -10,7 +10,7 @@ from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments, spaces_once
 
 EXTERNAL = tuple(f"E{i}" for i in range(1, 7))
 AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
@@ -22,7 +22,7 @@ _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return re.compile(rf"\s*{text}", re.IGNORECASE)
+    return spaces_once(rf"\s*{text}", re.IGNORECASE)
 
 
 _MOVE = _pattern(r"(?P<word>S?PTP|S?LIN|S?CIRC|SPL)(?P<relative>_REL)?\b(?!\s*[=.\[])(?P<rest>.*)")
@@ -114,7 +114,7 @@ def _move(match: re.Match[str], line: int, start: int) -> KrlMove:
     targets: list[Aggregate | str] = []
     for count in range(2 if word.endswith("CIRC") else 1):
         comma = "," if count else ""
-        target = re.match(rf"\s*{comma}\s*(\{{[^}}]*\}}|{_NAME})", rest[at:])
+        target = re.match(rf"\s*+{comma}\s*+(\{{[^}}]*\}}|{_NAME})", rest[at:])
         after = "" if target is None else rest[at + target.end() :].lstrip()
         if target is None or after.startswith((":", ".", "+", "-", "(")):
             targets, at = [], 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
+from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments, spaces_once
 
 
 def _row(count: int) -> str:
@@ -21,13 +21,13 @@ UNUSED = 8e9  # external axes that are not there read 9E9
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return re.compile(text, re.IGNORECASE | re.DOTALL)
+    return spaces_once(text, re.IGNORECASE | re.DOTALL)
 
 
 _CHUNK = _pattern(
-    r"\s*(?:(?P<routine>(?:LOCAL\s+)?(?:PROC|TRAP|FUNC\s+\w+)\s+(?P<name>\w+)\s*(?:\([^)]*\))?)"
+    r"\s*(?:(?P<routine>(?:LOCAL\s+)?(?:PROC|TRAP|FUNC\s+\w+)\s+(?P<name>\w+)\s*(?:\([^()]*\))?)"
     r"|(?P<end>END(?:PROC|TRAP|FUNC)\b)"
-    r"|(?P<module>ENDMODULE\b|MODULE\s+\w+\s*(?:\([^)]*\))?)"
+    r"|(?P<module>ENDMODULE\b|MODULE\s+\w+\s*(?:\([^()]*\))?)"
     r"|(?P<flow>(?:IF|ELSEIF)\b[^;]*?\bTHEN\b|(?:WHILE|FOR)\b[^;]*?\bDO\b|(?:ELSE|ENDIF|ENDWHILE|ENDFOR|ENDTEST)\b)"
     r"|(?P<statement>[^;]+;))"
 )

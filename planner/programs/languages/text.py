@@ -53,10 +53,22 @@ class Lines:
         return bisect_right(self.starts, place)
 
 
+def spaces_once(pattern: str, flags: re.RegexFlag) -> re.Pattern[str]:
+    """Compile a pattern whose runs of spaces are taken whole: thousands of them are not shared out in every way."""
+    return re.compile(pattern.replace(r"\s*", r"\s*+").replace(r"\s+", r"\s++"), flags)
+
+
 def mask_comments(text: str, comment: str, strings: str = '"') -> str:
-    """Return ``text`` with remarks (regular expression ``comment``) and quoted strings blanked, places unchanged."""
+    """Return ``text`` with remarks (regular expression ``comment``) and quoted strings blanked, places unchanged.
+
+    A remark that ends in an empty group ``unfinished`` stays: it is passed over once, not tried from each of its signs.
+    """
     quoted = "".join(rf"|{q}[^{q}\r\n]*{q}" for q in strings)
-    return re.sub(f"(?:{comment}){quoted}", lambda m: " " * len(m[0]), text)
+
+    def blank(match: re.Match[str]) -> str:
+        return " " * len(match[0]) if match.groupdict().get("unfinished") is None else match[0]
+
+    return re.sub(f"(?:{comment}){quoted}", blank, text)
 
 
 def write_values(text: str, values: Iterable[tuple[Slot, float]]) -> str:

@@ -37,8 +37,11 @@ def quiet():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
+    return write_inputs(tmp_path_factory.mktemp("both"))
+
+
+def write_inputs(here):
     """A plan without load, as far as it is read, and the cell of a loaded circle that is quickly planned."""
-    here = tmp_path_factory.mktemp("both")
     rng, fixture = np.random.default_rng(0), np.array([1.3, 0.9, 0.9])
     way = rng.normal(size=(60, 3))
     way[:, 2] = np.abs(way[:, 2])
