@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from planner import load_cell
 from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
-from planner.common.schema import read_toml
+from planner.common.schema import PartialModel, read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.kinematics.robot_reader import RobotDescription
 from planner.model.identification_document import Metrics
@@ -37,6 +37,30 @@ class CertifiedError:
         return cls(what, *(float(to_mm(v)) for v in (errors.rms, errors.mean, errors.largest)))
 
 
+class PosePerformanceFile(PartialModel):
+    """AP and RP of poses that a tracker saw several times, means over ``poses`` of them (section ``iso9283``)."""
+
+    poses: int
+    AP_mm: float
+    RP_mm: float
+
+
+class ValidatedModel(PartialModel):
+    """Errors of one model of the robot, of ``accuracy.json``."""
+
+    mean_mm: float
+    max_mm: float
+    iso9283: PosePerformanceFile | None = None
+
+
+class ValidationFile(PartialModel):
+    """What the sheet needs of ``accuracy.json``."""
+
+    run: str
+    before: ValidatedModel | None = None
+    after: ValidatedModel | None = None
+
+
 @dataclass(frozen=True)
 class FileHash:
     """A file by its content."""
@@ -54,6 +78,7 @@ class CalibrationCertificate:
     plan_id: str
     fitted: int
     results: list[CertifiedError]
+    validation: ValidationFile | None
     repeatability_mm: float
     measured_rp_mm: float | None
     hashes: list[FileHash]
@@ -83,11 +108,23 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
         plan_id=plan_id,
         fitted=sum(e.identifiable for e in found.document.estimates),
         results=_results(found),
+        validation=find_validation(context, job.id),
         repeatability_mm=scatter,
         measured_rp_mm=rp,
         hashes=[h for h in hashes if not h.name.endswith("trajectory.csv")],
         software=record.version,
     )
+
+
+def find_validation(context: ServiceContext, calibration: str) -> ValidationFile | None:
+    """Return the latest run of a tracker by which a calibration was judged; ``None`` where there is none."""
+    done = (j for j in context.jobs.list_jobs("validation") if j.state == "done")
+    mine = next((j for j in done if json.loads(j.request).get("model") == calibration), None)
+    if mine is None:
+        return None
+    path = context.files.path(find_output(context, mine.id, "accuracy.json").sha256)
+    found = validate(read_json(path), ValidationFile, str(path))
+    return found if found.after is not None else None
 
 
 def _results(found: CalibrationPage) -> list[CertifiedError]:

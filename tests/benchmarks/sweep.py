@@ -21,15 +21,16 @@ def cluster(workers):
 
 
 def measure_points(workers, folder):
-    """Seconds that a point takes, all workers together; libraries are loaded before."""
+    """Seconds that a point takes, all workers together, and seconds of a core; libraries are loaded before."""
     file = folder / f"{workers}.toml"
     with cluster(workers) as here, Client(here) as client:
         warm = [client.submit(run_task, SweepTask("ur10/edbb", 10, 1, k, 100)) for k in range(4 * workers)]
         client.gather(warm)
         file.write_text(SWEEP.format(poses=list(range(30, 30 + POINTS))))
-        begun = time.monotonic()
+        begun, used = time.monotonic(), client.run(time.process_time)
         sweep(file, folder / str(workers), scheduler=here.scheduler_address)
-        return (time.monotonic() - begun) / POINTS
+        spent = sum(after - used[w] for w, after in client.run(time.process_time).items())
+        return (time.monotonic() - begun) / POINTS, spent / POINTS
 
 
 def measure_overhead():
@@ -54,11 +55,11 @@ def measure_writing(folder):
 def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        one, two = (measure_points(n, folder) for n in (1, 2))
+        (one, core), (two, core_of_two) = (measure_points(n, folder) for n in (1, 2))
         overhead = measure_overhead()
         writing, size = measure_writing(folder)
-    print(f"1 worker: {one:.2f} s a point, {3600 / one:.0f} points an hour")
-    print(f"2 workers: {two:.2f} s a point, {3600 / two:.0f} points an hour, {one / two:.2f} times one")
+    print(f"1 worker: {one:.2f} s a point, {3600 / one:.0f} points an hour; {core:.2f} s of a core")
+    print(f"2 workers: {two:.2f} s a point, {3600 / two:.0f} points an hour; {core_of_two:.2f} s of a core")
     print(f"scheduler and client {1e3 * overhead:.2f} ms a point, writing {1e3 * writing:.2f} ms and {size} bytes")
     serial = overhead + writing
     for workers in (100, 10_000):

@@ -7,12 +7,13 @@ import pytest
 from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
-from planner.service.certificate import RMS_OF_REPEATABILITY
+from planner.service.certificate import RMS_OF_REPEATABILITY, find_validation
 from planner.service.job_store import JobOutput
 from planner.service.page_content import GENERAL, find_action
 from planner.service.pages import session_steps
+from planner.service.serving import build_context
 from planner.session.document import PlanDocument
-from tests.service.conftest import client_of, ended, upload
+from tests.service.conftest import client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store
 
 
@@ -79,6 +80,19 @@ def test_two_plans_stand_side_by_side(tmp_path):
         assert "cell 7" in page
         assert f'value="{ids[1]}"' in client.get(f"/jobs/{ids[0]}").text
         assert client.get("/compare", params={"first": ids[0], "second": "c" * 24}).status_code == 404
+
+
+def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):
+    context, store = build_context(settings(tmp_path)), Store(tmp_path)
+    for id, model, ap in (("a" * 24, "c" * 24, 0.2), ("b" * 24, "d" * 24, 0.3)):
+        figures = {"mean_mm": 0.1, "max_mm": 0.4}
+        after = figures | {"iso9283": {"poses": 5, "visits": [30, 30], "AP_mm": ap, "RP_mm": 0.05}}
+        data = json.dumps({"run": "v.csv", "before": figures, "after": after}).encode()
+        store.jobs.submit(id, "validation", "v.csv", json.dumps({"model": model}), CHEAP)
+        done = [JobOutput("accuracy.json", store.files.add(data), len(data))]
+        assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
+    assert find_validation(context, "c" * 24).after.iso9283.AP_mm == 0.2
+    assert find_validation(context, "e" * 24) is None
 
 
 @pytest.mark.parametrize("effect", ["gear ripple", "joint compliance", "backlash", "session step"])

@@ -1,4 +1,4 @@
-import { find, finished, get, post, say, showFacts } from "/static/common.js";
+import { find, finished, get, plainName, post, say, showFacts } from "/static/common.js";
 import { FixtureEditor } from "/static/editor.js";
 import { showView } from "/static/view3d.js";
 
@@ -21,7 +21,7 @@ try {
 
 async function start(route, body) {
   try {
-    const name = `${cell.includes("/") ? cell.replace("/", "_") : "cell"}_moved.toml`;
+    const name = `${plainName(find("h1").textContent).replace(/(_moved)?[.]toml$/, "")}_moved.toml`;
     const job = await post(`/api/${route}`, { ...(editor ? await editor.chosen(name) : request), ...body });
     location.href = `/jobs/${job.id}`;
   } catch (problem) { say(message, problem.message, true); message.scrollIntoView(); }

@@ -1,6 +1,6 @@
 // The fixture of a cell, dragged in the 3D view or set by its coordinates; what is reached from there follows.
 import * as THREE from "/static/three/three.module.min.js";
-import { find, finished, get, make, post, say } from "/static/common.js";
+import { find, finished, get, make, post, say, showFacts } from "/static/common.js";
 
 const AXES = ["x", "y", "z"], PAUSE_MS = 350, REACH = "reach of the gauge";
 
@@ -127,6 +127,7 @@ export class FixtureEditor {
     say(find("#fixture-problem"), found.problem, found.problem !== "");
     find("#fixture-file").hidden = this.moved === null;
     if (this.moved) find("#fixture-file").href = `/api/jobs/${this.moved}/files/cell.toml`;
+    showFacts(find("#facts"), found.check.facts.map((f) => [f.what, f.value]));
     this.view.replaceLayer("obstacles", found.check.view.parts.filter((p) => p.name === "obstacles"));
   }
 
