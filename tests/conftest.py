@@ -9,10 +9,15 @@ from tests.processors import keep_to_one
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
 
 TOGETHER = ("tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies")
-LONGEST = (
+LONGEST = (  # by default, and of those that are run on demand
     "tests/workflow/test_plan.py", "tests/workflow/test_places.py", *TOGETHER, "tests/test_examples.py",
-    "tests/identification/test_real.py", "tests/motion/path/test_join.py", "tests/workflow/test_identify.py",
-    "tests/instruments/accuracy/test_command.py", "tests/tracing/test_screen.py",
+    "tests/reproduction/test_table9.py", "tests/tracing/test_change_points.py", "tests/cli/test_kills.py",
+    "tests/blind/test_blind.py", "tests/test_readme.py", "tests/identification/test_coverage.py",
+    "tests/identification/test_real.py", "tests/motion/path/test_join.py", "tests/identification/test_anywhere.py",
+    "tests/design/discrimination/test_loop.py", "tests/tracing/test_findings.py", "tests/service/test_crashes.py",
+    "tests/effects/catalogue/test_kinds.py", "tests/design/selection/test_searches.py",
+    "tests/programs/test_round_trip.py", "tests/tracing/test_screen.py", "tests/instruments/accuracy/test_command.py",
+    "tests/tracing/test_curve.py", "tests/workflow/test_identify.py",
 )  # fmt: skip
 
 
