@@ -46,7 +46,6 @@ class Correction:
         residual_m: distance of the calibrated flange from the wanted one, (n,) [m].
         residual_rad: angle between the two, (n,) [rad]; of the flange's z axis alone on robots of five joints.
         moved: how far each joint was moved, (n, N) [rad].
-        iterations: of the slowest target.
         solved: whether the target was met, (n,) bool.
         within: whether the angles are inside the joint limits, (n,) bool.
         near: whether no joint moved further than ``MOVE_LIMIT``, (n,) bool.
@@ -56,7 +55,6 @@ class Correction:
     residual_m: Array
     residual_rad: Array
     moved: Array
-    iterations: int
     solved: np.ndarray
     within: np.ndarray
     near: np.ndarray
@@ -79,7 +77,7 @@ def correct_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) ->
     Robots with more than six joints make the least-norm step; with five, position and the flange's z axis are kept.
     """
     p, R = nominal.flange(q)
-    q_new, iterations = solve_flange_ik(robot, calibrated, q, p, R)
+    q_new = solve_flange_ik(robot, calibrated, q, p, R)
     far_m, far_rad = flange_deviation(robot, calibrated, q_new, p, R)
     moved = q_new - q
     slack = 1e-9  # [rad] a nominal target may stand on its limit
@@ -89,7 +87,6 @@ def correct_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) ->
         residual_m=read_only(far_m),
         residual_rad=read_only(far_rad),
         moved=read_only(moved),
-        iterations=iterations,
         solved=(far_m < 10 * TOLERANCE) & (far_rad < 10 * TOLERANCE),
         within=np.asarray(within),
         near=(np.abs(moved) <= MOVE_LIMIT).all(axis=1),
@@ -104,8 +101,8 @@ def flange_deviation(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -
 
 def solve_flange_ik(
     robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
-) -> tuple[Array, int]:
-    """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3), and the iterations made.
+) -> Array:
+    """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3).
 
     All targets step together; those that have arrived rest. A target that cannot be met ends at the best angles seen.
     """
@@ -117,7 +114,7 @@ def solve_flange_ik(
     found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=TOLERANCE)
     far = np.flatnonzero(found.error > TOLERANCE)
     if not len(far) or not rounds[1]:
-        return found.best, found.iterations
+        return found.best
 
     def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
         wanted = p[far[rows]], R[far[rows]]
@@ -126,7 +123,7 @@ def solve_flange_ik(
     again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=TOLERANCE)
     q = found.best.copy()
     q[far] = again.best
-    return q, found.iterations + again.iterations
+    return q
 
 
 def _error(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> Array:

@@ -161,7 +161,7 @@ def _search(robot: Robot, T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> t
 
 def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
     nominal = NominalPoser(robot)
-    q, _ = solve_flange_ik(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
+    q = solve_flange_ik(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
     p, R = nominal.flange(q)
     far = np.abs(p - T[:, :3, 3]).max(axis=1)
     if robot.n_joints == 5:

@@ -220,7 +220,7 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
             ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
         return ok
 
-    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed).q)
+    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:

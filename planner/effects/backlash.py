@@ -162,7 +162,7 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
             sentence = f"joint {i + 1}: play of {{size}}, on the side on which the load lies"
             role = Role.LIKE_ANY_COMPLIANCE
-            yield _of_joint(run, "backlash by load", i, TorqueSign(i), _play(run), sentence, static=True, role=role)
+            yield _of_joint(run, "backlash by load", i, TorqueSign(i), _play(run), sentence, role=role)
 
 
 @register("hysteresis", needs=CONTINUOUS_RUN)
@@ -177,7 +177,7 @@ def hysteresis(run: Excitation) -> Iterator[Effect]:
             "hysteresis", joint_place(i), parameter,
             f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel",
             _play(run).largest, BACKLASH.literature,
-            NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True), static=False,
+            NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True),
         )  # fmt: skip
 
 
@@ -215,10 +215,10 @@ def _parameter(run: Excitation, kind: str, i: int, phi: BasisFunction, size: Eff
 
 def _of_joint(
     run: Excitation, kind: str, i: int, phi: BasisFunction, size: EffectSize, sentence: str,
-    static: bool = False, role: Role = Role.ORDINARY,
+    role: Role = Role.ORDINARY,
 ) -> Effect:  # fmt: skip
     parameters = (_parameter(run, kind, i, phi, size),)
-    return Effect(kind, joint_place(i), parameters, sentence, size.largest, size.literature, static=static, role=role)
+    return Effect(kind, joint_place(i), parameters, sentence, size.largest, size.literature, role=role)
 
 
 def _of_all_joints(
@@ -227,4 +227,4 @@ def _of_all_joints(
     moves = tuple(ParameterMove("transform", run.rotation(i), phi(i)) for i in run.joints)
     name, what = f"{kind.replace(' ', '_')}_all", f"{kind} of all joints"
     parameters = (Parameter(name, size.unit, size.usual, what, moves),)
-    return Effect(kind, Place("all joints"), parameters, sentence, size.largest, size.literature, static=False)
+    return Effect(kind, Place("all joints"), parameters, sentence, size.largest, size.literature)

@@ -1,6 +1,5 @@
 """An effect: a physical cause at one place, with the parameters by which it enters the model."""
 
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, Flag, auto
@@ -67,14 +66,6 @@ class Place:
         number = "" if self.number is None else f" {self.number + 1}"
         return f"{self.part}{number}" + ("" if self.driver is None else f" by joint {self.driver + 1}")
 
-    @classmethod
-    def parse(cls, text: str) -> "Place":
-        """Read what ``str`` writes; all else is a part without a number."""
-        match = re.fullmatch(r"(joint|link) (\d+)(?: by joint (\d+))?", text)
-        if match is None:
-            return cls(text)
-        return cls(match[1], int(match[2]) - 1, None if match[3] is None else int(match[3]) - 1)
-
     @property
     def joint(self) -> int | None:
         """Number of the joint, from 0, where it is one."""
@@ -117,7 +108,6 @@ class Effect:
         largest: size beyond which it is not plausible, in the unit of its parameters.
         literature: where kind and size come from.
         nonlinear: the number to be scanned.
-        static: whether it depends on joint angles and loads alone, so that targets can be compensated for it.
         role: in the search.
         repeat: 2 and more for those that come again at the same place.
         scanned: how many samples and things it was chosen from, beside what the catalogue offers.
@@ -130,7 +120,6 @@ class Effect:
     largest: float
     literature: str
     nonlinear: NonlinearParameter | None = None
-    static: bool = True
     role: Role = Role.ORDINARY
     repeat: int = 1
     scanned: int = 1

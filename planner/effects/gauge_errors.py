@@ -269,7 +269,7 @@ def ball_centres(run: Excitation) -> Iterator[Effect]:
             for k, a in enumerate("xyz")
         )
         sentence = f"the {name} is off its centre by {{size}}"
-        yield Effect("ball centre", Place(name), offsets, sentence, 1e-3, KAKINO, static=False)
+        yield Effect("ball centre", Place(name), offsets, sentence, 1e-3, KAKINO)
 
 
 @register(*(kind for kind, _ in LOBES), by_gauge=True)
@@ -283,7 +283,7 @@ def ball_shapes(run: Excitation) -> Iterator[Effect]:
                 for k in range(2 * degree + 1)
             )
             sentence = f"the {name} is out of round by {{size}}, with {degree} lobes"
-            yield Effect(kind, Place(name), shape, sentence, 1e-3, KAKINO, static=False)
+            yield Effect(kind, Place(name), shape, sentence, 1e-3, KAKINO)
 
 
 @register("scale interpolation", by_gauge=True)
@@ -296,7 +296,7 @@ def scale_interpolation(run: Excitation) -> Iterator[Effect]:
     yield Effect(
         "scale interpolation", Place("gauge"), _scale_waves,
         "the gauge's scale errs by {size} with a period of {inner}", 5e-4, KAKINO,
-        NonlinearParameter("period", "m", np.concatenate([USUAL_PERIODS, 1 / often[::-1]]), True), static=False,
+        NonlinearParameter("period", "m", np.concatenate([USUAL_PERIODS, 1 / often[::-1]]), True),
     )  # fmt: skip
 
 
@@ -347,7 +347,7 @@ def _of_gauge(
     kind: str, unit: str, moves: tuple[ParameterMove, ...], prior: float, largest: float, sentence: str, source: str
 ) -> Effect:
     parameter = Parameter(kind.replace(" ", "_"), unit, prior, kind, moves)
-    return Effect(kind, Place("gauge"), (parameter,), sentence, largest, source, static=False)
+    return Effect(kind, Place("gauge"), (parameter,), sentence, largest, source)
 
 
 def _each_axis(phis: list[BasisFunction]) -> tuple[ParameterMove, ...]:

@@ -98,4 +98,4 @@ def _frame_steps(
 
 def _step(kind: str, part: str, parameters: tuple[Parameter, ...], sentence: str) -> Effect:
     largest = LARGEST_TURN if parameters[0].unit == "rad" else LARGEST_STEP
-    return Effect(kind, Place(part), parameters, sentence, largest, "estimated", static=False)
+    return Effect(kind, Place(part), parameters, sentence, largest, "estimated")

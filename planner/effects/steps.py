@@ -90,7 +90,7 @@ class Steppable:
         )
         sentence = f"after sample {sample} {self.sentence}"
         return Effect(
-            STEP, self.place, parameters, sentence, LARGEST_STEP, ESTIMATED, static=False, role=Role.CHANGE,
+            STEP, self.place, parameters, sentence, LARGEST_STEP, ESTIMATED, role=Role.CHANGE,
             scanned=scanned,
         )  # fmt: skip
 
@@ -112,9 +112,7 @@ def wrong_row(width: int, sample: int, scanned: int) -> Effect:
     )  # fmt: skip
     sentence = f"row {sample + 1} is off by {{size}}"
     place = Place(f"row {sample + 1}")
-    return Effect(
-        SLIP, place, parameters, sentence, LARGEST_SLIP, ESTIMATED, static=False, role=Role.CHANGE, scanned=scanned
-    )
+    return Effect(SLIP, place, parameters, sentence, LARGEST_SLIP, ESTIMATED, role=Role.CHANGE, scanned=scanned)
 
 
 def steppables(run: Excitation) -> Iterator[Steppable]:

@@ -101,7 +101,7 @@ def link_growth(run: Excitation) -> Iterator[Effect]:
     moves = _link_lengths(run, TemperatureRise(run.mean_temperature))
     parameter = Parameter("link_growth", "1/K", GROWTH, "thermal growth of all links", moves)
     sentence = "the arm's links grow with temperature, by {size}"
-    yield Effect("link growth", Place("arm"), (parameter,), sentence, LARGEST_GROWTH, EXPANSION, static=False)
+    yield Effect("link growth", Place("arm"), (parameter,), sentence, LARGEST_GROWTH, EXPANSION)
 
 
 @register("thermal drift", needs="a run with temperature_degC logged while the arm warms up or cools down")
@@ -165,7 +165,7 @@ def _drift(
     parameters = tuple(
         Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each
     )
-    return Effect(cause.kind, place, parameters, sentence, most, HEISEL, static=False)
+    return Effect(cause.kind, place, parameters, sentence, most, HEISEL)
 
 
 def _warm_up(
@@ -175,7 +175,7 @@ def _warm_up(
     constants = np.geomspace(min(run.duration / 50, longest / 10), longest, TIME_CONSTANTS)
     return Effect(
         "warm-up", place, lambda constant: make(WarmUp(run.start, constant)), sentence, largest, HEISEL,
-        NonlinearParameter("time constant", "s", constants, True), static=False, role=Role.REPEATABLE,
+        NonlinearParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
     )  # fmt: skip
 
 

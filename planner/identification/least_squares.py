@@ -33,13 +33,11 @@ class Solution:
         errors: values of the parameters, (P,).
         factor: R (P, P), upper triangular, of rows per prior size with the prior: RᵀR is the information.
         cost: weighted sum of squares with the prior's.
-        steps: how many were taken.
     """
 
     errors: Array
     factor: Array
     cost: float
-    steps: int
 
     def root(self, prior: Array) -> Array:
         """Square root S (P, P) of the covariance, S Sᵀ, in the parameters' units."""
@@ -96,7 +94,7 @@ class _Triangle:
 def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
     here, damping = _Triangle.about(problem, errors), 0.0
     readings = len(problem) * problem.model.width
-    for step in range(1, MAX_STEPS + 1):
+    for _ in range(MAX_STEPS):
         z = here.step(damping)
         trial = errors + problem.prior * z
         there = _Triangle.about(problem, trial)
@@ -108,7 +106,7 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         else:
             damping = max(10 * damping, 1e-3)
         if small:
-            return Solution(errors, here.factor, here.cost, step)
+            return Solution(errors, here.factor, here.cost)
     raise NoSolutionError(
         f"the fit did not come to rest in {MAX_STEPS} steps: the start is too far off, or the readings contradict "
         "each other"

@@ -194,7 +194,7 @@ def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> tu
     gram, z = _gram(problem, errors), errors / problem.prior
     factor = mixture.information_root(gram, z)
     effective = float(len(z) - (np.linalg.inv(factor) ** 2).sum())
-    found = Solution(errors, factor, float(gram[-1, -1] + z @ z), STEPS)
+    found = Solution(errors, factor, float(gram[-1, -1] + z @ z))
     drawn = problem.prior[:, None] * mixture.draw_errors(gram, z)
     return Fit(problem, found, effective, np.array([], dtype=int)), mixture, drawn
 

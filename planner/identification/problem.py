@@ -160,8 +160,3 @@ class FitProblem:
     def white_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, without robust weights, (n, r)."""
         return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]
-
-    def cost(self, errors: Array) -> float:
-        """Weighted sum of squares with the prior's."""
-        white = self.white_residual(errors)
-        return float((self.weight[:, None] * white**2).sum() + ((errors / self.prior) ** 2).sum())

@@ -34,11 +34,6 @@ class Transform:
     joint: int | None = None
     fixed: bool = False
 
-    @property
-    def unit(self) -> str:
-        """``m`` or ``rad``."""
-        return "m" if self.kind == "translation" else "rad"
-
 
 @dataclass(frozen=True)
 class ForwardPass:

@@ -37,13 +37,11 @@ class IkResult:
         q: where each state came to rest, or its last step led, (n, k) [rad].
         best: where the least was missing; the same for a state that has arrived, (n, k) [rad].
         error: size of what is missing there, (n,), in the unit of the task.
-        iterations: steps of the slowest state.
     """
 
     q: Array
     best: Array
     error: Array
-    iterations: int
 
 
 def solve_ik(task: Task, q: Array, *, step: Step, iterations: int, tolerance: float, norm: float = np.inf) -> IkResult:
@@ -52,8 +50,8 @@ def solve_ik(task: Task, q: Array, *, step: Step, iterations: int, tolerance: fl
     ``norm``: order of the norm that measures what is missing.
     """
     q, best, error = q.copy(), q.copy(), np.full(len(q), np.inf)
-    rows, count = np.arange(len(q)), 0
-    while len(rows):
+    rows = np.arange(len(q))
+    for count in range(iterations + 1):
         missing, J = task(q[rows], rows)
         size = np.linalg.norm(missing, ord=norm, axis=1)
         better = size < error[rows]
@@ -63,8 +61,7 @@ def solve_ik(task: Task, q: Array, *, step: Step, iterations: int, tolerance: fl
         if count == iterations or not len(rows):
             break
         q[rows] += step(J[open_], missing[open_])
-        count += 1
-    return IkResult(q, best, error, count)
+    return IkResult(q, best, error)
 
 
 def damped_step(J: Array, missing: Array, damping: Array) -> Array:

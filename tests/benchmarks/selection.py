@@ -71,13 +71,14 @@ def refinement(q):
     kept = list(find_identifiable(dh_arm.rows(NJ130, q[:4_000]), dh_arm.names(NJ130)).kept)
     low, high = np.radians(NJ130.lower), np.radians(NJ130.upper)
 
-    def valid(t):
+    def valid(t, _):
         reading = dh_arm.length(NJ130, t)
         inside = ((t >= low) & (t <= high)).all(axis=1)
         return inside & (reading > NJ130.shell[0]) & (reading < NJ130.shell[1])
 
-    r, wall, cpu = timed(refine_off_grid, q[s.chosen], lambda t: dh_arm.rows(NJ130, t)[..., kept], valid)
-    print(f"\nrefinement of 35 poses off the grid: {r.before:.3f} to {r.value:.3f} in {wall:.1f} s ({cpu:.1f} cpu)")
+    moved, wall, cpu = timed(refine_off_grid, q[s.chosen], lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid)
+    before, after = (index_value("O2", dh_arm.rows(NJ130, t)[..., kept]) for t in (q[s.chosen], moved))
+    print(f"\nrefinement of 35 poses off the grid: {before:.3f} to {after:.3f} in {wall:.1f} s ({cpu:.1f} cpu)")
 
 
 def curve(q):

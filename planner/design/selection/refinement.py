@@ -7,7 +7,6 @@ as in an evolution strategy (recombination with weights; Hansen and Ostermeier 2
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -38,23 +37,11 @@ RowsOf = Callable[[Array, np.ndarray], Array]
 Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
 
 
-@dataclass(frozen=True)
-class RefinedPoses:
-    """Poses ``q`` (n, N) [rad] after refinement, their ``rows`` (n, r, P), index ``value`` and that ``before``."""
-
-    q: Array
-    rows: Array
-    index: str
-    value: float
-    before: float
-    moved: int
-
-
 @on_one_thread
 def refine_off_grid(
     q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 30
-) -> RefinedPoses:
-    """Return poses near ``q0`` (n, N) [rad] with a better index.
+) -> Array:
+    """Return poses (n, N) [rad] near ``q0`` (n, N) [rad] with a better index.
 
     ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,)
     which joint angles pass every filter; both are told (m,) of which pose each is a trial. ``rounds`` of trials at
@@ -73,8 +60,7 @@ def refine_off_grid(
         )
     rng = np.random.default_rng(seed)
     q, rows = q0.copy(), rows_of(q0, own)
-    before = index_of_rows(index, rows)
-    best = q, rows, before
+    best = q, rows, index_of_rows(index, rows)
     for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
         reach, lead = np.full(len(q), _REACH), np.zeros_like(q)
         for _ in range(rounds):
@@ -88,8 +74,7 @@ def refine_off_grid(
             if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
                 break
         q, rows = best[0], best[1]
-    moved = int(np.sum(np.any(best[0] != q0, axis=1)))
-    return RefinedPoses(read_only(best[0]), read_only(best[1]), index, best[2], before, moved)
+    return read_only(best[0])
 
 
 def _run_round(

@@ -21,11 +21,6 @@ class CircularTest:
     circles: tuple[CircleFigures, ...]
     warnings: tuple[str, ...]
 
-    @property
-    def length_range(self) -> float:
-        """Range of the bar's length that all circles together use [m]."""
-        return max(c.length_range for c in self.circles)
-
 
 def evaluate_circles(cell: Cell, plan: CircularDocument, run: Run) -> CircularTest:
     """Evaluate the run of a circular test.

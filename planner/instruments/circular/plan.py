@@ -62,11 +62,6 @@ class Arc:
             slowest.append(float(path.trajectory.at(begin + share * (end - begin)).tool_speed.min()))
         return min(slowest)
 
-    @property
-    def sweep(self) -> np.ndarray:
-        """Which points lie on the sweep that is measured, (m,) bool."""
-        return points_on_sweep(self.circle, self.angle)
-
 
 def points_on_sweep(circle: Circle, angle: Array) -> np.ndarray:
     """Tell which angles (m,) [rad] lie on the sweep that is measured, (m,) bool."""

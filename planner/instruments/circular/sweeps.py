@@ -36,7 +36,7 @@ class Sweep:
 
     Attributes:
         ring: which circle (an index).
-        direction: 1 ccw, −1 cw; turn: number of the sweep in the run.
+        direction: 1 ccw, −1 cw.
         angle: in the order of driving (n,) [rad], from start to start + sweep of the circle.
         length: of the bar as read, (n,) [m].
         calculated: as the nominal robot has it at the joint angles of the run, (n,) [m].
@@ -46,7 +46,6 @@ class Sweep:
 
     ring: int
     direction: int
-    turn: int
     angle: Array
     length: Array
     calculated: Array
@@ -86,7 +85,7 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
             direction = 1 if unwound[-1] > unwound[0] else -1
             load = _load(run, rows, ring)
             reading = run.readings.length[rows]
-            found.append(Sweep(k, direction, len(found), unwound, reading, calculated, run.samples.q[rows], load))
+            found.append(Sweep(k, direction, unwound, reading, calculated, run.samples.q[rows], load))
     if not found:
         names = ", ".join(r.circle.name for r in rings)
         raise InputError(

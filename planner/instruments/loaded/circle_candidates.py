@@ -229,14 +229,13 @@ class CirclePlaceChoice:
     """Candidates, what each tells, and the best sets of one, two, … places.
 
     Attributes:
-        names: of the compliances; prior (N,) [rad/Nm].
+        names: of the compliances.
         pool: the candidates; information: of each in prior sizes, (M, N, N).
         own: what the cell's own circle tells.
         sets: positions in the pool of the best 1, 2, … places; known: what each set tells.
     """
 
     names: tuple[str, ...]
-    prior: Array
     pool: tuple[CirclePlace, ...]
     information: Array
     own: PredictedCompliance
@@ -260,7 +259,6 @@ def select_circle_places(
     sets = tuple(detmax(rows, k, seed=seed) for k in range(1, min(most, len(pool)) + 1))
     return CirclePlaceChoice(
         tuple(p.name for p in stiff),
-        read_only(prior),
         tuple(pool),
         read_only(information),
         predict_compliance(predict_information(setup, own) * np.outer(prior, prior)),

@@ -86,24 +86,14 @@ class Proof:
     Attributes:
         proven: whether each keeps every constraint throughout, (m,) bool.
         clearance: smallest distance of two bodies seen, (m,) [m].
-        length_min, length_max: of the bar, as seen, (m,) [m].
         failed_at: where along the motion (0 … 1) a constraint fails or could not be proven, (m,), NaN where proven.
         failed: which, (m,): a column of the workspace, or their number plus a pair; −1 where proven.
-        looks: states looked at on each, (m,).
     """
 
     proven: np.ndarray
     clearance: Array
-    length_min: Array
-    length_max: Array
     failed_at: Array
     failed: np.ndarray
-    looks: np.ndarray
-
-    @property
-    def evaluations(self) -> int:
-        """States looked at."""
-        return int(self.looks.sum())
 
     def take(self, motions: np.ndarray) -> "Proof":
         """Return what is known of the motions at these positions."""
@@ -154,13 +144,11 @@ class Prover:
         """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
         pose, far = self.bounds.travel(q, spokes)
-        record.see_length(cells.motion, pose.length)
         margins = self.bounds.workspace.margins(q, pose)
         room = margins - self.bounds.changes(spokes, far)
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
-        record.looks += np.bincount(cells.motion[alive], minlength=len(record.looks))
         record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
         spare[alive] = found - self.clearance
@@ -180,14 +168,8 @@ class _Record:
     """What the levels of one proof find out about m motions."""
 
     def __init__(self, m: int) -> None:
-        self.clearance, self.shortest, self.longest = np.full(m, np.inf), np.full(m, np.inf), np.zeros(m)
+        self.clearance = np.full(m, np.inf)
         self.failed, self.failed_at = np.full(m, -1), np.full(m, np.nan)
-        self.looks = np.zeros(m, dtype=int)
-
-    def see_length(self, motion: np.ndarray, length: Array) -> None:
-        """Note bar lengths (n,) [m]."""
-        np.minimum.at(self.shortest, motion, length)
-        np.maximum.at(self.longest, motion, length)
 
     def see_clearance(self, motion: np.ndarray, distance: Array) -> None:
         """Note distances (n,) [m]."""
@@ -203,8 +185,7 @@ class _Record:
 
     def proof(self) -> Proof:
         """Return what is known."""
-        parts = self.failed < 0, self.clearance, self.shortest, self.longest, self.failed_at, self.failed
-        return Proof(*parts, looks=self.looks)
+        return Proof(self.failed < 0, self.clearance, self.failed_at, self.failed)
 
 
 EXTREME_LEVELS = 18  # of bisection at most

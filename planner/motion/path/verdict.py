@@ -38,7 +38,6 @@ class Verdict:
         clear: whether every motion is proven.
         clearance: smallest distance of two bodies on the path, to half a millimetre [m].
         length_min, length_max: shortest and longest bar on the path, to half a millimetre [m].
-        evaluations: states that it looked at.
         failures: a sentence for each motion that is not proven.
         unproven: which these are, counted from 0; blends count on after the motions.
     """
@@ -48,7 +47,6 @@ class Verdict:
     clearance: float
     length_min: float
     length_max: float
-    evaluations: int
     failures: tuple[str, ...]
     unproven: tuple[int, ...] = ()
 
@@ -180,7 +178,6 @@ def _summarize(engine: str, parts: list[_MotionGroup], proofs: list[Proof], foun
         clearance=min([float(p.clearance.min(initial=np.inf)) for p in proofs] + [e.clearance for e in found]),
         length_min=min(e.length_min for e in found),
         length_max=max(e.length_max for e in found),
-        evaluations=sum(p.evaluations for p in proofs),
         failures=tuple(text for _, text in failures),
         unproven=tuple(number for number, _ in failures),
     )

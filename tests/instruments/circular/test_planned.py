@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.instruments.circular.plan import points_on_sweep
 from planner.instruments.circular.planning import plan_circles
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
@@ -71,7 +72,7 @@ def test_as_driven_it_leaves_the_circle_by_little_and_keeps_its_speed(planned, n
     off = np.abs(np.linalg.norm(x - CENTRE, axis=1) - 0.350).max()
     assert off < 5e-6
     assert off < arc.off + 1e-7
-    marks = np.flatnonzero(arc.sweep)[[0, -1]]
+    marks = np.flatnonzero(points_on_sweep(arc.circle, arc.angle))[[0, -1]]
     times = trajectory.waypoint_time[marks if way == "ccw" else len(arc.q) - 1 - marks[::-1]]
     inside = trajectory.at(np.linspace(*times, 500))
     assert inside.tool_speed.max() <= arc.circle.speed * (1 + 1e-6)
