@@ -146,7 +146,7 @@ class FclWorld:
         """
         mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
         out = np.full(mask.shape, UNKNOWN)
-        poses = [self._poses(piece, q) for piece in self.scene.pieces] if len(q) else []
+        poses = self._poses(q) if len(q) else []
         for i, row in enumerate(mask):
             wanted = np.flatnonzero(row)
             for k in {k for p in wanted for k in self.scene.pairs[p]}:
@@ -181,8 +181,13 @@ class FclWorld:
     def _round(self) -> list[bool]:
         return [p.body.kind in ("capsule", "sphere") for p in self.scene.pieces]
 
-    def _poses(self, piece: SceneBody, q: Array) -> Array:
-        """Pose of one piece in the base frame, (n, 4, 4)."""
+    def _poses(self, q: Array) -> list[Array]:
+        """Pose of every piece in the base frame, (n, 4, 4) each; a link is placed once for all its pieces."""
+        placed = {(p.carrier, p.link): p for p in self.scene.pieces}
+        carriers = {key: self._carrier_pose(p, q) for key, p in placed.items()}
+        return [carriers[p.carrier, p.link] @ p.body.T for p in self.scene.pieces]
+
+    def _carrier_pose(self, piece: SceneBody, q: Array) -> Array:
         T = np.tile(np.eye(4), (len(q), 1, 1))
         robot = self.scene.cell.robot
         if piece.carrier == "link":
@@ -193,7 +198,7 @@ class FclWorld:
             bar = bar_state(x, self.scene.p_BX)
             T[:, :3, :3] = _frames_along(bar.direction)
             T[:, :3, 3] = self.scene.p_BX if piece.carrier == "housing" else x
-        return T @ piece.body.T
+        return T
 
 
 def _frames_along(direction: Array) -> Array:
