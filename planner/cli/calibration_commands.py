@@ -15,10 +15,12 @@ from planner.cli.terminal import (
     Runs,
     Seed,
     errors,
+    evaluation_step,
     give,
     give_file,
     print_notes,
 )
+from planner.cli.time_left import IDENTIFY
 from planner.common.errors import PARTLY_DONE
 from planner.common.lazy_modules import LazyModule
 
@@ -41,7 +43,7 @@ def simulate_command(
 
     made = simulate(plan_file, truth=truth, seed=seed)
     print_notes(made.run.warnings)
-    give_file(made.text(), made.write, output)
+    give_file(made.text(), made.write, output, evaluation_step(output, plan_file))
 
 
 def identify_command(
@@ -73,6 +75,7 @@ def identify_command(
         ),
         output,
         as_json,
+        IDENTIFY,
     )
 
 
@@ -87,7 +90,8 @@ def import_command(
 
     run = import_run(traces, map_file)
     print_notes(run.warnings)
-    give_file(run_text(run), lambda path: save_run(run, path), output)
+    step = f"edbb identify {output} --cell CELL -o calibrated"
+    give_file(run_text(run), lambda path: save_run(run, path), output, step)
 
 
 def compensate_command(
@@ -119,7 +123,8 @@ def compensate_command(
         cell=cell,
     )
     errors.print(done.summary(), markup=False)
-    give_file(done.file.text, done.write, output)
+    step = f"load {output} into the controller and drive it slowly the first time"
+    give_file(done.file.text, done.write, output, step)
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import Json, errors, print_json, print_notes
+from planner.cli.terminal import Json, errors, evaluation_step, print_json, print_next, print_notes
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def centre_command(
         print_json(_summary(session, output))
     else:
         errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}", markup=False)
+        print_next(evaluation_step(output, plan_file))
 
 
 def _read_cell(plan_file: Path, needed: bool) -> Cell | None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.terminal import errors
+from planner.cli.terminal import errors, evaluation_step, print_next
 from planner.common.errors import InputError
 
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="RUN.csv", help="the run; one begun there goes on")]
@@ -47,6 +47,7 @@ def measure_command(
     finally:
         live.line.close()
     errors.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}", markup=False)
+    print_next(evaluation_step(output, plan_file))
 
 
 def _ask(text: str) -> str:

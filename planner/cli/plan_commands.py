@@ -16,8 +16,11 @@ from planner.cli.terminal import (
     PlanFile,
     Seed,
     errors,
+    evaluation_step,
     give,
+    print_next,
 )
+from planner.cli.time_left import PLAN, STUDY
 from planner.common.choices import Aim, IndexName
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
@@ -76,6 +79,7 @@ def plan_command(
         ),
         output,
         as_json,
+        PLAN,
     )
     if result.cut_short:
         raise typer.Exit(PARTLY_DONE)
@@ -99,7 +103,7 @@ def study_command(
     if (cell is None) == (sweep_file is None):
         raise InputError("a study is of a cell, or of a sweep (--sweep SWEEP.toml): name one of the two")
     if cell is not None:
-        give(lambda stages: cell_study.study(cell, index=index, seed=seed, progress=stages.say), output, as_json)
+        give(lambda stages: cell_study.study(cell, index=index, seed=seed, progress=stages.say), output, as_json, STUDY)
     elif sweep_file is not None:
         give(lambda s: sweep.sweep(sweep_file, output, scheduler=scheduler, progress=s.say), output, as_json)
 
@@ -121,6 +125,7 @@ def export_command(
         return
     for line in (*made.notes, *made.write(output)):
         errors.print(line, markup=False, highlight=False, soft_wrap=True)
+    print_next(f"load {output} into the controller, measure; {evaluation_step('run.csv', plan_file)}")
 
 
 def both_command(
@@ -139,7 +144,7 @@ def both_command(
     from planner.session.options import PlanOptions
 
     options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
-    give(lambda stages: both_bars.plan_both(unloaded, loaded, places, options, stages), output, as_json)
+    give(lambda stages: both_bars.plan_both(unloaded, loaded, places, options, stages), output, as_json, PLAN)
 
 
 def places_command(

@@ -5,19 +5,22 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
+from planner.cli.time_left import TimeLeft
 from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
+from planner.common.schema import read_json
 
 PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
 MOST_PRINTED = 50_000  # signs of a summary
@@ -61,15 +64,19 @@ Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=pa
 R = TypeVar("R", bound=Result)
 
 
-def give(work: Callable[[Stages], R], output: Path | None, as_json: bool) -> R:
+def give(
+    work: Callable[[Stages], R], output: Path | None, as_json: bool, starts: Mapping[str, float] = MappingProxyType({})
+) -> R:
     """Do the work of a command, write its result into a folder, say what was found, and return it.
+
+    ``starts``: share of the command's time at which each stage usually begins.
 
     Raises:
         NoSolutionError: the result must not be used.
     """
     if output is not None:
         check_folder(output)
-    with Screen() as progress:
+    with Screen(starts) as progress:
         result = work(Stages(progress))
         if output is not None:
             result.write(output)
@@ -86,12 +93,30 @@ def give(work: Callable[[Stages], R], output: Path | None, as_json: bool) -> R:
     return result
 
 
-def give_file(text: str, write: Callable[[Path], object], output: str) -> None:
-    """Print the text of a file on standard output, or write it."""
+def give_file(text: str, write: Callable[[Path], object], output: str, step: str = "") -> None:
+    """Print the text of a file on standard output, or write it and say the next ``step``."""
     if output == "-":
         sys.stdout.write(text)
-    else:
-        write(Path(output))
+        return
+    write(Path(output))
+    print_next(step)
+
+
+def print_next(step: str) -> None:
+    """Print what a person does next."""
+    errors.print(f"  next        {step}", markup=False)
+
+
+def evaluation_step(run: Path | str, plan: Path) -> str:
+    """Return the command that evaluates the run of a plan."""
+    from planner.workflow.plan_results import evaluation_command  # other commands start quicker without
+
+    content = read_json(plan)
+    assert isinstance(content, dict)  # it was read before
+    if content.get("kind") == "circular":
+        cell = plan.parent / "cell.toml"
+        return f"edbb circular {run} --plan {plan} -o circular; under load edbb loaded {run} --cell {cell} -o loaded"
+    return evaluation_command(run, plan, any(p["role"] == "calibrate" for p in content["poses"]))
 
 
 def check_folder(output: Path) -> None:
@@ -127,13 +152,18 @@ def print_notes(notes: tuple[str, ...]) -> None:
 
 
 class Screen:
-    """Shows the stages of a long task in one line, which vanishes; nothing where standard error is no terminal."""
+    """Shows the stages of a long task in one line, which vanishes; nothing where standard error is no terminal.
 
-    def __init__(self) -> None:
+    The bar is the share of the whole that is done, where it is known when stages usually begin, else that of the stage.
+    """
+
+    def __init__(self, starts: Mapping[str, float] = MappingProxyType({})) -> None:
+        self._left = TimeLeft(starts) if starts else None
         self._lines = ProgressLines() if os.environ.get(PROGRESS_VARIABLE) == "json" else None
-        columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
+        text = TextColumn("{task.description:<18}"), TextColumn("{task.fields[left]}")
+        columns = (SpinnerColumn(), text[0], BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), text[1])
         self._bar = Bar(*columns, console=errors, transient=True, disable=not sys.stderr.isatty())
-        self._task = self._bar.add_task("starting", total=None)
+        self._task = self._bar.add_task("starting", total=None, left="")
 
     def __enter__(self) -> Progress:
         """Start showing; returns what is to be told the progress."""
@@ -147,7 +177,11 @@ class Screen:
     def _say(self, stage: str, done: int, of: int) -> None:
         if self._lines is not None:
             self._lines.say(stage, done, of)
-        self._bar.update(self._task, description=stage, completed=done, total=of or None)
+        if self._left is None:
+            self._bar.update(self._task, description=stage, completed=done, total=of or None)
+            return
+        self._left.update(stage, done, of)
+        self._bar.update(self._task, description=stage, completed=self._left.share, total=1.0, left=self._left.text)
 
 
 class ProgressLines:

@@ -89,6 +89,7 @@ def identify(
     if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
         notes += [] if approaches else approach_warnings(traced)
+        say("calibrated robot")
         return assess_fit([*stages, *more], free, context, cell, validation, traced, notes, settings.basis)
     if tracer is not None:
         notes.append(too_few_text(context.spare(free.model)))
@@ -97,6 +98,7 @@ def identify(
         stages, free = add_stage_if_gain(
             stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, context
         )
+    say("calibrated robot")
     return assess_fit(stages, free, context, cell, validation, TracingResult(), notes, settings.basis)
 
 

@@ -11,6 +11,7 @@ __all__ = [
     "circular_report",
     "loaded_report",
     "matplotlib_backend",
+    "overview",
     "page",
     "plan_charts",
     "plan_data",

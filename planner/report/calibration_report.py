@@ -10,7 +10,7 @@ from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.formatting import count_text, digits, in_mm
+from planner.report.formatting import chance_text, count_text, digits, in_mm
 from planner.report.page import Report, Row
 
 MOST_MOVED = 5  # parameters on the first sheet
@@ -51,7 +51,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         "held_out": text.held_out_text(c),
         "noise": text.noise_text(c),
-        "trials": [(t.along, _chance(t.p_value), in_mm(t.rms, 2)) for t in trials],
+        "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
         "moved": _most_moved(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [(e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable],
@@ -186,10 +186,6 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     if f.zero is not None:
         rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f} mm"))
     return tuple(rows)
-
-
-def _chance(p: float) -> str:
-    return "below 1 in a million" if p < 1e-6 else digits(p, 2)
 
 
 def _triple(values: np.ndarray, decimals: int = 3) -> str:

@@ -6,6 +6,7 @@ from planner.common.units import UM, to_mm
 from planner.instruments.check.evaluation import CheckVerdict
 from planner.instruments.check.results import verdict_lines
 from planner.report.chart import BLUE, GREY, ORANGE, Chart, Panel, ReferenceLine, Series, list_panel, zero_line
+from planner.report.formatting import chance_text
 from planner.report.page import Report, Row
 
 
@@ -17,13 +18,13 @@ def check_chart(verdict: CheckVerdict) -> Chart:
     readings = Panel("", "reading", "µm", (*bands, zero_line(x), points))
     each = sorted(verdict.judged, key=lambda j: j.test.p_value)
     surprise = np.array([-np.log10(max(j.test.p_value, 1e-300)) for j in each])
-    texts = tuple(f"{j.test.p_value:.1g}" for j in each)
+    texts = tuple(chance_text(j.test.p_value) for j in each)
     bars = Series("", surprise, np.arange(len(each), dtype=float), ORANGE, "bars", texts=texts)
     alarm = float(-np.log10(verdict.threshold))
     names = [j.change.name for j in each]
     tests = list_panel(
         "", "−log₁₀ of the probability that chance alone looks so much like it", names, [bars],
-        limits=(ReferenceLine(alarm, "alarm", upright=True),), x_range=(0.0, 1.15 * max(alarm, float(surprise.max()))),
+        limits=(ReferenceLine(alarm, "alarm", upright=True),), x_range=(0.0, 1.3 * max(alarm, float(surprise.max()))),
     )  # fmt: skip
     caption = "Above: readings against the calibrated robot. Below: what each possible change would explain of them."
     return Chart("check", "What has changed", caption, (readings, tests))
@@ -34,7 +35,7 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
     said = [line.strip() for line in verdict_lines(verdict) if not line.startswith("  note")]
     rows: list[Row] = [
         (
-            j.change.name, f"{j.test.p_value:.2g}", f"{to_mm(j.motion):.3f}", f"{to_mm(j.motion_std):.3f}",
+            j.change.name, chance_text(j.test.p_value), f"{to_mm(j.motion):.3f}", f"{to_mm(j.motion_std):.3f}",
             f"{to_mm(j.detectable):.3f}", j.change.advice,
         )
         for j in verdict.judged
@@ -45,7 +46,7 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
         "sentences": said,
         "notes": verdict.notes,
         "table": "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)",
-        "head": ("change", "p", "motion", "σ", "would be found from", "what to do"),
+        "head": ("change", "by chance", "motion", "σ", "would be found from", "what to do"),
         "rows": rows,
     }
     return Report("check.html.j2", page, (check_chart(verdict),))

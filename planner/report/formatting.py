@@ -38,6 +38,11 @@ def digits(x: float, count: int = 3) -> str:
     return f"{x:.{max(0, count - 1 - floor(log10(abs(x))))}f}"
 
 
+def chance_text(p: float) -> str:
+    """Write a probability so that a person can read it."""
+    return "below 1 in a million" if p < 1e-6 else digits(p, 2)
+
+
 def in_mm(value: float, count: int = 3) -> str:
     """Write a length [m] in millimetres, without the unit, with so many significant digits."""
     return digits(float(to_mm(value)), count)

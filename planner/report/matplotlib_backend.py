@@ -1,7 +1,9 @@
 """Draws a picture for print: PNGs by matplotlib's own renderer, without screen, clock or user settings."""
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from io import BytesIO
+from math import ceil, log10
 from typing import Any
 
 import matplotlib.style
@@ -10,12 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 from PIL import Image
 
 from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
 COLOURS = 128  # of a small picture
+LETTER, HANDLE, LEGEND_LINE = 0.073, 0.46, 15  # [inch] a letter, what stands beside it in a legend; [pt] a line of it
+AXIS_ROOM = 0.75  # [inch] beside a panel
+PLAIN = 4  # decades about 1 in which a logarithmic axis is written without powers
 FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {
@@ -55,7 +61,7 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
 
 def chart_png(chart: Chart, small: bool = False) -> bytes:
     """Return the PNG of a chart: panels in rows."""
-    many = chart.columns
+    many = min(chart.columns, len(chart.panels))
     heights = [max(p.height for p in row) * PX for row in chart.rows]
     polar = any(p.rings for p in chart.panels)
     with print_style():
@@ -66,7 +72,7 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
         for ax, panel in zip(axes, chart.panels, strict=False):
-            _draw(ax, panel, named)
+            _draw(ax, panel, named, WIDTH / many - AXIS_ROOM)
         if many > 1:  # of one size each, so their room need not be found out
             scaled = any(p.field for p in chart.panels)
             margin = {"left": 0.085, "right": 0.95 if scaled else 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
@@ -79,12 +85,13 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         return figure_png(figure, small)
 
 
-def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
-    ax.set_title(panel.title)
+def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> None:
     if panel.log_x:
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(_DECADES)
     if panel.log_y:
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(_DECADES)
     if panel.cells is not None:
         _heatmap(ax, panel.cells)
     if panel.field is not None:
@@ -93,14 +100,33 @@ def _draw(ax: Axes, panel: Panel, named: set[str]) -> None:
         _series(ax, series, "" if series.name in named else series.name, polar=panel.rings > 0)
         named.add(series.name)
     if panel.rings:
+        ax.set_title(panel.title)
         _polar_axes(ax, panel.rings)
         return
     for line in panel.limits:
         _reference_line(ax, line)
     _axes(ax, panel)
-    labels = ax.get_legend_handles_labels()[1]
-    if len(panel.series) > 1 and labels:
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels), borderaxespad=0.1, columnspacing=1.2)
+    _head(ax, panel, ax.get_legend_handles_labels()[1] if len(panel.series) > 1 else [], room)
+
+
+def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> None:
+    """Title and legend in one line where they have room [inch] beside each other, else one above the other."""
+    left = LETTER * max((len(n) for n in panel.y_names), default=0)
+    wide = sum(HANDLE + LETTER * len(text) for text in labels)
+    lines = ceil(wide / (room - left))
+    beside = lines < 2 and wide + LETTER * len(panel.title) < room - left
+    ax.set_title(panel.title, pad=None if beside else 6 + LEGEND_LINE * lines)
+    if labels:
+        columns = ceil(len(labels) / lines)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, borderaxespad=0.1, columnspacing=1.2)
+
+
+def _decade_text(value: float, _: int | None = None) -> str:
+    power = round(log10(value))
+    return f"{10.0**power:.{max(-power, 0)}f}" if abs(power) <= PLAIN else f"$10^{{{power}}}$"
+
+
+_DECADES = FuncFormatter(_decade_text)
 
 
 def _axes(ax: Axes, panel: Panel) -> None:

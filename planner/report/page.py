@@ -2,13 +2,15 @@
 
 from base64 import b64encode
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 
 import jinja2
 
+from planner import __version__
+from planner.cell.cell import Cell
 from planner.common.files import write_bytes, write_text
 from planner.common.second_process import Beside
 from planner.common.units import to_deg, to_mm
@@ -46,6 +48,8 @@ class Report:
         charts: in the order of the files.
         view: the cell in space, where the page shows it.
         small_pictures: whether PNGs have a palette of few colours, a third of the size.
+        identity: the robot, the gauge; the page's head names them. Its date is that of the file, told by the browser:
+            a page holds none.
     """
 
     template: str
@@ -53,6 +57,11 @@ class Report:
     charts: tuple[Chart, ...]
     view: CellView | None = None
     small_pictures: bool = False
+    identity: tuple[str, ...] = ()
+
+    def about(self, cell: Cell) -> "Report":
+        """Return the page with the identity of a cell's robot and gauge."""
+        return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)))
 
     @cached_property
     def pngs(self) -> dict[str, bytes]:
@@ -79,6 +88,7 @@ class Report:
             figures["view"] = view_json(self.view)
         return ENVIRONMENT.get_template(self.template).render(
             **self.content,
+            identity=(f"edbb-planner {__version__}", *self.identity),
             charts={c.name: c for c in self.charts},
             print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
             figures={name: _safe_json(text) for name, text in figures.items()},

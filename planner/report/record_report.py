@@ -65,4 +65,6 @@ def report_record(record: RobotRecord) -> Report:
         "head": HEAD,
         "rows": record_rows(record),
     }
-    return Report("record.html.j2", page, () if chart is None else (chart,))
+    gauges = [e.file.circumstances.gauge for e in record.entries if e.file.circumstances.gauge]
+    identity = (f"robot {record.file.robot}, serial number {record.file.serial}", *gauges[-1:])
+    return Report("record.html.j2", page, () if chart is None else (chart,), identity=identity)

@@ -1,7 +1,8 @@
 """Every finding of the study, then its tables and pictures, written together."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from planner.common.progress import Progress, no_progress
 from planner.common.result import Plot, Result
 from planner.common.result_folder import draft_folder, move_all
 from planner.design.observability.information import find_rule
-from planner.report.matplotlib_backend import chart_png
+from planner.report.overview import report_overview
+from planner.report.page import Report
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
 from planner.studies.fixture_places import map_fixture_places
@@ -23,14 +25,15 @@ from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiab
 from planner.studies.summary import StudySummary
 from planner.studies.tables import TABLES
 
-PICTURES: dict[str, Callable[[StudySummary], bytes]] = {
-    "fixture_map.png": lambda study: draw_map(study.places),
-    "fixtures_needed.png": lambda study: chart_png(draw_fixtures(study)),
-    "identifiability.png": lambda study: chart_png(draw_identifiability(study)),
-    "index_curve.png": lambda study: chart_png(draw_curves(study)),
-    "sensitivity.png": lambda study: chart_png(draw_sensitivity(study)),
-}
-NAMES = tuple(sorted((*TABLES, *PICTURES, "study.json")))
+CHARTS = (draw_fixtures, draw_identifiability, draw_curves, draw_sensitivity)
+MAP, PAGE = "fixture_map.png", "report.html"
+PICTURES = ("fixtures_needed.png", "identifiability.png", "index_curve.png", "sensitivity.png")
+NAMES = tuple(sorted((*TABLES, MAP, *PICTURES, PAGE, "study.json")))
+FILES = (
+    ("study.json", "all findings for a program"),
+    ("*.csv", "the table behind each picture, and correlation.csv, spectrum.csv, unseen.csv"),
+    ("*.png", "the pictures, for print"),
+)
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class StudyResult(Result):
 
     def next_step(self, folder: Path) -> str:
         """Say what to look at."""
-        return f"look at {folder / 'fixture_map.png'}; edbb plan CELL --fixtures 2 plans with the place that adds most"
+        return f"look at {folder / PAGE}; edbb plan CELL --fixtures 2 plans with the place that adds most"
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``study.json`` says."""
@@ -60,8 +63,9 @@ class StudyResult(Result):
         self.progress("pictures", 0, 0)
         with threadpool_limits(1, user_api="blas"):
             files = {name: table(self.findings).encode() for name, table in TABLES.items()}
-            files |= {name: picture(self.findings) for name, picture in PICTURES.items()}
-        files["study.json"] = self.to_json().encode()
+            page = self._report()
+            files |= {f"{name}.png": png for name, png in page.pngs.items()} | {MAP: self._map}
+        files |= {"study.json": self.to_json().encode(), PAGE: page.html().encode()}
         with draft_folder(folder) as draft:
             for name in NAMES:
                 write_bytes(draft / name, files[name])
@@ -69,15 +73,20 @@ class StudyResult(Result):
 
     def preview(self) -> Plot:
         """Return the map of places for the fixture."""
-        return self.plot("fixture_map.png")
-
-    def plot(self, name: str) -> Plot:
-        """Return one of the study's pictures by its name."""
-        return Plot(name.removesuffix(".png"), PICTURES[name](self.findings))
+        return self.plot_fixture_map()
 
     def plot_fixture_map(self) -> Plot:
         """Return where a fixture shows how much."""
-        return self.plot("fixture_map.png")
+        return Plot("fixture_map", self._map)
+
+    @cached_property
+    def _map(self) -> bytes:
+        return draw_map(self.findings.places)
+
+    def _report(self) -> Report:
+        cell, charts = self.findings.basis.cell, [draw(self.findings) for draw in CHARTS]
+        title = f"What can be seen of {cell.robot.title}"
+        return report_overview(title, cell, self.summary(), charts, FILES, {"Where the fixture may stand": self._map})
 
 
 def study(

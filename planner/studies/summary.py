@@ -33,10 +33,11 @@ class StudySummary:
         share = b.predicted.std / b.model.prior
         order = np.argsort(-share, kind="stable")[:3]
         least = ", ".join(f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in order)
+        unseen = [d.name for d in b.seen.dropped]
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         lines = [
             f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
-            *[f"  unseen      {d.because}" for d in b.seen.dropped],
+            *([f"  unseen      {join_names(unseen)} (why: unseen.csv)"] if unseen else []),
             f"  poses       {b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}",
             f"  least sure  {least}",
             f"  fixture     {describe_best_place(self.places)}{self._moved_along()}",

@@ -73,6 +73,7 @@ class AccuracyCheck(Result):
                 report = report_validation(title, found)
             else:
                 report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
+            report = report.about(self.cell)
             write_text(draft / "report.html", report.html())
             write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
             return move_all(draft, Path(folder))
@@ -82,6 +83,10 @@ class AccuracyCheck(Result):
         return "accuracy.json, accuracy.png, report.html" + (
             ", errors.csv" if isinstance(self.found, Validation) else ""
         )
+
+    def next_step(self, folder: Path) -> str:
+        """Say how it is kept."""
+        return f"edbb record RECORD --add {folder} -o history keeps it with what is known of the robot"
 
 
 def check_accuracy(

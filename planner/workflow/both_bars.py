@@ -1,6 +1,6 @@
 """``plan_both()``: poses without load and circles under load that know geometry and compliances best in one fit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.result_folder import draft_folder, move_all
@@ -32,6 +32,12 @@ from planner.workflow.planning import plan_cell
 from planner.workflow.writing import write_cell, write_plan
 
 UNLOADED, LOADED = "unloaded", "loaded"  # folders of the two plans
+BOTH_FILES = (
+    (f"{UNLOADED}/report.html", "the plan without load, where it was not there already"),
+    (f"{LOADED}/report.html", "the plan of the loaded circles"),
+    ("cell.toml", "the cell of the fit of both runs"),
+    ("both.json", "these figures for a program"),
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,9 @@ class BothPlan(Result):
 
     def summary(self) -> str:
         """Return what is measured, and what each bar alone and one fit of both would know."""
+        return self._text(self._predictions())
+
+    def _text(self, predictions: Sequence[str] = ()) -> str:
         known, arcs, robot = self.known, self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
         lines = [f"{robot}: {len(self.free.samples)} poses without load, {len(arcs)} loaded circles"]
@@ -62,15 +71,15 @@ class BothPlan(Result):
             centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
             lines.append(f"  {circle.name:<12}{circle.plane} about [{centre}] mm; {arc.told}")
         lines.append(f"  {'path':<12}{minutes:.1f} min with the loaded bar on, proven as every plan is")
-        lines.append(
-            f"  {'predicted':<12}{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
-        )
-        for name, *parts in known.of("compliance"):
-            first, second, both = (share_text(float(v)) for v in parts)
-            lines.append(f"  {'':<12}{name:<14}{first:>14}{second:>12}{both:>12}")
+        lines += predictions
         lines += [f"  found       {s}" for s in describe_common_fit(known)]
         lines += [f"  {k + 1}.{'':<10}{text}" for k, text in enumerate(both_session_steps(self))]
         return "\n".join([*lines, *(f"  note        {note}" for note in self.loaded.notes)])
+
+    def _predictions(self) -> list[str]:
+        head = f"  {'predicted':<12}{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
+        shares = [(name, *(share_text(float(v)) for v in parts)) for name, *parts in self.known.of("compliance")]
+        return [head, *(f"  {'':<12}{name:<14}{one:>14}{two:>12}{both:>12}" for name, one, two, both in shares)]
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``both.json`` says."""
@@ -81,7 +90,7 @@ class BothPlan(Result):
         """Write ``unloaded/`` and ``loaded/``, each a whole plan, ``cell.toml`` of the fit and ``both.json``."""
         # plotting: other commands start quicker without
         from planner.report.loaded_report import draw_common_fit
-        from planner.report.matplotlib_backend import chart_png
+        from planner.report.overview import report_overview
 
         with draft_folder(Path(folder)) as draft:
             if self.unloaded is not None:
@@ -90,14 +99,19 @@ class BothPlan(Result):
             with self.stages.stage("report"):
                 write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
                 write_text(draft / "both.json", self.to_json())
-                (draft / "pictures").mkdir()
-                write_bytes(draft / "pictures" / "known.png", chart_png(draw_common_fit(self.known)))
+                cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
+                title = f"A session with both bars for {cell.robot.title}"
+                report_overview(title, cell, self._text(), charts, BOTH_FILES).write(draft)
                 return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
         new = f"{UNLOADED}/, " if self.unloaded is not None else ""
-        return f"{new}{LOADED}/, cell.toml, both.json, pictures"
+        return f"{new}{LOADED}/, cell.toml, both.json, report.html"
+
+    def next_step(self, folder: Path) -> str:
+        """Say where the steps stand."""
+        return f"the four steps above, from {folder}; {folder / 'report.html'} shows what they would know"
 
 
 def plan_both(unloaded: str, loaded: str, places: int, options: PlanOptions, stages: Stages) -> BothPlan:

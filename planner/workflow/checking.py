@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import document_text, write_text
@@ -52,7 +53,7 @@ class CheckPlanResult(PlanResult):
 class CheckResult(Result):
     """What a check found."""
 
-    robot: str
+    cell: Cell
     verdict: CheckVerdict
 
     def summary(self) -> str:
@@ -61,7 +62,7 @@ class CheckResult(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``check.json`` says."""
-        return verdict_content(self.verdict, self.robot)
+        return verdict_content(self.verdict, self.cell.robot.name)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``check.json``, ``report.html`` and its picture."""
@@ -69,12 +70,16 @@ class CheckResult(Result):
 
         with draft_folder(Path(folder)) as draft:
             write_text(draft / "check.json", self.to_json())
-            report_check(self.robot, self.verdict).write(draft)
+            report_check(self.cell.robot.name, self.verdict).about(self.cell).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
         return "check.json, report.html"
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the check is kept."""
+        return f"edbb record RECORD --add {folder} -o history keeps it with the robot's other checks"
 
 
 def plan_check(
@@ -140,4 +145,4 @@ def check(
         check_unit(measured, where)
     with stages.stage("judging"):
         limit = None if limit_mm is None else limit_mm * MM
-        return CheckResult(where.robot.name, evaluate_check(known, where, measured, limit))
+        return CheckResult(where, evaluate_check(known, where, measured, limit))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
@@ -29,6 +30,7 @@ class CircularTestResult(Result):
     """The figures of a circular test."""
 
     test: CircularTest
+    cell: Cell
     stages: Stages = field(default_factory=Stages)
 
     def summary(self) -> str:
@@ -54,12 +56,16 @@ class CircularTestResult(Result):
 
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "circular.json", self.to_json())
-            report_circular_test(self.test).write(draft)
+            report_circular_test(self.test).about(self.cell).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
         return "circular.json, report.html"
+
+    def next_step(self, folder: Path) -> str:
+        """Say what shows the causes."""
+        return f"look at {folder / 'report.html'}; edbb plan CELL -o DIR plans the poses that show where it comes from"
 
 
 @on_one_thread
@@ -74,7 +80,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
     with stages.stage("reading"):
         run = load_runs(runs, cell.robot.n_joints)
     with stages.stage("evaluation"):
-        return CircularTestResult(evaluate_circles(cell, file, run), stages)
+        return CircularTestResult(evaluate_circles(cell, file, run), cell, stages)
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,7 @@ class LoadedTestEvaluation(Result):
     """What the loaded circles say, and with unloaded runs in one fit."""
 
     found: LoadedEvaluation
+    cell: Cell
     joint: JointFit | None = None
     stages: Stages = field(default_factory=Stages)
 
@@ -128,13 +135,19 @@ class LoadedTestEvaluation(Result):
             write_text(draft / "averaged.csv", run_text(averaged_run(self.found)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
-            report_loaded(self.found, self.joint).write(draft)
+            report_loaded(self.found, self.joint).about(self.cell).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
         joint = "" if self.joint is None else "joint.csv, "
         return f"loaded.json, curves.csv, averaged.csv, {joint}report.html, pictures"
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the robot is corrected."""
+        if self.joint is None:
+            return f"edbb loaded LOADED.csv --with FREE.csv --cell {self.cell.name} -o DIR adds runs without load"
+        return f"edbb identify {folder / 'joint.csv'} --cell {self.cell.path} -o calibrated"
 
 
 def evaluate_loaded(
@@ -166,5 +179,6 @@ def evaluate_loaded(
     with stages.stage("evaluation"):
         found = evaluate(run, where, other, overshoot)
         if free is None:
-            return LoadedTestEvaluation(found, stages=stages)
-        return LoadedTestEvaluation(found, fit_jointly(where, free, averaged_run(found), averages_noise(found)), stages)
+            return LoadedTestEvaluation(found, where, stages=stages)
+        joint = fit_jointly(where, free, averaged_run(found), averages_noise(found))
+        return LoadedTestEvaluation(found, where, joint, stages)

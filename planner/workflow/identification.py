@@ -103,7 +103,7 @@ class CalibrationResult(Result):
         with draft_folder(folder) as draft, self.stages.stage("report"):
             write_text(draft / "identification.json", self.to_json())
             write_text(draft / "residuals.csv", residuals_csv(found))
-            report_calibration(found).write(draft)
+            report_calibration(found).about(self.cell).write(draft)
             if not found.problems:
                 self.write_robot(draft)
             return move_all(draft, folder)
@@ -230,8 +230,8 @@ def identify_runs(
             if each is not None:
                 check_unit(each, where)
         run, other = drop_unreadable(where, run), None if other is None else drop_unreadable(where, other)
-    with stages.stage("identification") as progress:
-        return fit_and_trace(run, where, other, settings, lambda _: progress(0, 0), trace if tracing else None)
+    with stages.stage("identification"):
+        return fit_and_trace(run, where, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
 
 
 def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:

@@ -8,7 +8,7 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.result_folder import draft_folder, move_all
@@ -19,6 +19,11 @@ from planner.instruments.loaded.results import share_text
 from planner.workflow.writing import write_cell
 
 MOST = 6
+PLACES_FILES = (
+    ("cell.toml", "the cell with the best circles, ready to be planned"),
+    ("places.csv", "every circle that was looked at"),
+    ("places.json", "these figures for a program"),
+)
 
 
 @dataclass(frozen=True)
@@ -57,20 +62,23 @@ class CirclePlacesResult(Result):
         """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
         # plotting: other commands start quicker without
         from planner.report.loaded_report import draw_places
-        from planner.report.matplotlib_backend import chart_png
+        from planner.report.overview import report_overview
 
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "places.json", self.to_json())
             write_text(draft / "places.csv", places_csv(self.found))
             write_cell(with_circles(self.cell, self.found.best(self.count)), draft)
-            (draft / "pictures").mkdir()
-            for picture in draw_places(self.found, self.count):
-                write_bytes(draft / "pictures" / f"{picture.name}.png", chart_png(picture))
+            title, charts = f"Places of loaded circles for {self.cell.robot.title}", draw_places(self.found, self.count)
+            report_overview(title, self.cell, self.summary(), charts, PLACES_FILES).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        return "places.json, places.csv, cell.toml, pictures"
+        return "places.json, places.csv, cell.toml, report.html"
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the circles are driven."""
+        return f"edbb plan {folder / 'cell.toml'} -o circles plans the {self.count} best circles"
 
 
 def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | None = None) -> CirclePlacesResult:

@@ -14,6 +14,7 @@ from planner.common.result import Plot, Result
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
+from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.simulation.measurement import SimulatedRun
@@ -56,9 +57,9 @@ class PlanResult(SessionResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the session is measured and evaluated."""
-        plan = folder / "plan.json"
-        identify = f"then edbb identify run.csv --cell {folder / 'cell.toml'} --plan {plan} -o calibrated"
-        return f"{self.plan.cell.gauge.measured_by.replace('PLAN', str(plan))}; {identify}"
+        plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
+        measure = self.plan.cell.gauge.measured_by.replace("PLAN", str(plan))
+        return f"{measure}; then {evaluation_command('run.csv', plan, calibrates)}"
 
     def summary(self) -> str:
         """Return what was planned and how good it provably is."""
@@ -70,10 +71,10 @@ class PlanResult(SessionResult):
         tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
         clearance = min(d.path.clearance for d in drives) * 1e3
         proof = (
-            f"no set of the candidates exceeds {bound:#.4g} (chosen among them: {choice.on_grid_value:#.4g}, gap "
-            f"{100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"
+            f"no set of the candidates does better than {bound:#.4g} (chosen among them: {choice.on_grid_value:#.4g}, "
+            f"gap {100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"
             if plan.by_index
-            else f"it did not choose the poses (no set of the candidates exceeds {bound:#.4g})"
+            else f"it did not choose the poses (no set of the candidates does better than {bound:#.4g})"
         )
         lines = [
             f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",
@@ -89,7 +90,7 @@ class PlanResult(SessionResult):
             lines.append(f"  foresees    {describe_bayesian_design(plan.foresight)}")
             lines.append(f"  numbers     {describe_numbers_of_poses(plan.foresight)}")
         lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
-        lines += [f"  left out    {d.name}: {d.because}" for d in choice.seen.dropped]
+        lines += _left_out(choice.seen.dropped)
         lines += [f"  note        {note}" for note in plan.notes]
         return "\n".join(lines)
 
@@ -243,6 +244,20 @@ class ExportResult:
     def write(self, path: Path | str) -> list[str]:
         """Write the program to ``path`` and the others beside it; returned is what a person must know of that."""
         return write_program_as(self.programs, Path(path))
+
+
+def _left_out(dropped: Sequence[DroppedParameter]) -> list[str]:
+    """One parameter with its reason, of several the names: the page has the reasons."""
+    if len(dropped) < 2:
+        return [f"  left out    {d.name}: {d.because}" for d in dropped]
+    names = ", ".join(d.name for d in dropped)
+    return [f"  left out    {len(dropped)} parameters that cannot be seen: {names} (why: report.html)"]
+
+
+def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:
+    """Return the command that evaluates the run of a plan of poses; those that validate alone judge a robot."""
+    where = f"{run} --cell {plan.parent / 'cell.toml'} --plan {plan}"
+    return f"edbb identify {where} -o calibrated" if calibrates else f"edbb accuracy {where} -o accuracy"
 
 
 def plan_files(programs: Programs) -> str:

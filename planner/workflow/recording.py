@@ -64,6 +64,11 @@ class RecordResult(Result):
         """Name what is written."""
         return "history.json, history.csv, opcua.json, report.html"
 
+    def next_step(self, folder: Path) -> str:
+        """Say how the robot is looked at again."""
+        due = "" if self.record.due is None else f", due {self.record.due.isoformat()}"
+        return f"edbb plan-check CELL --baseline CALIBRATED -o check plans the next check{due}"
+
 
 def record(
     folder: Path | str,

@@ -69,7 +69,8 @@ def _report(plan: Plan | CircularPlan) -> Report:
     from planner.report.circular_report import report_circular_plan
     from planner.report.plan_report import report_plan
 
-    return report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan)
+    page = report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan)
+    return page.about(plan.cell)
 
 
 def trajectory_csv(plan: Plan | CircularPlan) -> str:

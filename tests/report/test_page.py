@@ -150,10 +150,12 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
         funnel.cable,
         funnel.collision,
     ]
-    values, bounds, point = figures(page)["index_curve"]["data"]
+    values, bounds, point, *own = figures(page)["index_curve"]["data"]
     assert np.allclose(numbers(values["y"]), plan.curve.values)
     assert np.allclose(numbers(bounds["y"]), plan.curve.bounds)
     assert (numbers(point["x"])[0], numbers(point["y"])[0]) == (len(plan.choice.q), plan.choice.value)
+    moved = plan.choice.value != plan.choice.on_grid_value  # then the bound of the candidates is not that of its poses
+    assert [numbers(o["y"])[0] for o in own] == ([plan.certificate.value] if moved else [])
 
 
 def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:

@@ -174,7 +174,9 @@ class FclWorld:
 
     def _meets(self, a: int, b: int, by: float) -> bool:
         """Tell whether body a, grown by ``by`` [m], collides with body b."""
-        grown = fcl.CollisionObject(inflated_shape(self.scene.pieces[a].body, by), self._objects[a].getTransform())
+        grown, body = self._objects[a], self.scene.pieces[a].body
+        if body.kind != "mesh":  # which does not grow: its tree need not be built anew
+            grown = fcl.CollisionObject(inflated_shape(body, by), grown.getTransform())
         return bool(fcl.collide(grown, self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
 
     @cached_property
