@@ -86,6 +86,7 @@ class Gauge(ABC):
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
     is_surveyed: ClassVar[bool] = False  # whether its declared frame is known well enough to warn of another
     usual_body: ClassVar[Mapping[str, float]] = {}  # keys of ``[gauge.body]`` that stand where the cell gives none
+    usual_cone: ClassVar[Mapping[str, float]] = {}  # the same of ``gauge.cone_deg``
     OwnKeys: ClassVar[type[BaseModel] | None] = None  # keys of ``[gauge]`` that only this kind has
 
     # ---- the cell file

@@ -20,7 +20,6 @@ from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
-from planner.common.schema import read_json
 
 PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
 MOST_PRINTED = 50_000  # signs of a summary
@@ -109,7 +108,8 @@ def print_next(step: str) -> None:
 
 def evaluation_step(run: Path | str, plan: Path) -> str:
     """Return the command that evaluates the run of a plan."""
-    from planner.workflow.plan_results import evaluation_command  # other commands start quicker without
+    from planner.common.schema import read_json  # other commands start quicker without
+    from planner.workflow.plan_results import evaluation_command
 
     content = read_json(plan)
     assert isinstance(content, dict)  # it was read before

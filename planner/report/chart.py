@@ -153,6 +153,7 @@ def zero_line(x: Array) -> Series:
 
 
 BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
+PLAIN = 4  # decades about 1 in which a logarithmic axis is written without powers
 GOLDEN = 0.6180339887
 
 

@@ -15,13 +15,23 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from PIL import Image
 
-from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import (
+    BASE,
+    BLUE,
+    PLAIN,
+    RED,
+    Chart,
+    ColourField,
+    Heatmap,
+    Panel,
+    ReferenceLine,
+    Series,
+)
 
 WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
 COLOURS = 128  # of a small picture
 LETTER, HANDLE, LEGEND_LINE = 0.073, 0.46, 15  # [inch] a letter, what stands beside it in a legend; [pt] a line of it
 AXIS_ROOM = 0.75  # [inch] beside a panel
-PLAIN = 4  # decades about 1 in which a logarithmic axis is written without powers
 FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {

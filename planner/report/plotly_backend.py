@@ -12,7 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from planner.report.chart import BASE, BLUE, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import (
+    BASE,
+    BLUE,
+    PLAIN,
+    RED,
+    Chart,
+    ColourField,
+    Heatmap,
+    Panel,
+    ReferenceLine,
+    Series,
+)
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
@@ -20,7 +31,9 @@ PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": 
 GAP = 78  # [px] between two panels, room for a label and the next title
 TOP, BOTTOM, LEFT, RIGHT = 36, 52, 74, 30
 ASIDE = 0.16  # part of the width between panels side by side, for each of them
-LOG = {"type": "log", "dtick": 1, "exponentformat": "power"}
+DECADES = range(-18, 19)
+DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN else f"10<sup>{k}</sup>" for k in DECADES]
+LOG = {"type": "log", "tickmode": "array", "tickvals": [10.0**k for k in DECADES], "ticktext": DECADE_TEXTS}
 AXIS = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
 
 

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import polars as pl
 import pytest
+from markupsafe import escape
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
@@ -29,6 +30,13 @@ def test_pictures_name_neither_date_nor_program(done):
         data = path.read_bytes()
         assert data[:4] == b"\x89PNG"
         assert not re.search(rb"tEXt|tIME|iTXt", data), path
+
+
+def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
+    page, basis = (done[0] / "report.html").read_text(), done[1].basis
+    assert f"robot {basis.cell.robot.name} · {basis.cell.gauge.describe(basis.cell)}" in page
+    assert all(str(escape(line.split(maxsplit=1)[1][-40:])) in page for line in done[1].text().splitlines()[1:])
+    assert not re.search(r"20\d\d-\d\d-\d\d", page.partition("<script>")[0])  # its date is the file's
 
 
 def test_tables_and_summary_say_the_same(done, told):

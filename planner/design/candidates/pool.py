@@ -20,7 +20,7 @@ from planner.runs.run import Mounting, Samples
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
 ROUNDS = 80
 HOPELESS = 50_000  # states that all collide, after which no more are drawn
-OUT_OF_REACH = 2_000_000  # states of which none reads a length, after which ten more times as many would find a handful
+OUT_OF_REACH = 2_000_000  # states of which none reads a length or is within the cones: ten times more find a handful
 BLAMED, SHOWN_PAIRS = 300, 4  # states of which it is said what collides, and pairs that are named
 GRID_BLOCK = 1 << 18
 LARGEST_GRID = 200_000_000
@@ -149,7 +149,8 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         if progress is not None:
             progress(min(total, count), count)
         out_of_reach = funnel.workspace == 0 and funnel.sampled > OUT_OF_REACH and not whole
-        hopeless = total == 0 and (funnel.cable > HOPELESS or out_of_reach)
+        closed = funnel.cable == 0 and funnel.workspace > OUT_OF_REACH and not whole
+        hopeless = total == 0 and (funnel.cable > HOPELESS or out_of_reach or closed)
         if (total >= count and not whole) or hopeless:
             break
         if must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
@@ -232,7 +233,9 @@ def _apply_workspace_filters(q: Array, workspace: Workspace) -> tuple[Array, lis
 
 def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
     """Say which filter emptied the candidates, with counts, and what would help."""
-    head = f"no candidate pose is left for fixture {cell.place_name(mounting)}: {funnel.text()}."
+    name = cell.place_name(mounting)
+    where = f"fixture {name}" if name else f"the {cell.gauge.noun}"
+    head = f"no candidate pose is left for {where}: {funnel.text()}."
     if funnel.workspace == 0:
         return f"{head} {_explain_out_of_reach(cell, mounting)}"
     if funnel.cones == 0:
