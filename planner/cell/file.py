@@ -141,16 +141,13 @@ class GaugeFile(OptionalKeys):
     @model_validator(mode="before")
     @classmethod
     def _own_keys(cls, data: object) -> object:
-        """Set the kind's own keys apart, which the gauge reads itself; its usual body and cones stand for what is not given."""
+        """Set the kind's own keys apart, which the gauge reads itself; its usual keys stand where none are given."""
         if not isinstance(data, dict) or "own" in data:
             return data
         kind = gauge_kinds().get(str(data.get("kind")))
         keys = () if kind is None or kind.OwnKeys is None else tuple(kind.OwnKeys.model_fields)
-        for key in ("body", "cone_deg"):
-            usual, given = (
-                ({} if kind is None else {"body": kind.usual_body, "cone_deg": kind.usual_cone}[key]),
-                data.get(key, {}),
-            )
+        for key, usual in () if kind is None else (("body", kind.usual_body), ("cone_deg", kind.usual_cone)):
+            given = data.get(key, {})
             if usual and isinstance(given, dict):
                 data = data | {key: dict(usual) | given}
         return {k: v for k, v in data.items() if k not in keys} | {"own": {k: data[k] for k in keys if k in data}}

@@ -68,8 +68,8 @@ PLACED = {
     "draw-wire": "length_mm = [{low:.0f}, {high:.0f}]\n[[fixtures]]\nposition_mm = [{x:.0f}, 0, {z:.0f}]\n",
     "edbb": "length_mm = [{low:.0f}, {high:.0f}]\nbody = {{ housing_mm = {tenth:.0f}, trim_mm = 10, radius_mm = 12 }}\n"
     "[[fixtures]]\nposition_mm = [{x:.0f}, 0, {z:.0f}]\n",
-    "tracker": "length_mm = [500, {most:.0f}]\ncone_deg = {{ map = 90 }}\n[tracker]\nposition_mm = [{far:.0f}, 0, 500]\n"
-    "rpy_deg = [0, 0, 180]\n[plan]\nposes = 60\n",
+    "tracker": "length_mm = [500, {most:.0f}]\ncone_deg = {{ map = 90 }}\n"
+    "[tracker]\nposition_mm = [{far:.0f}, 0, 500]\nrpy_deg = [0, 0, 180]\n[plan]\nposes = 60\n",
     "ball-socket": "cone_deg = {{ fixture = 70, map = 70 }}\napproach_mm = {tenth:.0f}\n"
     "[artifact]\nposition_mm = [{x:.0f}, {left:.0f}, {z:.0f}]\n[plan]\nposes = 60\n" + BALLS,
 }
