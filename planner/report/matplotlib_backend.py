@@ -60,7 +60,8 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
     """Return the PNG of a figure without date or program name; a small one has a palette of few colours."""
     FigureCanvasAgg(figure)
     out = BytesIO()
-    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
+    packed = {"compress_level": 1 if small else 4}  # a small one is packed again; the usual 6 takes twice as long
+    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs=packed)
     if not small:
         return out.getvalue()
     few = Image.open(out).convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)

@@ -1,4 +1,4 @@
-"""``python -m tests.benchmarks.trace``: time to trace a run of 1000 poses x 3 coordinates, and a continuous one."""
+"""``python -m tests.benchmarks.trace [ROWS]``: time to trace 300 lengths, 1000 x 3 coordinates, and so many rows."""
 
 import os
 import sys
@@ -31,9 +31,10 @@ def timed(name, made):
 
 
 def main():
-    """Time both."""
+    """Time all."""
     rows = int(sys.argv[1]) if len(sys.argv) > 1 else 500_000
     kuka, comau = Arm.from_toml("kuka-kr6-r700"), Arm.from_toml("comau-nj130")
+    timed("bar, seven effects", as_in_a_real_arm(runs.edbb_static, kuka, 2, 3.0, n_poses=300))
     timed("tracker, seven effects", as_in_a_real_arm(runs.tracker, kuka, 2, 3.0, n_poses=1000))
     moving = random_run(runs.edbb_continuous, comau, 2, ["reducer-ripple"], 3.0, n_rows=rows)
     timed("continuous bar, one effect", moving)
