@@ -153,6 +153,7 @@ class JobStore:
                     (id,),
                 )
                 db.execute("DELETE FROM outputs WHERE job = ?", (id,))
+                db.execute("DELETE FROM events WHERE job = ?", (id,))  # who follows it must not meet the earlier end
                 _tell(db, id, "queued", {})
         return self.get(id)
 

@@ -131,6 +131,17 @@ def test_an_overtaken_server_ends_nothing(tmp_path):
     assert not store.jobs.finish(second, "failed", [], 0, None)
 
 
+def test_a_job_that_is_tried_again_is_followed_from_its_new_beginning(tmp_path):
+    store, id = Store(tmp_path), "0" * 24
+    store.jobs.submit(id, "plan", "cheap", "{}", CHEAP)
+    store.jobs.cancel(id)
+    first = store.jobs.events_after(0, [id])
+    store.jobs.submit(id, "plan", "cheap", "{}", CHEAP)
+    again = store.jobs.events_after(0, [id])
+    assert ([e.kind for e in first], [e.kind for e in again]) == (["queued", "end"], ["queued"])
+    assert again[0].id > first[-1].id
+
+
 def test_no_more_jobs_run_than_workers(tmp_path):
     store = Store(tmp_path)
     for k in range(4):
