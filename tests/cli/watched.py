@@ -63,6 +63,8 @@ def _learn(words: list[str], folder: str) -> dict[str, object]:
 
 def _changes(event: str, args: tuple[object, ...], folder: str) -> bool:
     writes = event == "open" and isinstance(args[2], int) and bool(args[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+    if event == "open" and os.path.isdir(str(args[0])):  # a try whether a folder can be written
+        return False
     return (writes or event in CHANGES) and folder in str(args[0])
 
 
