@@ -192,12 +192,12 @@ class MotionFile(OptionalKeys):
 
     measure: Literal["continuous", "static"] = "continuous"
     both_ways: bool = True
-    tool_speed_mm_min: PositiveFloat = 1000.0
+    tool_speed_mm_min: Annotated[PositiveFloat, Field(ge=1)] = 1000.0
     blend_mm: NonNegativeFloat = 10.0
     clearance_mm: PositiveFloat = 10.0
     dwell_s: NonNegativeFloat = 1.0
     settle_s: NonNegativeFloat = 0.5
-    travel_percent: Annotated[float, Field(gt=0, le=100)] = 100.0
+    travel_percent: Annotated[float, Field(ge=0.1, le=100)] = 100.0
     tour_cost: Literal["limits", "axes"] = "limits"
     LATER: ClassVar[tuple[str, ...]] = ("tour_cost",)
 

@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
@@ -40,8 +41,8 @@ LARGEST_MARGIN = 0.2  # of the range: what is left of a short one must hold a pl
 class BarKeys(StrictModel):
     """Keys of ``[gauge]`` that only a bar has: what it follows, and how far a plan stays off its ends."""
 
-    rate_mm_s: PositiveFloat = 100.0
-    acceleration_mm_s2: PositiveFloat = 1000.0
+    rate_mm_s: Annotated[PositiveFloat, Field(ge=0.1)] = 100.0
+    acceleration_mm_s2: Annotated[PositiveFloat, Field(ge=1)] = 1000.0
     stop_margin_mm: NonNegativeFloat | None = None
 
 

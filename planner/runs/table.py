@@ -153,7 +153,7 @@ def table_in_si(
     return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
 
 
-MOST_PARQUET, MOST_FIELDS = 500_000_000, 100_000_000  # bytes of a file, and fields in it
+MOST_PARQUET, MOST_FIELDS = 500_000_000, 60_000_000  # bytes of a file, and fields in it: 1.7 GB while they are read
 
 
 def _read_parquet(path: Path, n_joints: int) -> RunTable:

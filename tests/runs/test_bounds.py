@@ -97,6 +97,8 @@ def test_joints_beyond_their_limits_are_told(tmp_path, joint, side):
 
 CELLS = {
     "tool speed of 1e9": (r"tool_speed_mm_min = \d+", "tool_speed_mm_min = 1e9", "tool_speed_mm_min"),
+    "a drive of years": (r"tool_speed_mm_min = \d+", "tool_speed_mm_min = 1e-9", "tool_speed_mm_min"),
+    "a bar of no rate": (r"noise_um", "rate_mm_s = 1e-9\nnoise_um", "rate_mm_s"),
     "negative mass": (r"mass_kg = [\d.]+", "mass_kg = -1", "mass_kg"),
     "cable sums over nothing": (r"sums = \[.*\]", "sums = [{ axes = [], limit_deg = 270 }]", "axes"),
     "NaN radius": (r"radius_mm = [\d.]+", "radius_mm = nan", "radius_mm"),
