@@ -120,7 +120,7 @@ class PoseLog:
     def add(self, pose: int, t: float, length: float) -> None:
         """Keep a reading; the run is written whole."""
         self.rows[pose] = (t, length)
-        write_text(self.output, run_text(self.run()))
+        write_text(self.output, run_text(self.run()), own=True)  # it was read, to go on with it
 
     def run(self) -> Run:
         """Return what is measured so far."""
