@@ -120,7 +120,7 @@ class RecordEntry:
     document: Identification | CheckFile | AccuracyFile
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """Return the entry in words."""
         d = self.document
         if isinstance(d, CheckFile):

@@ -206,7 +206,7 @@ class Model:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
-        which = self._moved
+        which = self._moved_transforms
         projected = self._project(context, motion, which)
         place = {int(k): i for i, k in enumerate(which)}
         known = basis_values(self.parameters, context)
@@ -225,7 +225,7 @@ class Model:
         return Linearization(residual, columns.transpose(2, 1, 0))
 
     @cached_property
-    def _moved(self) -> np.ndarray:
+    def _moved_transforms(self) -> np.ndarray:
         """Transforms that any parameter moves."""
         return np.array(sorted({m.index for p in self.parameters for m in p.moves if m.on == "transform"}), dtype=int)
 

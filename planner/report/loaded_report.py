@@ -167,13 +167,13 @@ def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Rep
             share_text(s / p),
             told,
         )
-        for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.told, strict=True)
+        for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.verdicts, strict=True)
     ]
     content = {
         "found": found,
         "joint": joint,
         "compliances": rows,
-        "combinations": [(k.text, share_text(k.std), k.told) for k in c.combinations],
+        "combinations": [(k.text, share_text(k.std), k.verdict) for k in c.combinations],
         "together": [] if joint is None else _together(joint),
     }
     return Report("loaded.html.j2", content, loaded_charts(found))

@@ -45,7 +45,7 @@ def record_rows(record: RobotRecord) -> list[Row]:
     for e in record.entries:
         c = e.file.circumstances
         temperature = "" if c.temperature_degC is None else f"{c.temperature_degC:g}"
-        what = "; ".join([e.said, *moved.get(e.number, [])])
+        what = "; ".join([e.sentence, *moved.get(e.number, [])])
         gauge = " ".join(filter(None, (c.gauge, c.certificate and f"({c.certificate})")))
         rows.append((str(e.number), c.date.isoformat(), e.file.kind, what, c.operator, temperature, c.tool, gauge))
     return rows

@@ -133,7 +133,7 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
         HistoryEntry(
             number=e.number,
             kind=e.file.kind,
-            result=e.said,
+            result=e.sentence,
             changed=[text for number, text in moved if number == e.number],
             circumstances=e.file.circumstances,
             job=jobs.get(e.file.document_sha256),

@@ -27,7 +27,7 @@ class RecordResult(Result):
         lines = [f"{known.file.serial} ({known.file.robot}): {len(known.entries)} entries{due}"]
         moved = list(known.differences())
         for e in known.entries:
-            lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.said}")
+            lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.sentence}")
             lines += [f"              since before: {text}" for number, text in moved if number == e.number]
         return "\n".join(lines)
 
@@ -40,7 +40,7 @@ class RecordResult(Result):
             "robot": known.file.robot,
             "next_check": None if known.due is None else known.due.isoformat(),
             "entries": [
-                {"number": e.number, "kind": e.file.kind, "result": e.said}
+                {"number": e.number, "kind": e.file.kind, "result": e.sentence}
                 | e.file.circumstances.model_dump(mode="json")
                 | {"document_sha256": e.file.document_sha256}
                 for e in known.entries

@@ -79,7 +79,7 @@ class DiscriminationQuestion:
     rival: np.ndarray
 
     @property
-    def taken(self) -> np.ndarray:
+    def alternatives(self) -> np.ndarray:
         """Columns that may explain the truth otherwise."""
         return np.union1d(self.base, self.rival)
 
@@ -133,7 +133,7 @@ def noncentrality(
 
     ``beside`` the other effect, else beside the model alone.
     """
-    basis = frame.span(question.taken if beside else question.base)
+    basis = frame.span(question.alternatives if beside else question.base)
     signal = frame.columns[:, question.shows] @ question.values
     fit = basis @ (np.linalg.pinv(basis.T @ mass @ basis, rcond=1e-13, hermitian=True) @ (basis.T @ (mass @ signal)))
     left = signal - fit
@@ -147,7 +147,7 @@ def dt_criterion(
     basis = frame.span(own)
     terms = [LogDetTerm(OWN_SHARE / basis.shape[1], basis)]
     for question, share in zip(questions, weights * ((1.0 - OWN_SHARE) / weights.sum()), strict=True):
-        others = frame.span(question.taken)
+        others = frame.span(question.alternatives)
         signal = frame.columns[:, question.shows] @ question.values
         left = signal - others @ (others.T @ signal)
         terms.append(LogDetTerm(float(share), np.column_stack([others, left / np.linalg.norm(left)])))

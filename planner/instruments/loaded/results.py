@@ -67,7 +67,7 @@ def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ..
     if unknown:
         names = "; ".join(f"{c.text} ({_times_text(c.std)} as uncertain as before)" for c in unknown)
         out.append(f"By the circle{'s' * (not one)} alone more would be open than was open before of {names}.")
-    untold = [n for n, well in zip(found.names, found.told, strict=True) if well == NOT_LEARNT]
+    untold = [n for n, well in zip(found.names, found.verdicts, strict=True) if well == NOT_LEARNT]
     if untold:
         out.append(
             f"So nothing is learnt of {join_names(untold)}; circles at other places would tell, see edbb loaded-places."
@@ -78,10 +78,10 @@ def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ..
 def compliance_text(found: JointCompliances, k: int) -> str:
     """Say of one compliance what it is worth, in a few words."""
     std, prior = found.std[k] / URAD, found.prior[k] / URAD
-    if found.told[k] == NOT_LEARNT:
+    if found.verdicts[k] == NOT_LEARNT:
         return f"nothing learnt: before ± {prior:g}, with this run ± {std:.2f} µrad/Nm"
     value = f"{found.value[k] / URAD:.3f} ± {std:.3f} µrad/Nm"
-    return value if found.told[k] == KNOWN else f"{value}, hardly known: before ± {prior:g}"
+    return value if found.verdicts[k] == KNOWN else f"{value}, hardly known: before ± {prior:g}"
 
 
 def share_text(std: float) -> str:
@@ -114,7 +114,7 @@ def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> di
             {
                 "share_of_prior": significant(c.std),
                 "known": c.std < KNOWN_SHARE,
-                "told": c.told,
+                "told": c.verdict,
                 "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
             }
             for c in found.compliances.combinations
@@ -140,7 +140,7 @@ def _compliances(found: JointCompliances) -> list[dict[str, object]]:
             "told": told,
         }
         for name, value, std, prior, told in zip(
-            found.names, found.value, found.std, found.prior, found.told, strict=True
+            found.names, found.value, found.std, found.prior, found.verdicts, strict=True
         )
     ]
 

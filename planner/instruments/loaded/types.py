@@ -27,7 +27,7 @@ class Combination:
     std: float
 
     @property
-    def told(self) -> str:
+    def verdict(self) -> str:
         """What the readings alone say of it: known, hardly known, or not learnt (more is open than was before)."""
         return KNOWN if self.std < KNOWN_SHARE else HARDLY_KNOWN if self.std <= OPEN_SHARE else NOT_LEARNT
 
@@ -71,7 +71,7 @@ class JointCompliances:
     misfit: float
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def verdicts(self) -> tuple[str, ...]:
         """Of each joint's compliance by itself, (N,): known, hardly known, or not learnt (the prior says more)."""
         share = self.std / self.prior
         return tuple(

@@ -40,7 +40,7 @@ def test_noncentrality_is_what_least_squares_leave(readings):
     chosen = [0, 2, 3, 5, 7, 8, 11, 13]
     for q in questions:
         tall = rows[chosen].reshape(-1, 6)
-        left = np.linalg.lstsq(tall[:, q.taken], tall[:, q.shows] @ q.values, rcond=None)[1]
+        left = np.linalg.lstsq(tall[:, q.alternatives], tall[:, q.shows] @ q.values, rcond=None)[1]
         assert noncentrality(frame, information_matrix(seen[chosen]), q)[0] == pytest.approx(float(left[0]), rel=1e-6)
 
 

@@ -51,7 +51,7 @@ def record(tmp_path):
 def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
     known = RobotRecord.read(record)
     assert [e.file.kind for e in known.entries] == ["calibration", "check", "check", "calibration"]
-    assert "master axis 3" in known.entries[2].said
+    assert "master axis 3" in known.entries[2].sentence
     (moved,) = known.differences()  # a2 moved by less than chance
     assert moved[0] == 4
     assert moved[1].startswith("theta3 +5.24e-04 ± 4.9e-05 rad")

@@ -25,8 +25,8 @@ def found():
 
 
 def test_each_is_told_by_what_the_readings_add(found):
-    assert found.told == (KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT)
-    assert [c.told for c in found.combinations] == [KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT]
+    assert found.verdicts == (KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT)
+    assert [c.verdict for c in found.combinations] == [KNOWN, HARDLY_KNOWN, NOT_LEARNT, NOT_LEARNT]
 
 
 def test_nothing_learnt_has_no_value(found):
