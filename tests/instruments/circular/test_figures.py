@@ -30,7 +30,7 @@ def trace(radial, direction=1, sweep=2 * np.pi, offset=(0.0, 0.0), n=4000, start
     across = np.hypot(*offset) ** 2 - shift**2
     wanted = R + radial(angle)
     length = np.hypot(shift + np.sqrt(wanted**2 - across), height)
-    return Sweep(0, direction, 0, angle, length, np.full(n, np.hypot(R, height)), joints(angle), None)
+    return Sweep(0, direction, angle, length, np.full(n, np.hypot(R, height)), joints(angle), None)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (8e-4, -5e-4)])
