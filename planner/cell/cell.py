@@ -209,6 +209,10 @@ class Cell:
     carrier: tuple[Body, ...] = ()
     nests: tuple[Nest, ...] = ()
 
+    def has_bar(self, free: bool = False) -> bool:
+        """Tell whether a bar is attached between fixture and tool; ``free``: without load, and no cell of circles."""
+        return self.gauge.is_attached and not (free and (self.gauge.is_loaded or bool(self.circles)))
+
     def require_bar(self, use: str, free: bool = False) -> None:
         """Refuse a gauge that is not attached between fixture and tool.
 
@@ -219,7 +223,7 @@ class Cell:
         Raises:
             InputError: naming the gauge's kind.
         """
-        if not self.gauge.is_attached or (free and (self.gauge.is_loaded or self.circles)):
+        if not self.has_bar(free):
             circles = " with [[circles]]" if self.circles else ""
             raise InputError(f"{self.path}: {use}, and gauge.kind is '{self.gauge.kind}'{circles}")
 

@@ -77,6 +77,8 @@ class Tracker(FrameGauge):
 
     def describe(self, cell: Cell) -> str:
         """Say where it stands."""
+        if not cell.fixtures:
+            return "tracker, its place not declared"
         return f"tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"
 
     def declared_frame(self, file: CellFile) -> PlacedFile | None:

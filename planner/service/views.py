@@ -112,12 +112,12 @@ def check_view(cell: Cell) -> CellCheck:
         ("obstacles", str(len(cell.obstacles))),
         ("home", ", ".join(f"{v:.1f}" for v in to_deg(cell.home)) + " deg"),
     ]
-    movable = cell.gauge.is_attached and not cell.gauge.is_loaded and not cell.circles
+    movable = cell.fixtures if cell.has_bar(free=True) else ()
     return CellCheck(
         title=cell.name,
         facts=[CellFact(what=w, value=v) for w, v in facts],
         view=pack_scene(view),
-        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_triple(to_mm(f.p_BX))) for f in cell.fixtures * movable],
+        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_triple(to_mm(f.p_BX))) for f in movable],
     )
 
 

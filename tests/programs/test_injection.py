@@ -67,15 +67,20 @@ def _statements(name: str, files: tuple[ProgramFile, ...]) -> list[str]:
     return [re.sub(r"\s+", " ", s.text) for s in found]
 
 
-def _unnamed(name: str, files: tuple[ProgramFile, ...]) -> list[str]:
-    """The statements without the name of the program (a ``P`` before a bracket is no name but a pose)."""
-    own = files[0].name.partition(".")[0]
-    return [re.sub(rf"\b{own}\b(?!\[)", "a", s, flags=re.IGNORECASE).lower() for s in _statements(name, files)]
+def _words(name: str, files: tuple[ProgramFile, ...]) -> list[list[str]]:
+    return [re.findall(r"\w+|\W", s.lower()) for s in _statements(name, files)]
+
+
+def _is_same_but_for_the_name(found: list[str], harmless: list[str], own: str) -> bool:
+    """Compare the words of a statement with those of a program that is called ``a``."""
+    return len(found) == len(harmless) and all(
+        x == y or (x, y) == (own, "a") for x, y in zip(found, harmless, strict=True)
+    )
 
 
 @cache
-def _harmless(name: str, kind: str) -> list[str]:
-    return _unnamed(name, write_program(PROGRAMS[kind], name, "a"))
+def _harmless(name: str, kind: str) -> list[list[str]]:
+    return _words(name, write_program(PROGRAMS[kind], name, "a"))
 
 
 PROGRAMS: dict[str, Program] = {
@@ -92,7 +97,10 @@ def test_no_text_changes_the_statements(name: str, text: str, stem: str, kind: s
     hostile = _with_text(PROGRAMS[kind], text)
     assert isinstance(hostile, Program)
     files = write_program(hostile, name, stem)
-    assert _unnamed(name, files) == _harmless(name, kind)
+    found, harmless = _words(name, files), _harmless(name, kind)
+    own = files[0].name.partition(".")[0].lower()
+    assert len(found) == len(harmless)
+    assert all(_is_same_but_for_the_name(x, y, own) for x, y in zip(found, harmless, strict=True))
     assert all(re.fullmatch(r"\w+\.\w+", f.name) and f.text.isascii() for f in files)
 
 

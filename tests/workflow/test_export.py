@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planner.session.emitted_speeds import check_emitted_speeds
 
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
@@ -15,7 +14,7 @@ from planner.programs.program_files import shared_notes, write_checked
 from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, time_course
-from planner.session.neutral_program import assemble_programs, session_program
+from planner.session.neutral_program import assemble_programs, check_emitted_speeds, session_program
 from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
