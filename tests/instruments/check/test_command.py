@@ -39,7 +39,8 @@ def test_a_calibrated_robot_passes_and_one_that_lost_a_zero_is_mastered_again(tm
     whole = load_cell(str(cell), planning=False)
     baseline = Baseline.read(tmp_path / "known", whole)
     _predicts_what_the_posterior_does(baseline, run.take(first), cell)
-    shift = baseline.rows(run.samples)[:, [p.name for p in baseline.model.parameters].index("theta3")] * 0.04 * DEG
+    logged = baseline.for_samples(run.samples)
+    shift = logged.rows(run.samples)[:, [p.name for p in logged.model.parameters].index("theta3")] * 0.04 * DEG
     for name, length, cause in (("sound", 0.0, None), ("moved", shift[later], "zero of joint 3")):
         part = run.take(later)
         save_run(
