@@ -61,7 +61,7 @@ def test_an_arm_of_ones_own(tmp_path):
 
 @pytest.mark.long
 def test_the_place_of_a_fixture(tmp_path):
-    cell = small_cell("kuka-kr6-r700/edbb", tmp_path, ("candidates = 3000", "candidates = 1200"))
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path, ("candidates = 3000", "candidates = 500"))
     run("fixture_place", tmp_path / "out", cell, cwd=tmp_path)
     assert (tmp_path / "out" / "places.png").read_bytes().startswith(b"\x89PNG")
 

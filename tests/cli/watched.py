@@ -35,15 +35,15 @@ def _learn(words: list[str], folder: str) -> dict[str, object]:
     changed: list[str] = []
     looking = True
 
-    def remember(work, output, as_json):  # type: ignore[no-untyped-def]
+    def remember(work, *options, **named):  # type: ignore[no-untyped-def]
         def learn(stages):  # type: ignore[no-untyped-def]
             LEARNT[str(words)] = work(stages)
             raise _LearntError
 
-        return give(learn, output, as_json)
+        return give(learn, *options, **named)
 
-    def recall(work, output, as_json):  # type: ignore[no-untyped-def]
-        return give(lambda stages: LEARNT.get(str(sys.argv[1:])) or work(stages), output, as_json)
+    def recall(work, *options, **named):  # type: ignore[no-untyped-def]
+        return give(lambda stages: LEARNT.get(str(sys.argv[1:])) or work(stages), *options, **named)
 
     def look(event: str, args: tuple[object, ...]) -> None:
         if looking and _changes(event, args, folder):
