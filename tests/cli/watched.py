@@ -4,6 +4,7 @@ It takes one order a line (JSON) and forks for each, so that no command waits fo
 compute can be learnt before: then its forks only write, and are killed while they do.
 """
 
+import copyreg
 import importlib
 import io
 import json
@@ -11,54 +12,68 @@ import os
 import select
 import signal
 import sys
+import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
+
+import cloudpickle
 
 from tests.cli.states import state_of
 
 CHANGES = {"os.rename", "os.remove", "os.link", "os.mkdir", "os.rmdir", "os.truncate", "os.chmod", "shutil.move"}
-LEARNT: dict[str, object] = {}  # results of commands, by their words
+LEARNT: dict[str, Path] = {}  # files with results of commands, by their words
 
 
 class _LearntError(Exception):
     """The result is there; it is not written."""
 
 
-def _learn(words: list[str], folder: str) -> dict[str, object]:
-    """Compute what a command would write; how often it changed ``folder`` meanwhile."""
+def _replace_give(change) -> None:  # type: ignore[no-untyped-def]
+    """Let commands do their work as ``change`` says it, given the work."""
     from planner.cli import calibration_commands, check_commands, plan_commands
     from planner.cli.terminal import give
+
+    for module in (calibration_commands, check_commands, plan_commands):
+        module.give = lambda work, *options, **named: give(change(work), *options, **named)  # type: ignore[attr-defined]
+
+
+def _learn(words: list[str], folder: str, kept: Path) -> dict[str, object]:
+    """Compute what a command would write, and keep it in a file; how often it changed ``folder`` meanwhile."""
+    from planner.common.progress import Stages
     from tests.command import edbb
+
+    copyreg.pickle(Stages, lambda _: (Stages, ()))  # it holds the terminal
 
     changed: list[str] = []
     looking = True
 
-    def remember(work, *options, **named):  # type: ignore[no-untyped-def]
+    def remember(work):  # type: ignore[no-untyped-def]
         def learn(stages):  # type: ignore[no-untyped-def]
-            LEARNT[str(words)] = work(stages)
+            kept.write_bytes(cloudpickle.dumps(work(stages)))
             raise _LearntError
 
-        return give(learn, *options, **named)
-
-    def recall(work, *options, **named):  # type: ignore[no-untyped-def]
-        return give(lambda stages: LEARNT.get(str(sys.argv[1:])) or work(stages), *options, **named)
+        return learn
 
     def look(event: str, args: tuple[object, ...]) -> None:
         if looking and _changes(event, args, folder):
             changed.append(event)
 
-    said, modules = "", (calibration_commands, check_commands, plan_commands)
-    for module in modules:
-        module.give = remember  # type: ignore[attr-defined]
+    said = ""
+    _replace_give(remember)
     sys.addaudithook(look)
     with suppress(_LearntError):
         said = edbb(*words).stderr
     looking = False
-    for module in modules:
-        module.give = recall  # type: ignore[attr-defined]
     return {"changed": changed, "said": said}
+
+
+def _recall(work):  # type: ignore[no-untyped-def]
+    kept = LEARNT.get(str(sys.argv[1:]))
+    return work if kept is None else lambda stages: cloudpickle.loads(kept.read_bytes())
 
 
 def _changes(event: str, args: tuple[object, ...], folder: str) -> bool:
@@ -95,20 +110,19 @@ def _run(words: list[str], folder: str, out: Path) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _fork(order: dict[str, object]) -> dict[str, object]:
-    """Do an order in a child; ``kill_s``: kill it after this time."""
+def _fork(work: Callable[[], dict[str, object]], kill_s: object = None) -> dict[str, object]:
+    """Do work in a child, whose threads end with it; ``kill_s``: kill it after this time."""
     ours, theirs = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(ours)
         with os.fdopen(theirs, "w") as file:
-            found = _run(list(order["words"]), str(order["folder"]), Path(str(order["out"])))  # type: ignore[call-overload]
-            json.dump(found if "kill_s" not in order else found | {"states": []}, file)
+            json.dump(work(), file)
             file.flush()
             os._exit(0)
     os.close(theirs)
-    if "kill_s" in order:
-        select.select([ours], [], [], float(str(order["kill_s"])))
+    if kill_s is not None:
+        select.select([ours], [], [], float(str(kill_s)))
         os.kill(child, signal.SIGKILL)
     with os.fdopen(ours) as file:
         text = file.read()
@@ -129,8 +143,17 @@ def main() -> None:
             for part in inner:
                 owner = getattr(owner, part)
             setattr(owner, last, tuple(value) if isinstance(value, list) else value)
-        done = _learn(order["learn"], order["folder"]) if "learn" in order else {}
-        print(json.dumps(_fork(order) if "words" in order else done), flush=True)
+        done: dict[str, object] = {}
+        if "learn" in order:
+            handle, name = tempfile.mkstemp()
+            os.close(handle)
+            done = _fork(partial(_learn, order["learn"], order["folder"], Path(name)))
+            LEARNT[str(order["learn"])] = Path(name)
+            _replace_give(_recall)
+        if "words" in order:
+            run = partial(_run, order["words"], order["folder"], Path(order["out"]))
+            done = _fork(run, order.get("kill_s"))
+        print(json.dumps(done), flush=True)
 
 
 if __name__ == "__main__":
