@@ -48,8 +48,9 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
         faults.setdefault(_key_path(data, e["loc"], e["type"] == "missing"), []).append(e)
     if ("schema",) in faults:  # a file of another kind: nothing else that it lacks matters
         return _sentence(("schema",), faults["schema",], model, toml) + _expected_schema(faults["schema",], model)
-    deepest = [p for p in faults if not any(len(p) < len(q) and q[: len(p)] == p for q in faults)]
-    return "; ".join([_sentence(path, faults[path], model, toml) for path in deepest][:MOST_FAULTS])
+    above = {path[:k] for path in faults for k in range(len(path))}
+    deepest = [path for path in faults if path not in above]
+    return "; ".join(_sentence(path, faults[path], model, toml) for path in deepest[:MOST_FAULTS])
 
 
 def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
