@@ -80,6 +80,7 @@ class TrackerFile(PlacedFile):
 Number = Annotated[int, Field(ge=0, le=9999)]
 Signal = Annotated[int, Field(ge=1, le=9999)]
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
+MOST_OBSTACLES = 500  # each pair of bodies is judged by itself; many small ones are one mesh
 APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
@@ -268,7 +269,7 @@ class CellFile(OptionalKeys):
     balls: tuple[BallFile, ...] = ()
     artifact: ArtifactFile | None = None
     tracker: TrackerFile | None = None
-    obstacles: tuple[BodyFile, ...] = ()
+    obstacles: tuple[BodyFile, ...] = Field(default=(), max_length=MOST_OBSTACLES)
     circles: tuple[CircleFile, ...] = ()
     motion: MotionFile = MotionFile()
     cable: CableFile = CableFile()

@@ -21,6 +21,7 @@ Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
 PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
 NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
 KeyPath = tuple[str | int, ...]
+SHOWN_ENTRIES = 10  # of a list in a message
 MOST_FAULTS = 3  # faults that one message tells
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
@@ -99,6 +100,8 @@ def _fault_message(error: "ErrorDetails") -> str:
 
 def _state_value(key: str, found: object, toml: bool) -> str:
     text = ("a table" if toml else "an object") if isinstance(found, dict) else repr(found)
+    if isinstance(found, list) and len(found) > SHOWN_ENTRIES:
+        text = f"{len(found)} entries"
     return f"{key} = {text}: " if key else f"{text}: "
 
 

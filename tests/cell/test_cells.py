@@ -28,6 +28,16 @@ def test_angles_and_lengths_are_si_inside():
     assert cell.motion.tool_speed == pytest.approx(1.0 / 60)
 
 
+def test_thousands_of_obstacles_are_refused_in_a_sentence(tmp_path):
+    """Every one of them would be judged by itself; what is wrong with thousands of keys is found in linear time."""
+    one = '\n[[obstacles]]\nname = "b"\n{} = "box"\nsize_mm = [5, 5, 5]\nat_mm = [900, 0, 500]\n'
+    for key, words in (("kind", "entries: at most 500 entries are allowed"), ("shape", "number 2: the key 'kind'")):
+        (tmp_path / "cell.toml").write_text(TEXT + 3000 * one.format(key))
+        with pytest.raises(InputError, match=words) as refused:
+            load_cell(str(tmp_path / "cell.toml"))
+        assert len(str(refused.value)) < 2000
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
