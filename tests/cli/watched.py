@@ -4,7 +4,6 @@ It takes one order a line (JSON) and forks for each, so that no command waits fo
 compute can be learnt before: then its forks only write, and are killed while they do.
 """
 
-import copyreg
 import importlib
 import io
 import json
@@ -22,6 +21,7 @@ from unittest.mock import patch
 
 import cloudpickle
 
+from planner.common.progress import Stages
 from tests.cli.states import state_of
 
 CHANGES = {"os.rename", "os.remove", "os.link", "os.mkdir", "os.rmdir", "os.truncate", "os.chmod", "shutil.move"}
@@ -43,17 +43,14 @@ def _replace_give(change) -> None:  # type: ignore[no-untyped-def]
 
 def _learn(words: list[str], folder: str, kept: Path) -> dict[str, object]:
     """Compute what a command would write, and keep it in a file; how often it changed ``folder`` meanwhile."""
-    from planner.common.progress import Stages
     from tests.command import edbb
-
-    copyreg.pickle(Stages, lambda _: (Stages, ()))  # it holds the terminal
 
     changed: list[str] = []
     looking = True
 
     def remember(work):  # type: ignore[no-untyped-def]
-        def learn(stages):  # type: ignore[no-untyped-def]
-            kept.write_bytes(cloudpickle.dumps(work(stages)))
+        def learn(_: Stages) -> None:
+            kept.write_bytes(cloudpickle.dumps(work(Stages())))  # without the terminal, which is not kept
             raise _LearntError
 
         return learn
