@@ -19,7 +19,7 @@ from planner.cell.places import (
     read_nests,
     read_tool,
 )
-from planner.common.errors import InputError, did_you_mean
+from planner.common.errors import InputError, did_you_mean, raise_together
 from planner.common.files import data_folder
 from planner.common.schema import read_toml
 from planner.common.units import MM, MM_PER_MIN, from_deg, from_mm, read_only
@@ -156,7 +156,13 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
     if planning:
-        _check_drives(robot)
+        raise_together(
+            lambda: _check_drives(robot),
+            lambda: read_joint_angles(path, robot, "home_deg", file.home_deg),
+            lambda: read_tool(path, file.tool, robot, planning),
+            lambda: gauge.read(path, robot, file, planning),
+            lambda: gauge.read_places(path, robot, file),
+        )
     places = gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file)
     home = np.clip(0.0, robot.q_lower, robot.q_upper)
     if planning or file.home_deg is not None:

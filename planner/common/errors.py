@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Callable
 from difflib import get_close_matches
 
 PARTLY_DONE = 5
@@ -63,3 +64,19 @@ def did_you_mean(word: str, known: list[str]) -> str:
     """Return ``'; did you mean "x"?'`` for the nearest of ``known``, or an empty string."""
     match = get_close_matches(word, known, n=1, cutoff=0.5)
     return f'; did you mean "{match[0]}"?' if match else ""
+
+
+def raise_together(*readers: Callable[[], object]) -> None:
+    """Call every reader, so that one message names all that is wrong.
+
+    Raises:
+        InputError: the messages of those that raised one, a line each.
+    """
+    found: list[str] = []
+    for read in readers:
+        try:
+            read()
+        except InputError as error:
+            found.append(str(error))
+    if found:
+        raise InputError("\n".join(dict.fromkeys(found)))
