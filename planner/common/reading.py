@@ -49,11 +49,11 @@ class Inputs:
 
 
 INPUTS = Inputs()
-MOST_TEXT = 100_000_000  # bytes of a settings, plan, program or run file
+MOST_TEXT = 100_000_000  # bytes of a settings, plan or program file
 MOST_TOML = 20_000_000
 
 
-def check_readable(path: Path, most_bytes: int = MOST_TEXT) -> None:
+def check_readable(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") -> None:
     """Refuse what is no plain file (a folder, a device, a pipe), or is larger than it can be in earnest.
 
     Raises:
@@ -70,17 +70,17 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT) -> None:
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
         raise InputError(f"{path}: cannot be read (it is {kind}, and a file is needed)")
     if found.st_size > most_bytes:
-        raise InputError(f"{path}: has {found.st_size} bytes, at most {most_bytes} are read")
+        raise InputError(f"{path}: has {found.st_size} bytes, at most {most_bytes} are read{advice and '; '}{advice}")
     INPUTS.add(found)
 
 
-def read_bytes(path: Path, most_bytes: int = MOST_TEXT) -> bytes:
+def read_bytes(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") -> bytes:
     """Return the content of a plain file.
 
     Raises:
         InputError: as :func:`check_readable`, or the file may not be read.
     """
-    check_readable(path, most_bytes)
+    check_readable(path, most_bytes, advice)
     try:
         return path.read_bytes()
     except OSError as err:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 else:
     pl = LazyModule("polars")
 
+MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks")  # what comment lines may say
 
 
@@ -96,7 +97,7 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     Raises:
         InputError: it cannot be read, or is in another encoding.
     """
-    data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
+    data = read_bytes(path, MOST_RUN, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
     except UnicodeError as err:

@@ -144,11 +144,6 @@ def is_continuous(cell: Cell) -> bool:
     return cell.motion.measure == "continuous"
 
 
-def rests_at_poses(cell: Cell) -> bool:
-    """Whether the arm stands still at the poses: always where the gauge is no bar."""
-    return not (is_continuous(cell) and cell.gauge.reads_moving)
-
-
 def time_course(
     cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints, shortcuts: tuple[int, ...] = ()
 ) -> Course:

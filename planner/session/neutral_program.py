@@ -29,7 +29,7 @@ from planner.programs.program_files import write_checked
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import Mounting
-from planner.session.course import Course, TimedPath, rests_at_poses
+from planner.session.course import Course, TimedPath, is_continuous
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.plan_types import Programs
 from planner.session.resumption import count_starts, cut_stretches
@@ -200,7 +200,7 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
     ]
     after = [Pause(removal)] if removal else []
     back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
-    form = replace(form, dense=form.dense and not rests_at_poses(cell))
+    form = replace(form, dense=form.dense and is_continuous(cell))
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
         passes = (item for p in _pass_instructions(cell, one, form) for item in (last, *p, StretchEnd()))
@@ -270,7 +270,7 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         rounds = circle_moves(cell, path, mounting) if form.circles else None
         moves = joint_moves(cell, path, mounting) if rounds is None else rounds
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
-    rests, short = rests_at_poses(cell) and not form.dense, _stop_short(cell, path)
+    rests, short = not (is_continuous(cell) or form.dense), _stop_short(cell, path)
     for k, move in enumerate(moves):
         asked = "" if move.pose is None else cell.gauge.seating(cell, np.deg2rad(move.q_deg), move.pose)
         out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))

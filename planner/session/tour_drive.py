@@ -25,8 +25,8 @@ from planner.session.course import (
     Course,
     Role,
     axis_limits,
+    is_continuous,
     reading_limits,
-    rests_at_poses,
     time_measuring,
 )
 from planner.session.plan_types import Drive, Visit, motion_signs
@@ -94,7 +94,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     travel = path_to_mount(place.travelling, np.vstack([cell.home, place.mount]), seed)
     path, touched = insert_ball_approaches(path, stops)
     visits = _number_visits(place, path, stops, first)
-    rests = (path.node >= 0 if rests_at_poses(cell) else path.node == 0) | touched
+    rests = (path.node == 0 if is_continuous(cell) else path.node >= 0) | touched
     ids = np.full(len(path.node), -1)
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     points = add_blends(constraints, path, rests, ids)

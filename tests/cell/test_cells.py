@@ -108,3 +108,23 @@ def test_a_cell_without_fixture(tmp_path):
     start, end = TEXT.index("[[fixtures]]"), TEXT.index("[[obstacles]]")
     with pytest.raises(InputError, match="fixtures"):
         loaded(tmp_path, TEXT[start:end], "")
+
+
+def test_all_that_a_cell_lacks_is_said_at_once(tmp_path):
+    path = tmp_path / "bare.toml"
+    path.write_text('schema = "edbb-cell/1"\nrobot = "abb-irb120"\n[gauge]\nkind = "tracker"\n')
+    with pytest.raises(InputError) as refused:
+        load_cell(str(path))
+    for key in ("'home_deg'", "[tool] with map_mm", "'gauge.length_mm'", "[tracker] with position_mm"):
+        assert key in str(refused.value)
+
+
+def test_the_arm_rests_at_every_pose_of_a_gauge_that_reads_at_rest(tmp_path):
+    """``motion.measure`` has the default of the bar, which a tracker's cell need not know."""
+    text = load_cell("kuka-kr6-r700/tracker").path.read_text()
+    assert 'measure = "static"\n' in text
+    path = tmp_path / "cell.toml"
+    path.write_text(text.replace('measure = "static"\n', ""))
+    cell = load_cell(str(path))
+    assert cell.motion.measure == cell.file.motion.measure == "static"
+    assert load_cell("comau-nj130/edbb").motion.measure == "continuous"

@@ -94,7 +94,7 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
         places=setup.place_names,
         balls=() if readings.ball is None else tuple(b.name for b in cell.balls),
         points=setup.point_names,
-        continuous=moving and gauge.reads_moving,
+        continuous=moving,
         plan_id=plan_id,
         robot=cell.robot.name,
         warnings=gauge.range_warnings(readings),
