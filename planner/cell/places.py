@@ -26,7 +26,7 @@ def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -
         return Tool((nowhere,), 0.0, read_only(np.zeros(3)), (), UNKNOWN_PRIOR, known=False)
     if tool is None:
         raise InputError(
-            f"{path}: the section [tool] with map_mm is missing: where ball, reflector or target sit in the flange frame"
+            f"{path}: the section [tool] with map_mm is missing: where ball, reflector or target sit on the flange"
         )
     if robot.payload is not None and tool.mass_kg > robot.payload:
         raise InputError(
