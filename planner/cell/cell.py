@@ -209,9 +209,14 @@ class Cell:
     carrier: tuple[Body, ...] = ()
     nests: tuple[Nest, ...] = ()
 
+    @property
+    def is_under_load(self) -> bool:
+        """Whether a bar pulls at the tool, or circles are driven."""
+        return self.gauge.is_loaded or bool(self.circles)
+
     def has_bar(self, free: bool = False) -> bool:
         """Tell whether a bar is attached between fixture and tool; ``free``: without load, and no cell of circles."""
-        return self.gauge.is_attached and not (free and (self.gauge.is_loaded or bool(self.circles)))
+        return self.gauge.is_attached and not (free and self.is_under_load)
 
     def require_bar(self, use: str, free: bool = False) -> None:
         """Refuse a gauge that is not attached between fixture and tool.

@@ -83,6 +83,7 @@ class Gauge(ABC):
     calibrates_unasked: ClassVar[bool] = True  # whether a plan calibrates where no number of poses is given
     is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
+    set_anew: ClassVar[str] = "zero"  # how the names of its parameters begin that are others in every session
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
     is_surveyed: ClassVar[bool] = False  # whether its declared frame is known well enough to warn of another
     usual_body: ClassVar[Mapping[str, float]] = {}  # keys of ``[gauge.body]`` that stand where the cell gives none
@@ -196,8 +197,8 @@ class Gauge(ABC):
         """Say how many poses of a simulated run were met further off than the gauge can read."""
         return ()
 
-    def for_run(self, run: Run) -> "Gauge":
-        """Return the gauge that gives the readings of a run: some can give more than the cell file says."""
+    def with_turns(self, turns: bool) -> "Gauge":
+        """Return the gauge that reads orientations as well, where ``turns``: some can, and no cell file says so."""
         return self
 
     # ---- a session with it
@@ -337,6 +338,18 @@ class Gauge(ABC):
         Raises:
             InputError, NoSolutionError: the run cannot tell where the gauge stands.
         """
+
+    def lasting_places(self, setup: "MeasurementSetup") -> dict[str, Array] | None:
+        """Return places (3,) [m] that stand from session to session by their names; ``None``: not known where."""
+        return {}
+
+    def set_up_again(self, setup: "MeasurementSetup", cell: "Cell", run: Run) -> "MeasurementSetup":
+        """Return the setup for the run of a later session: what was set up anew is found from the run.
+
+        Raises:
+            InputError, NoSolutionError: the run cannot tell where the gauge stands.
+        """
+        return setup
 
     def needs_new_frames(self, setup: "MeasurementSetup", run: Run) -> bool:
         """Tell whether the run stands in frames that the setup does not know."""

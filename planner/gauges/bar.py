@@ -260,6 +260,10 @@ class LengthGauge(LineGauge):
             place_names=tuple(setup.place_names[k] for k in which),
         )
 
+    def lasting_places(self, setup: MeasurementSetup) -> dict[str, Array] | None:
+        """Return the fixtures."""
+        return dict(zip(setup.place_names, setup.p_BX, strict=True)) if len(setup.p_BX) else None
+
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""
         if len(setup.p_BX) and p_FM is not None:

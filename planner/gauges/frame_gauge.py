@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -39,6 +39,7 @@ class PositionGauge(Gauge):
     columns: ClassVar[str] = "x_mm, y_mm, z_mm"
     plural: ClassVar[str] = "positions"
     frees_base: ClassVar[bool] = True
+    set_anew: ClassVar[str] = "base"
 
     def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Position read less the tool point, (n, 3) [m]."""
@@ -90,6 +91,11 @@ class PositionGauge(Gauge):
     def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
         """Return the setup with frames that are all to be found."""
         return setup.with_unknown_places(run.places, LOCATED_SIGMA, LOCATED_TURN_SIGMA)
+
+    def set_up_again(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+        """Return the setup with the frames of the run; the targets sit where they sat."""
+        there = self.place(self.number_places(setup, cell, run), run, setup.p_FM)
+        return replace(there, p_FM=setup.p_FM, R_FM=setup.R_FM)
 
     def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
         """Tell whether the run was measured from another station."""

@@ -85,9 +85,9 @@ class Tracker(FrameGauge):
         """Return the station."""
         return file.tracker
 
-    def for_run(self, run: Run) -> Gauge:
-        """Return the tracker with a probe where the run has its orientation."""
-        if run.readings.rotation is None:
+    def with_turns(self, turns: bool) -> Gauge:
+        """Return the tracker with a probe where its orientation is read."""
+        if not turns:
             return self
         return PoseTracker(**{f.name: getattr(self, f.name) for f in fields(self)})
 

@@ -1,8 +1,9 @@
 """``posterior.json``: how things stood when a robot was calibrated, so that a later check tells what has changed.
 
-It holds the posterior mean of everything that moves a bar's reading, and what is not known of it: the covariance as a
-root of few columns, those directions in which the readings of this gauge are least sure (principal components of
-reading times root). What these lack stands as one number.
+It holds the posterior mean of everything that moves a reading, and what is not known of it: the covariance as a root
+of few columns, those directions in which the readings of this gauge are least sure (principal components of reading
+times root). What these lack stands as one number. What is set up anew for every session, a bar's zero or a tracker's
+frame, is found from the later run itself: nothing that it could take up counts as a change.
 """
 
 import json
@@ -14,6 +15,8 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
@@ -35,6 +38,8 @@ NAME = "posterior.json"  # beside robot.toml
 PROBED = 300  # states, and samples of the run, at which readings are looked at
 LEFT_OUT = 0.2  # times the noise: so much of a reading's uncertainty the directions may lack, rms
 DIGITS = 7  # significant ones
+ANEW = 0.02  # [m, rad] size of what is set up anew: far more than any reading leaves open of it
+SETTLING = 4  # steps in which what was set up anew is found: Gauss-Newton, from where it was placed by the run
 EVERYTHING = frozenset({"fixture", "tool", "zero"})
 OWN_GROUPS = ("gauge", "geometry")  # whose parameters are known by their names
 
@@ -61,9 +66,11 @@ class BaselineFile(StrictModel):
         robot_sha256: of the ``robot.toml`` that it belongs to.
         fixtures: names of the places, and where the values of their parameters count from [m].
         points: the same of the tool's points, in the flange frame.
-        noise: of gauge and joints, as multiples of what the files declare; ``freedom``: degrees behind them.
+        turns: how probes are turned on the flange (rotation vector) [rad], where the gauge reads orientations.
+        noise: of gauge, joints and the gauge's angles, as multiples of what the files declare; ``freedom``: degrees
+            behind them.
         parameters: all that moves the reading; ``spread``: root of their covariance, (P, r).
-        rest: standard deviation of a reading that the root lacks [m].
+        rest: standard deviation of a reading that the root lacks [m]; of an angle as many times its noise.
     """
 
     schema_: Literal["edbb-posterior/1"] = Field(alias="schema")
@@ -72,7 +79,8 @@ class BaselineFile(StrictModel):
     gauge: str
     fixtures: dict[str, Vector]
     points: dict[str, Vector]
-    noise: tuple[float, float]
+    turns: dict[str, Vector] = {}
+    noise: tuple[float, ...] = Field(min_length=2, max_length=3)
     freedom: float
     rest: float
     parameters: tuple[BaselineParameter, ...]
@@ -81,11 +89,17 @@ class BaselineFile(StrictModel):
 
 def _names(cell: Cell, setup: MeasurementSetup) -> tuple[str, str, tuple[str, ...], tuple[str, ...]]:
     """Robot, kind of gauge, fixtures and tool points."""
-    return cell.robot.name, cell.gauge.kind, tuple(setup.place_names), tuple(setup.point_names)
+    places = setup.gauge.lasting_places(setup) or {}
+    return cell.robot.name, setup.gauge.kind, tuple(places), tuple(setup.point_names)
+
+
+def _units(setup: MeasurementSetup) -> Array:
+    """What each number of a reading is counted in, (r,): metres, and angles by their noise against a length's."""
+    return np.asarray(setup.gauge.sigmas / setup.gauge.sigmas[0])
 
 
 def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell, robot_toml: str) -> str | None:
-    """Return the text of the file that goes with ``robot_toml``; ``None`` where the gauge is no bar at given fixtures.
+    """Return the text of the file that goes with ``robot_toml``; ``None`` where the cell lacks fixtures or tool points.
 
     Args:
         released: with its posterior.
@@ -93,7 +107,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         run, cell: that were identified.
         robot_toml: text of the robot's file.
     """
-    if run.readings.length is None or not cell.fixtures or not cell.tool.known:
+    if cell.gauge.lasting_places(setup_of(cell)) is None or not cell.tool.known:
         return None
     fit = released.posterior.fit
     setup, noise = fit.model.setup, fit.problem.whitener.noise
@@ -111,15 +125,20 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "robot": robot,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
         "gauge": gauge,
-        "fixtures": {n: p.tolist() for n, p in zip(places, setup.p_BX, strict=True)},
+        "fixtures": {n: (setup.gauge.lasting_places(setup) or {})[n].tolist() for n in places},
         "points": {n: p.tolist() for n, p in zip(points, setup.p_FM, strict=True)},
-        "noise": [noise.gauge, noise.joints],
+        "turns": dict(zip(points, _turns(setup), strict=True)) if setup.gauge.angles else {},
+        "noise": [noise.gauge, noise.joints, noise.angle],
         "freedom": freedom,
         "rest": float(_few_digits(rest)),
         "parameters": parameters,
         "spread": _few_digits(root).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _turns(setup: MeasurementSetup) -> list[list[float]]:
+    return [r.tolist() for r in Rotation.from_matrix(setup.R_FM).as_rotvec()]
 
 
 def _movers(p: Parameter, setup: MeasurementSetup) -> list[dict[str, str]]:
@@ -130,18 +149,23 @@ def _movers(p: Parameter, setup: MeasurementSetup) -> list[dict[str, str]]:
 def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array) -> tuple[Array, float]:
     """Return a root of fewer columns (P, r), and what a reading's uncertainty loses by that [m], rms."""
     seen = run.samples.take(even_positions(len(run), PROBED))
-    tall = [model.rows(seen, errors)[:, 0]]
+    tall = [_flat(model.rows(seen, errors) / _units(model.setup)[:, None])]
     plain = [k for k, p in enumerate(model.parameters) if not any(columns_of(m.phi.key) for m in p.moves)]
     for mounting in cell.mountings:
         q = cell.gauge.joint_sampler(cell, mounting, 0)(PROBED).q
-        there = np.zeros((min(PROBED, len(q)), len(model.names)))
-        there[:, plain] = model.subset(plain).rows(Samples.at(q[:PROBED], mounting), errors[plain])[:, 0]
-        tall.append(there)
+        there = np.zeros((min(PROBED, len(q)), model.width, len(model.names)))
+        there[:, :, plain] = model.subset(plain).rows(Samples.at(q[:PROBED], mounting), errors[plain])
+        tall.append(_flat(there / _units(model.setup)[:, None]))
     readings = np.concatenate(tall) @ root
     _, size, turn = np.linalg.svd(readings, full_matrices=False)
     lacking = np.sqrt(np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0) / len(readings))  # without the first k
     count = int(np.argmax(lacking <= LEFT_OUT * float(np.median(model.noise(seen)))))
     return np.asarray(root @ turn[:count].T), float(lacking[count])
+
+
+def _flat(rows: Array) -> Array:
+    """Put the numbers of each reading one under the other, (n, r, P) to (n r, P)."""
+    return np.asarray(rows.reshape(-1, rows.shape[2]))
 
 
 def _few_digits(values: Array | float) -> Array:
@@ -173,8 +197,8 @@ class Baseline:
         path = folder / NAME
         if not path.is_file():
             raise InputError(
-                f"{path} is missing: a baseline is the folder that 'edbb identify' writes for a bar between fixtures "
-                "that the cell gives, where the posterior came to rest; identify the run again"
+                f"{path} is missing: a baseline is the folder that 'edbb identify' writes for a cell that gives the "
+                "tool point (and a bar's fixtures), where the posterior came to rest; identify the run again"
             )
         file = validate(read_json(path), BaselineFile, str(path))
         if file.robot_sha256 != sha256(read_bytes(folder / "robot.toml")).hexdigest():
@@ -188,20 +212,55 @@ class Baseline:
         Raises:
             InputError: it does not belong to the cell.
         """
-        setup = setup_of(cell)
+        setup = replace(setup_of(cell), gauge=cell.gauge.with_turns(bool(file.turns)))
         said = (file.robot, file.gauge, tuple(file.fixtures), tuple(file.points))
         found = _names(cell, setup)
         for what, a, b in zip(("robot", "gauge", "fixtures", "tool points"), said, found, strict=True):
             if a != b:
                 raise InputError(f"{where}: the {what} of the baseline: {a}; of {cell.path}: {b}: take its own cell")
-        setup = replace(setup, p_BX=np.array(list(file.fixtures.values())), p_FM=np.array(list(file.points.values())))
-        own = {p.name: p for p in Model.of(setup, EVERYTHING).parameters}
+        setup = replace(setup, p_FM=np.array(list(file.points.values())))
+        if file.fixtures:
+            setup = replace(setup, p_BX=np.array(list(file.fixtures.values())))
+        if file.turns:
+            setup = replace(setup, R_FM=Rotation.from_rotvec(list(file.turns.values())).as_matrix())
         try:
-            parameters = tuple(own[p.name] if not p.moves else _parameter(p, setup) for p in file.parameters)
+            return cls.build(file, setup)
         except (KeyError, ValueError) as err:
             raise InputError(f"{where}: {cell.robot.name} has no {err}") from err
-        root = np.array(file.spread).reshape(len(parameters), -1)
-        return cls(file, Model(setup, parameters), np.array([p.value for p in file.parameters]), root)
+
+    @classmethod
+    def build(cls, file: BaselineFile, setup: MeasurementSetup) -> "Baseline":
+        """Build the model in a set-up; what is set up anew comes last and is not known yet."""
+        own = {p.name: p for p in Model.of(setup, EVERYTHING).parameters}
+        anew = [p for p in own.values() if _is_anew(p, setup)]
+        lasts = [bool(p.moves) or not p.name.startswith(setup.gauge.set_anew) for p in file.parameters]
+        known = [p for p, there in zip(file.parameters, lasts, strict=True) if there]
+        parameters = (*(_parameter(p, setup) if p.moves else own[p.name] for p in known), *anew)
+        values = np.append([p.value for p in known], np.zeros(len(anew)))
+        root = np.array(file.spread).reshape(len(file.parameters), -1)[lasts]
+        return cls(file, Model(setup, parameters), values, np.vstack([root, np.zeros((len(anew), root.shape[1]))]))
+
+    def for_session(self, cell: Cell, run: Run) -> "Baseline":
+        """Return it for the run of a later session, with what was set up anew as the run has it.
+
+        Raises:
+            InputError, NoSolutionError: the run cannot tell where the gauge stands.
+        """
+        there = self.build(self.file, self.model.setup.gauge.set_up_again(self.model.setup, cell, run))
+        there = there.for_samples(run.samples)
+        which = there._anew
+        white = block_diag(*np.linalg.inv(np.linalg.cholesky(there.noise_covariance(run.samples))))
+        for _ in range(SETTLING):
+            rows, off = there.anew_rows(run.samples), there.difference(run)
+            values = there.values.copy()
+            values[which] += np.linalg.lstsq(white @ rows, white @ off)[0] * ANEW
+            there = replace(there, values=values)
+        return there
+
+    @property
+    def _anew(self) -> np.ndarray:
+        """Positions of the parameters of what is set up anew for every session."""
+        return np.array([_is_anew(p, self.model.setup) for p in self.model.parameters]).nonzero()[0]
 
     def for_samples(self, samples: Samples) -> "Baseline":
         """Return it without effects of quantities that were not logged; the model is the same."""
@@ -212,31 +271,36 @@ class Baseline:
         kept = [k for k, there in enumerate(have) if there]
         return replace(self, model=self.model.subset(kept), values=self.values[kept], root=self.root[kept])
 
-    def reading(self, samples: Samples) -> Array:
-        """Return the bar's expected length, (n,) [m]."""
-        return self.model.reading(samples, self.values)[:, 0]
+    def difference(self, run: Run) -> Array:
+        """Return readings less their expectation, the numbers of each one after the other, (n r,) [m, rad]."""
+        targets = self.model.setup.targets(run.samples, run.readings)
+        return self.model.residual(run.samples, targets, self.values).ravel()
 
     def rows(self, samples: Samples, extra: Sequence[Parameter] = ()) -> Array:
-        """Return the reading's derivative by every parameter and by ``extra``, (n, P + E)."""
+        """Return the derivative of all numbers by every parameter and by ``extra``, (n r, P + E)."""
         wider = self.model.plus(list(extra))
-        return wider.rows(samples, np.append(self.values, np.zeros(len(extra))))[:, 0]
+        return _flat(wider.rows(samples, np.append(self.values, np.zeros(len(extra)))))
 
-    def covariance(self, samples: Samples, zero_known: bool = False) -> Array:
-        """Covariance of readings less their expectation where nothing has changed, (n, n) [m²].
+    def anew_rows(self, samples: Samples) -> Array:
+        """Return what ``ANEW`` of all that is set up anew does to the numbers, (n r, a) [m, rad]."""
+        return np.asarray(self.rows(samples)[:, self._anew] * ANEW)
 
-        The bar's zero is set anew in every session; ``zero_known`` leaves it out.
+    def covariance(self, samples: Samples) -> Array:
+        """Covariance of readings less their expectation where nothing has changed, (n r, n r) [m², m rad, rad²].
+
+        What is set up anew for every session adds nothing: it is found from the readings themselves.
         """
-        rows = self.rows(samples)
-        zeros = [k for k, p in enumerate(self.model.parameters) if p.group == "gauge" and p.name.startswith("zero")]
-        root = self.root.copy()
-        root[zeros] = 0.0
-        known, anew = rows @ root, rows[:, zeros] * (0.0 if zero_known else self.model.prior[zeros])
-        return np.asarray(np.diag(self.noise_variance(samples)) + known @ known.T + anew @ anew.T)
+        known = self.rows(samples) @ self.root
+        return np.asarray(block_diag(*self.noise_covariance(samples)) + known @ known.T)
 
-    def noise_variance(self, samples: Samples) -> Array:
-        """Variance of a reading by gauge, repeatability and what the root lacks, (n,) [m²]."""
+    def noise_covariance(self, samples: Samples) -> Array:
+        """Covariance of each reading by gauge, repeatability and what the root lacks, (n, r, r) [m², m rad, rad²]."""
         white = Whitener.of(self.model, samples, Noise(*self.file.noise))
-        return white.covariance(slice(None))[:, 0, 0] + self.file.rest**2
+        return white.covariance(slice(None)) + self.file.rest**2 * np.diag(_units(self.model.setup) ** 2)
+
+
+def _is_anew(p: Parameter, setup: MeasurementSetup) -> bool:
+    return p.group == "gauge" and p.name.startswith(setup.gauge.set_anew)
 
 
 def _parameter(p: BaselineParameter, setup: MeasurementSetup) -> Parameter:

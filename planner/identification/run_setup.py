@@ -31,8 +31,8 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
         raise InputError(
             f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
         )
-    setup = setup_of(cell)
-    setup = cell.gauge.number_places(replace(setup, gauge=cell.gauge.for_run(run)), cell, run)
+    setup = replace(setup_of(cell), gauge=cell.gauge.with_turns(run.readings.rotation is not None))
+    setup = cell.gauge.number_places(setup, cell, run)
     many, named = len(run.points), setup.point_names
     which = [index_in_cell(run, name, named, "point", cell) for name in run.points] if len(named) > 1 else [0] * many
     known = cell.tool.known and (many == 1 or len(named) > 1)

@@ -1,7 +1,6 @@
 """The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
 
 __all__ = [
-    "bar_poses",
     "course",
     "document",
     "mount",
@@ -12,7 +11,7 @@ __all__ = [
     "plan_types",
     "planned_session",
     "planning",
-    "point_poses",
+    "pose_sources",
     "release",
     "tour_cost",
     "tour_drive",

@@ -31,7 +31,7 @@ from planner.session.mount import drop_unreachable, join_to_mounts, move_mounts,
 from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
-from planner.session.planning import PoseSession, Selection
+from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.tour_drive import MountingSession
 
 DRIVEN_SAMPLES = 2000
@@ -42,8 +42,8 @@ class BarPoses(PoseSession):
 
     near: Certificate
 
-    def __init__(self, cell: Cell, options: PlanOptions) -> None:
-        super().__init__(cell, options)
+    def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
+        super().__init__(cell, options, chooser)
         self.tracing = options.for_tracing(cell)
         robot, file = cell.robot, options.separate
         self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None

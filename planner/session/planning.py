@@ -91,23 +91,31 @@ def with_programs(plan: P, dialects: tuple[str, ...]) -> P:
     return replace(plan, programs=write_programs(cell, programs), notes=(*plan.notes, *shared_notes(programs)))
 
 
+class PoseChooser(Protocol):
+    """Chooses poses from the pool of a session."""
+
+    def __call__(self, session: "PoseSession", stages: Stages) -> Selection:
+        """Return them."""
+
+
 class PoseSession(ABC):
     """A session of poses. What differs between gauges: where poses come from, how they are chosen and refined.
 
-    ``cell`` and ``pool`` are settled by the first two stages; ``notes`` grow with each.
+    ``cell`` and ``pool`` are settled by the first two stages; ``notes`` grow with each. A ``chooser`` chooses the poses
+    for another purpose than a calibration.
     """
 
     pool: PoseSet
 
-    def __init__(self, cell: Cell, options: PlanOptions) -> None:
-        self.cell, self.options = cell, options
+    def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
+        self.cell, self.options, self.chooser = cell, options, chooser
         self.notes: list[str] = []
         self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
 
     def drive(self, stages: Stages) -> Plan:
         """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
-        chosen = self.select(stages)
+        chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
         with chosen.curve or nullcontext():
             choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), stages)
         with stages.stage("index curve"):

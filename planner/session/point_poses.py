@@ -19,7 +19,7 @@ from planner.session.course import Role
 from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
-from planner.session.planning import PoseSession, Selection
+from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.tour_drive import MountingSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
@@ -31,11 +31,11 @@ class PointPoses(PoseSession):
     away: Constraints
     repeated: frozenset[int] = frozenset()
 
-    def __init__(self, cell: Cell, options: PlanOptions) -> None:
-        super().__init__(cell, options)
+    def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
+        super().__init__(cell, options, chooser)
         self.at_balls = cell.gauge.at_balls
-        self.only_validates = not (cell.gauge.calibrates_unasked or self.poses)
-        if self.at_balls:
+        self.only_validates = not (cell.gauge.calibrates_unasked or self.poses or chooser)
+        if self.at_balls and chooser is None:
             _check_shares(cell, self.poses, self.index)
 
     def draw(self, stages: Stages) -> None:

@@ -15,12 +15,13 @@ from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
-from planner.instruments.check.planning import CheckPoses
+from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
 from planner.session.planning import plan_session
+from planner.session.pose_sources import pose_session
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import write_plan
@@ -107,7 +108,8 @@ def plan_check(
     """
     where, stages = load_cell(str(cell)), Stages(progress)
     known = Baseline.read(Path(baseline), where)
-    session = CheckPoses(where, PlanOptions(seed=seed, dialects=dialect), known, poses)
+    options = PlanOptions(seed=seed, dialects=dialect)
+    session = pose_session(resting_cell(where), options, CheckChooser(known, poses))
     plan = plan_session(session, session.options, stages)
     return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, plan.choice.samples))
 

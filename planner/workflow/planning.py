@@ -11,11 +11,10 @@ from planner.common.time_limit import TimeLimit, limit_time
 from planner.design.free_parameters import check_effects
 from planner.instruments.circular.planning import plan_circles
 from planner.motion.tour.solve import Method
-from planner.session.bar_poses import BarPoses
-from planner.session.options import PlanOptions, check_circle_options, check_point_options
+from planner.session.options import PlanOptions, check_circle_options
 from planner.session.plan_types import Plan
 from planner.session.planning import plan_session
-from planner.session.point_poses import PointPoses
+from planner.session.pose_sources import pose_session
 from planner.session.unproven_poses import PathNotProvenError
 from planner.workflow.plan_results import CircularPlanResult, PlanResult, PosesResult
 
@@ -76,7 +75,4 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    if not cell.gauge.is_attached:
-        check_point_options(cell, options)
-        return plan_session(PointPoses(cell, options), options, stages)
-    return plan_session(BarPoses(cell, options), options, stages)
+    return plan_session(pose_session(cell, options), options, stages)

@@ -91,8 +91,9 @@ def _bare_changes(setup: MeasurementSetup, with_play: bool) -> Iterator[Change]:
     for name in setup.place_names:
         label = f"fixture {name}".rstrip()
         names = {f"{label.replace(' ', '_')}_{a}" for a in "xyz"}
-        own = tuple(p for p in fixtures if p.name in names)
-        yield _change("fixture", label, own, f"check that {label} stands fast and its cup is clean, then check again")
+        if own := tuple(p for p in fixtures if p.name in names):
+            advice = f"check that {label} stands fast and its cup is clean, then check again"
+            yield _change("fixture", label, own, advice)
     hit = (*zeros, *tool)
     yield _change("collision", "several axes and the tool", hit, "something was hit or moved: calibrate again")
 

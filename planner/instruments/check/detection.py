@@ -1,10 +1,11 @@
 """Whether a few readings differ from what is expected, and which change explains them best.
 
-Readings less their expectation, whitened, are standard normal if nothing has changed, times one unknown scale that the
-baseline's noise is known to. Every possible change has columns; what its columns explain, T, is F-distributed then
-(score test by generalised least squares, Rao 1948). The smallest of all probabilities is held against a threshold that
-draws have put where all tests together give a false alarm in one of a hundred sound robots: the tests share readings,
-so that Bonferroni would ask for too much (Westfall and Young 1993, min-P).
+Readings less their expectation, whitened and freed of all that is set up anew for a session, are standard normal if
+nothing has changed, times one unknown scale that the baseline's noise is known to. Every possible change has columns;
+what its columns explain, T, is F-distributed then (score test by generalised least squares, Rao 1948). The smallest of
+all probabilities is held against a threshold that draws have put where all tests together give a false alarm in one of
+a hundred sound robots: the tests share readings, so that Bonferroni would ask for too much (Westfall and Young 1993,
+min-P).
 """
 
 from collections.abc import Sequence
@@ -55,24 +56,44 @@ class Detector:
         covariance: of readings less their expectation where nothing has changed, (n, n) [m²].
         columns: of every possible change, (n, d) [m per unit].
         freedom: degrees behind the size of the covariance.
+        anew: what is set up anew for every session does to the readings, (n, a) [m]: no change shows along it.
     """
 
     covariance: Array
     columns: tuple[Array, ...]
     freedom: float
+    anew: Array | None = None
 
     @cached_property
-    def _whitening(self) -> Array:
+    def _root(self) -> Array:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
     @cached_property
+    def _whitening(self) -> Array:
+        """Turns n readings into m that are white and that nothing which is set up anew moves, (m, n)."""
+        if self.anew is None:
+            return self._root
+        left, size, _ = np.linalg.svd(self._root @ self.anew)
+        return np.asarray(left[:, int((size > UNSEEN * size.max(initial=0.0)).sum()) :].T @ self._root)
+
+    @cached_property
     def _bases(self) -> tuple[Array, ...]:
-        """Orthonormal bases of what each change does to the white readings; the last is of anything, (n, d) each."""
+        """Orthonormal bases of what each change does to the white readings; the last is of anything, (m, d) each."""
         out = []
-        for white in (self._whitening @ c for c in self.columns):
-            left, size, _ = np.linalg.svd(white, full_matrices=False)
-            out.append(left[:, size > UNSEEN * max(float(size[0]), 1e-300)])
-        return (*out, np.eye(len(self.covariance)))
+        for c in self.columns:
+            left, size, _ = np.linalg.svd(self._whitening @ c, full_matrices=False)
+            out.append(left[:, size > UNSEEN * max(float(np.linalg.norm(self._root @ c)), 1e-300)])
+        return (*out, np.eye(len(self._whitening)))
+
+    @cached_property
+    def std(self) -> Array:
+        """Expected size of readings less their expectation once what is set up anew is taken off, (n,) [m]."""
+        return np.asarray(np.linalg.norm(self._whitening @ self.covariance, axis=0))
+
+    @property
+    def shows(self) -> tuple[bool, ...]:
+        """Whether each change shows at all, beside what is set up anew."""
+        return tuple(b.shape[1] > 0 for b in self._bases[:-1])
 
     def explain(self, difference: Array) -> tuple[Explanation, ...]:
         """Return what each change explains of readings less their expectation (n,) [m], last anything at all."""
@@ -93,7 +114,7 @@ class Detector:
     @cached_property
     def threshold(self) -> float:
         """Probability below which the smallest of all gives an alarm."""
-        rng, n = np.random.default_rng(SEED), len(self.covariance)
+        rng, n = np.random.default_rng(SEED), len(self._whitening)
         scale = np.sqrt(rng.chisquare(self.freedom, DRAWS) / self.freedom)
         white = rng.standard_normal((DRAWS, n)) / scale[:, None]
         explained = np.stack([((white @ b) ** 2).sum(axis=1) for b in self._bases], axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array
+from planner.gauges.run_places import points_of
 from planner.identification.baseline import Baseline
 from planner.identification.run_setup import add_motion
 from planner.instruments.check.changes import Change, change_columns, possible_changes
@@ -46,8 +47,8 @@ class CheckVerdict:
     """What a check says.
 
     Attributes:
-        run: its name; poses: ids, (n,); difference: readings less expectation, the bar's zero
-            taken off, (n,) [m]; std: expected (n,) [m].
+        run: its name; poses: ids, (n,); difference: readings less expectation, what is set up anew for a session
+            taken off, (n, r) [m, rad]; std: expected, (n, r) [m, rad].
         judged: every possible change, the best explanation first.
         anything: test for any change at all; anything_lead: by BIC.
         threshold: probability below which any of the tests gives an alarm.
@@ -111,31 +112,28 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     Args:
         baseline: of the robot.
         cell: that was calibrated.
-        run: a few poses at rest, measured with the bar of the baseline.
+        run: a few poses at rest, measured with the gauge of the baseline.
         limit: motion of the tool that is allowed [m].
 
     Raises:
         InputError: the run is of another robot, gauge or fixture, was driven in motion, or is too short.
     """
-    samples = _samples(run, cell, baseline)
+    run = _prepare(run, cell, baseline)
+    samples, known = run.samples, baseline.for_session(cell, run)
     with_play = samples.direction is not None and bool((np.ptp(samples.direction, axis=0) > 1.0).any())
-    known = baseline.for_samples(samples)
-    changes = possible_changes(cell, known.model.setup, with_play)
-    detector = build_detector(known, changes, samples)
-    assert run.readings.length is not None
-    difference = run.readings.length - known.reading(samples)
+    detector, changes, hidden = build_detector(known, possible_changes(cell, known.model.setup, with_play), samples)
+    difference = known.difference(run)
     *tests, anything = detector.explain(difference)
-    leads = {e.which: lead for lead, e in rank_explanations((*tests, anything), len(samples))}
+    leads = {e.which: lead for lead, e in rank_explanations((*tests, anything), len(difference))}
     judged = [_judge(detector, c, e, leads[e.which], difference) for c, e in zip(changes, tests, strict=True)]
-    inner = known.covariance(samples, zero_known=True)
-    weight = np.linalg.solve(inner, np.ones(len(samples)))
-    left = len(baseline.values) - len(known.values)
+    left = len(baseline.values) - len(baseline.for_samples(samples).values)
     notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
+    notes += [hidden_text(hidden)] if hidden else []
     return CheckVerdict(
         run=run.name,
         poses=np.arange(len(samples)) if samples.pose is None else samples.pose,
-        difference=difference - (weight @ difference) / weight.sum(),
-        std=np.sqrt(np.diag(inner)),
+        difference=difference.reshape(len(samples), -1),
+        std=detector.std.reshape(len(samples), -1),
         judged=tuple(sorted(judged, key=lambda j: -j.lead)),
         anything=anything,
         anything_lead=leads[anything.which],
@@ -145,10 +143,24 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     )
 
 
-def build_detector(baseline: Baseline, changes: tuple[Change, ...], samples: Samples) -> Detector:
-    """Return the tests for changes in readings of some samples."""
+def build_detector(
+    baseline: Baseline, changes: tuple[Change, ...], samples: Samples
+) -> tuple[Detector, tuple[Change, ...], tuple[Change, ...]]:
+    """Return the tests for changes in readings of some samples, the changes that show there, and those that do not."""
     columns = change_columns(baseline, samples, changes)
-    return Detector(baseline.covariance(samples), columns, baseline.file.freedom)
+    anew = baseline.anew_rows(samples)
+    detector = Detector(baseline.covariance(samples), columns, baseline.file.freedom, anew)
+    shown, hidden = (tuple(c for c, s in zip(changes, detector.shows, strict=True) if s == v) for v in (True, False))
+    kept = tuple(c for c, s in zip(columns, detector.shows, strict=True) if s)
+    return replace(detector, columns=kept), shown, hidden
+
+
+def hidden_text(hidden: tuple[Change, ...]) -> str:
+    """Say which changes no reading shows, and why."""
+    names = " and ".join(c.name for c in hidden)
+    return (
+        f"no reading shows the {names}: what is set up anew for every session (frame or zero of the gauge) takes it up"
+    )
 
 
 def _judge(detector: Detector, change: Change, test: Explanation, lead: float, difference: Array) -> JudgedChange:
@@ -159,8 +171,8 @@ def _judge(detector: Detector, change: Change, test: Explanation, lead: float, d
     return JudgedChange(change, test, lead, motion, std, values, detector.detectable(test.which, change.square))
 
 
-def _samples(run: Run, cell: Cell, baseline: Baseline) -> Samples:
-    """Return the samples with places and points numbered as in the baseline."""
+def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:
+    """Return the run with places and points numbered as in the baseline, and readings as the baseline has them."""
     cell.gauge.check_run(cell, run)
     if run.robot is not None and run.robot != cell.robot.name:
         raise InputError(f"{run.name}: was measured on '{run.robot}', but the baseline is of '{cell.robot.name}'")
@@ -168,11 +180,13 @@ def _samples(run: Run, cell: Cell, baseline: Baseline) -> Samples:
         raise InputError(f"{run.name}: was measured while moving; a check is measured at rest, as its plan drives it")
     if len(run) < LEAST:
         raise InputError(f"{run.name}: {len(run)} poses; a check needs {LEAST} at least, better the ten of its plan")
-    run, setup = add_motion(run), baseline.model.setup
-    place = _renumber(run, run.samples.place, run.places, setup.place_names, "fixture")
-    where = np.zeros(len(run), dtype=int) if run.samples.point is None else run.samples.point
-    point = _renumber(run, where, run.points, setup.point_names, "tool point")
-    return replace(run.samples, place=place, point=point)
+    if baseline.file.turns and run.readings.rotation is None:
+        raise InputError(f"{run.name}: has no rx_deg, ry_deg, rz_deg, but the baseline was measured with orientations")
+    readings = run.readings if baseline.file.turns else replace(run.readings, rotation=None)
+    run = add_motion(run)
+    place = _renumber(run, run.samples.place, run.places, tuple(baseline.file.fixtures) or run.places, "fixture")
+    point = _renumber(run, points_of(run), run.points, baseline.model.setup.point_names, "tool point")
+    return replace(run, samples=replace(run.samples, place=place, point=point), readings=readings)
 
 
 def _renumber(run: Run, which: np.ndarray, names: tuple[str, ...], known: tuple[str, ...], what: str) -> np.ndarray:

@@ -8,6 +8,7 @@ from scipy.linalg import qr
 from planner.cell.cell import Cell
 from planner.cell.reading import cell_of
 from planner.common.determinism import Positions, even_positions
+from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.observability.identifiability import find_identifiable
@@ -17,11 +18,10 @@ from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.identification.baseline import Baseline
 from planner.instruments.check.changes import Change, change_columns, possible_changes
+from planner.instruments.check.evaluation import build_detector
 from planner.model.model import Model
 from planner.runs.run import Samples
-from planner.session.bar_poses import BarPoses
-from planner.session.options import PlanOptions
-from planner.session.planning import Selection
+from planner.session.planning import PoseSession, Selection
 
 TRIED = 500  # candidates that compete
 SWEEPS = 4  # of exchanges
@@ -38,7 +38,7 @@ def choose_check_poses(baseline: Baseline, changes: tuple[Change, ...], pool: Sa
     samples = pool.take(tried)
     merit = _Merit.of(baseline, changes, samples)
     white = merit.columns / np.sqrt(np.diag(merit.covariance))[:, None]
-    chosen = qr(white.T, pivoting=True, mode="r")[1][:count].tolist()
+    chosen = list(dict.fromkeys(qr(white.T, pivoting=True, mode="r")[1] // baseline.model.width))[:count]
     for at in range(count - len(chosen)):  # fewer columns than poses
         chosen.append(next(k for k in range(at, len(tried)) if k not in chosen))
     best = float(merit.of_sets(np.array([chosen]))[0])
@@ -61,10 +61,11 @@ def choose_check_poses(baseline: Baseline, changes: tuple[Change, ...], pool: Sa
 class _Merit:
     """Figure of merit of sets of candidates.
 
-    ``covariance`` (N, N) of their readings; ``columns`` (N, D) of all changes per metre of the tool's motion;
-    ``blocks`` where each change has its columns; ``zeros`` (z,) columns of the axes' zeros.
+    ``width`` numbers of a reading; ``covariance`` (N r, N r) of their readings; ``columns`` (N r, D) of all changes per
+    metre of the tool's motion; ``blocks`` where each change has its columns; ``zeros`` (z,) columns of the axes' zeros.
     """
 
+    width: int
     covariance: Array
     columns: Array
     blocks: tuple[slice, ...]
@@ -80,10 +81,13 @@ class _Merit:
             blocks.append(slice(start, start + len(c.parameters)))
             zeros += [start] if c.kind == "zero" else []
             start += len(c.parameters)
-        return cls(baseline.covariance(samples), np.hstack(parts), tuple(blocks), np.array(zeros))
+        anew = baseline.anew_rows(samples)
+        covariance = baseline.covariance(samples) + anew @ anew.T
+        return cls(baseline.model.width, covariance, np.hstack(parts), tuple(blocks), np.array(zeros))
 
     def of_sets(self, sets: np.ndarray) -> Array:
         """Return it of sets (m, n) of positions."""
+        sets = (sets[:, :, None] * self.width + np.arange(self.width)).reshape(len(sets), -1)
         covariance = self.covariance[sets[:, :, None], sets[:, None, :]]
         columns = self.columns[sets]
         information = columns.transpose(0, 2, 1) @ np.linalg.solve(covariance, columns)
@@ -102,49 +106,54 @@ def resting_cell(cell: Cell) -> Cell:
     """Return the cell for a check: at rest at every pose, none repeated and none kept aside.
 
     Raises:
-        InputError: its gauge is no bar without load.
+        InputError: a bar pulls there, or circles are driven.
     """
-    cell.require_bar(
-        "a check is measured with a bar without load (of a tracker's run 'edbb accuracy' says how far it is off)",
-        free=True,
-    )
+    if cell.is_under_load:
+        raise InputError(
+            f"{cell.path}: a check is measured at rest and without load: take the cell of a bar without load"
+        )
     plan = cell.file.plan.model_copy(update={"repeat": 0, "validate_": 0, "candidates": CANDIDATES, "refine": False})
     motion = cell.file.motion.model_copy(update={"measure": "static"})
     return cell_of(cell.file.model_copy(update={"plan": plan, "motion": motion}), cell.path, cell.name)
 
 
-class CheckPoses(BarPoses):
-    """Where the poses of a check come from: ``count`` of them, chosen against a baseline."""
+@dataclass(frozen=True)
+class CheckChooser:
+    """Chooses the poses of a check: ``count`` of them, against a baseline."""
 
-    def __init__(self, cell: Cell, options: PlanOptions, baseline: Baseline, count: int) -> None:
-        super().__init__(resting_cell(cell), options)
-        self.baseline, self.count = baseline, count
+    baseline: Baseline
+    count: int
 
-    def select(self, stages: Stages) -> Selection:
+    def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by what they tell of changes; the index over the axes' zeros only judges them."""
+        pool, count = session.pool.samples, self.count
         with stages.stage("selection"):
-            baseline = self.baseline.for_samples(self.pool.samples)
-            changes = possible_changes(self.cell, baseline.model.setup, with_play=False)
-            chosen = choose_check_poses(baseline, changes, self.pool.samples, self.count)
-            choice, rows = self._judge_by_index(baseline, changes, chosen)
-        self.notes.append(f"the poses tell changes since the calibration; {self.index} of the axes' zeros judges them")
-        sizes = [n for n in (self.count, 2 * self.count, 3 * self.count) if rows.shape[2] < n <= len(self.pool)]
-        return Selection(choice, BackgroundCurve(rows, sizes, self.index, self.options.seed, choice.certificate))
+            baseline = self.baseline.for_samples(pool)
+            changes = possible_changes(session.cell, baseline.model.setup, with_play=False)
+            changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), TRIED)))[1]
+            chosen = choose_check_poses(baseline, changes, pool, count)
+            choice, rows = _judge_by_index(session, baseline, changes, chosen)
+        session.notes.append(
+            f"the poses tell changes since the calibration; {session.index} of the axes' zeros judges them"
+        )
+        sizes = [n for n in (count, 2 * count, 3 * count) if rows.shape[2] < n <= len(pool)]
+        return Selection(choice, BackgroundCurve(rows, sizes, session.index, session.options.seed, choice.certificate))
 
-    def _judge_by_index(
-        self, baseline: Baseline, changes: tuple[Change, ...], chosen: Positions
-    ) -> tuple[PoseChoice, Array]:
-        """Return the chosen poses with their index on the axes' zeros, and the rows of all candidates."""
-        samples, size = self.pool.samples, self.cell.robot.priors.angle
-        zeros = (replace(p, name=c.name, prior=size) for c in changes if c.kind == "zero" for p in c.parameters)
-        model = Model(baseline.model.setup, tuple(zeros))
-        rows, noise = model.rows(samples), float(np.median(model.noise(samples)))
-        seen = find_identifiable(rows, model.names, model.prior, noise=noise)
-        kept = list(seen.kept)
-        model, rows = model.subset(kept), np.ascontiguousarray(rows[:, :, kept])
-        certificate = certify_bound(rows, self.index, self.count)
-        there = samples.take(chosen)
-        final = model.rows(there)
-        value = index_value(self.index, final)
-        indices = all_indices(final), all_indices(final, model.prior)
-        return PoseChoice(model, seen, there, chosen, self.index, value, value, certificate, *indices), rows
+
+def _judge_by_index(
+    session: PoseSession, baseline: Baseline, changes: tuple[Change, ...], chosen: Positions
+) -> tuple[PoseChoice, Array]:
+    """Return the chosen poses with their index on the axes' zeros, and the rows of all candidates."""
+    samples, size, index = session.pool.samples, session.cell.robot.priors.angle, session.index
+    zeros = (replace(p, name=c.name, prior=size) for c in changes if c.kind == "zero" for p in c.parameters)
+    model = Model(baseline.model.setup, tuple(zeros))
+    rows, noise = model.rows(samples), float(np.median(model.noise(samples)))
+    seen = find_identifiable(rows, model.names, model.prior, noise=noise)
+    kept = list(seen.kept)
+    model, rows = model.subset(kept), np.ascontiguousarray(rows[:, :, kept])
+    certificate = certify_bound(rows, index, len(chosen))
+    there = samples.take(chosen)
+    final = model.rows(there)
+    value = index_value(index, final)
+    indices = all_indices(final), all_indices(final, model.prior)
+    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices), rows

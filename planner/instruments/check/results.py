@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.units import in_units, significant, to_deg, to_mm
+from planner.common.units import Array, in_units, significant, to_deg, to_mm
 from planner.identification.baseline import Baseline
 from planner.instruments.check.changes import Change, possible_changes
 from planner.instruments.check.detection import FALSE_ALARM, POWER
-from planner.instruments.check.evaluation import ANYTHING, CheckVerdict, JudgedChange, build_detector
+from planner.instruments.check.evaluation import ANYTHING, CheckVerdict, JudgedChange, build_detector, hidden_text
 from planner.runs.run import Samples
 
 DIGITS = 4
@@ -22,19 +22,21 @@ class CheckForecast:
 
     changes: tuple[Change, ...]
     detectable: tuple[float, ...]
+    hidden: tuple[Change, ...] = ()
 
     @classmethod
     def of(cls, baseline: Baseline, cell: Cell, samples: Samples) -> "CheckForecast":
         """Foresee the check of some poses."""
         known = baseline.for_samples(samples)
-        changes = possible_changes(cell, known.model.setup, with_play=False)
-        detector = build_detector(known, changes, samples)
-        return cls(changes, tuple(detector.detectable(k, c.square) for k, c in enumerate(changes)))
+        every = possible_changes(cell, known.model.setup, with_play=False)
+        detector, changes, hidden = build_detector(known, every, samples)
+        return cls(changes, tuple(detector.detectable(k, c.square) for k, c in enumerate(changes)), hidden)
 
     def content(self) -> dict[str, object]:
         """Return ``shows.json``."""
         each = zip(self.changes, self.detectable, strict=True)
         changes = [{"change": c.name, "detectable_mm": _mm(d)} for c, d in each]
+        changes += [{"change": c.name, "detectable_mm": None} for c in self.hidden]
         return {"schema": "edbb-check-forecast/1", **RATES, "changes": changes}
 
     def lines(self) -> list[str]:
@@ -42,7 +44,8 @@ class CheckForecast:
         rates = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
         each = zip(self.changes, self.detectable, strict=True)
         return [f"  shows       {c.name}: from {to_mm(d):.3f} mm of the tool" for c, d in each] + [
-            f"  rates       {rates}"
+            f"  rates       {rates}",
+            *([f"  note        {hidden_text(self.hidden)}"] if self.hidden else []),
         ]
 
 
@@ -64,11 +67,19 @@ def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
         **in_units(DIGITS, limit_mm=verdict.limit),
         "changes": [_change_section(j) for j in verdict.judged],
         "readings": [
-            {"pose": int(p), **in_units(2, difference_um=d, std_um=s)}
+            {"pose": int(p), **_reading(d, "difference"), **_reading(s, "std")}
             for p, d, s in zip(verdict.poses, verdict.difference, verdict.std, strict=True)
         ],
         "notes": list(verdict.notes),
     }
+
+
+def _reading(numbers: Array, name: str) -> dict[str, object]:
+    """Name the numbers (r,) of one reading [m, rad]: a length, a position, or a position with turns."""
+    if len(numbers) == 1:
+        return in_units(2, **{f"{name}_um": numbers[0]})
+    turns = in_units(5, **{f"{name}_turn_deg": numbers[3:]}) if len(numbers) > 3 else {}
+    return in_units(2, **{f"{name}_um": numbers[:3]}) | turns
 
 
 def _change_section(j: JudgedChange) -> dict[str, object]:

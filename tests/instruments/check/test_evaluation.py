@@ -12,7 +12,8 @@ from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import evaluate_check
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
 from planner.report.check_report import report_check
-from tests.instruments.check.fleet import NAME, fleet
+from tests.identification.worlds import arm_of
+from tests.instruments.check.fleet import NAME, fleet, tracker_fleet
 from tests.simulation.generator.truth import draw_errors
 
 
@@ -56,6 +57,27 @@ def test_a_worn_gear_and_a_tool_that_was_hit_are_told_apart():
     tool = judged(map_x=0.5 * MM, map_y=-0.4 * MM)
     assert tool.best.change.name == "tool"
     assert tool.best.motion == pytest.approx(np.hypot(0.5, 0.4) * MM, rel=0.3)
+
+
+@pytest.mark.parametrize("turns", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_a_tracker_that_stands_elsewhere_tells_what_changed(turns):
+    f, rng = tracker_fleet(turns), np.random.default_rng(5)
+    errors = draw_errors(arm_of(NAME), rng)
+    baseline = f.baseline(errors, rng)
+    changes = {None: {}, "zero of joint 3": {"theta3": 0.03 * DEG}, "tool": {"map_x": 0.5 * MM}}
+    for cause, change in changes.items():
+        run = f.read({k: v + change.get(k, 0.0) for k, v in errors.items()}, np.random.default_rng(7))
+        verdict = evaluate_check(baseline, f.cell, run)
+        said = verdict_content(verdict, NAME)
+        assert said["cause"] == cause
+        assert said["notes"][-1].startswith("no reading shows the zero of joint 1")
+        assert len(said["readings"][0]["difference_um"]) == 3
+        assert ("difference_turn_deg" in said["readings"][0]) == turns
+    assert verdict.best.motion == pytest.approx(0.5 * MM, rel=0.03)
+    assert len(report_check(NAME, verdict).charts[0].panels[0].series) == 6
+    if turns:
+        with pytest.raises(InputError, match="orientations"):
+            evaluate_check(baseline, f.cell, replace(run, readings=replace(run.readings, rotation=None)))
 
 
 def test_a_change_within_the_users_limit_passes():

@@ -1,5 +1,7 @@
 """A fleet of 200 robots: how often a check cries wolf, how often it finds what changed, and whether it says what."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -7,11 +9,13 @@ from scipy import stats
 from planner.common.units import DEG
 from planner.instruments.check.detection import FALSE_ALARM, POWER, Detector
 from planner.instruments.check.evaluation import evaluate_check
-from tests.instruments.check.fleet import fleet
+from tests.identification.worlds import arm_of
+from tests.instruments.check.fleet import NAME, fleet, tracker_fleet
 from tests.simulation.generator.truth import draw_errors
 
 ROBOTS, COLLISIONS = 200, 40
 SINGLE = ("zero of joint 2", "zero of joint 5", "tool", "fixture A")
+FLEETS = {"bar": fleet, "tracker": partial(tracker_fleet, False), "tracker with a probe": partial(tracker_fleet, True)}
 
 
 @pytest.fixture
@@ -27,10 +31,10 @@ def one_threshold(monkeypatch):
     monkeypatch.setattr(Detector, "threshold", property(threshold))
 
 
-def robot(k):
+def robot(f, k):
     rng = np.random.default_rng([21, k])
-    errors = draw_errors(fleet().world.arm, rng)
-    return errors, fleet().baseline(errors, rng), rng
+    errors = draw_errors(arm_of(NAME), rng)
+    return errors, f.baseline(errors, rng), rng
 
 
 def changed(errors, name, size, rng):
@@ -45,29 +49,27 @@ def changed(errors, name, size, rng):
     return after
 
 
-def judge(baseline, run):
-    return evaluate_check(baseline, fleet().cell, run)
-
-
 @pytest.mark.long
-def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold):
-    f = fleet()
+@pytest.mark.parametrize("gauge", FLEETS)
+def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold, gauge):
+    f = FLEETS[gauge]()
+    single = [name for name in SINGLE if gauge == "bar" or not name.startswith("fixture")]
     alarms, found, right, hit = 0, 0, 0, 0
     for k in range(ROBOTS):
-        errors, baseline, rng = robot(k)
-        verdict = judge(baseline, f.read(errors, rng))
+        errors, baseline, rng = robot(f, k)
+        verdict = evaluate_check(baseline, f.cell, f.read(errors, rng))
         alarms += verdict.outcome != "unchanged"
-        name = SINGLE[k % len(SINGLE)]
+        name = single[k % len(single)]
         mine = next(j for j in verdict.judged if j.change.name == name)
         lever = float(np.sqrt(mine.change.square[0, 0]))  # of an axis; 1 of what moves as a whole
-        verdict = judge(baseline, f.read(changed(errors, name, mine.detectable / lever, rng), rng))
+        verdict = evaluate_check(baseline, f.cell, f.read(changed(errors, name, mine.detectable / lever, rng), rng))
         found += verdict.outcome != "unchanged"
         right += verdict.outcome != "unchanged" and name in [
             j.change.name for j in (verdict.best, *verdict.rivals) if j
         ]
         if k < COLLISIONS:
             bent = {**errors, **{f"theta{i}": errors[f"theta{i}"] + rng.normal(0, 0.03) * DEG for i in (1, 2, 3, 4, 5)}}
-            verdict = judge(baseline, f.read(changed(bent, "tool", 1e-3, rng), rng))
+            verdict = evaluate_check(baseline, f.cell, f.read(changed(bent, "tool", 1e-3, rng), rng))
             hit += verdict.outcome == "changed"
     assert stats.binom.sf(alarms - 1, ROBOTS, FALSE_ALARM) > 1e-3
     assert stats.binom.cdf(found, ROBOTS, POWER) > 1e-3
