@@ -283,10 +283,6 @@ class Gauge(ABC):
         """Return what ``plan.json`` says of a pose beside its angles."""
         return {}
 
-    def path_record(self, shortest: float, longest: float) -> dict[str, float]:
-        """Return what ``plan.json`` says of the lengths [m] along a path, where they matter."""
-        return {}
-
     def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
         """Say the lengths [m] along a path, where they matter: (what, value)."""
         return ()
@@ -344,11 +340,7 @@ class Gauge(ABC):
         return {}
 
     def set_up_again(self, setup: "MeasurementSetup", cell: "Cell", run: Run) -> "MeasurementSetup":
-        """Return the setup for the run of a later session: what was set up anew is found from the run.
-
-        Raises:
-            InputError, NoSolutionError: the run cannot tell where the gauge stands.
-        """
+        """Return the setup for the run of a later session, with what was set up anew found from it (or errors)."""
         return setup
 
     def needs_new_frames(self, setup: "MeasurementSetup", run: Run) -> bool:

@@ -199,10 +199,6 @@ class LengthGauge(LineGauge):
         """Say the length of the bar."""
         return f"{to_mm(length):.1f} mm"
 
-    def path_record(self, shortest: float, longest: float) -> dict[str, float]:
-        """Return the range of lengths."""
-        return {"length_min_mm": shortest * 1e3, "length_max_mm": longest * 1e3}
-
     def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
         """Say the range of lengths, and the bar's own."""
         length = f"{float(to_mm(shortest)):.1f} – {float(to_mm(longest)):.1f} mm"

@@ -160,13 +160,14 @@ def _path_record(plan: Plan) -> dict[str, object]:
     legs = [leg for d in drives for leg in d.path.legs]
     direct = sum(leg.direct for leg in legs)
     shortest, longest = min(d.path.length_min for d in drives), max(d.path.length_max for d in drives)
+    matter = bool(plan.cell.gauge.path_facts(shortest, longest))
     return {
         "legs": len(legs),
         "direct_legs": direct,
         "planned_legs": len(legs) - direct,
         "checked": "continuous",
         "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
-        **plan.cell.gauge.path_record(shortest, longest),
+        **({"length_min_mm": shortest * 1e3, "length_max_mm": longest * 1e3} if matter else {}),
         "verdicts": verdict_records(v for d in drives for v in d.verdicts),
     }
 

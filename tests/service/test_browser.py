@@ -9,6 +9,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import sync_playwright
 
+from tests.service.pictures import check_sensitivity, compare
 from tests.workflow.conftest import small_cell
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -39,11 +40,14 @@ def page(address):
         browser.close()
 
 
-def check_page(page):
+def check_page(page, name=None):
+    """No rule of accessibility is broken, no script failed, nothing scrolls sideways; it looks as the kept picture."""
     found = Axe().run(page, options=RULES).response["violations"]
     assert not found, [(v["id"], v["nodes"][0]["html"]) for v in found]
     assert not page.faults
     assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"], "no sideways scrolling"
+    if name is not None:
+        compare(page, name)
 
 
 def shows_something(page):
@@ -85,22 +89,23 @@ def drag_fixture(page):
 def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", ("candidates = 3000", "candidates = 1200"))
     page.goto("/")
-    check_page(page)
+    check_page(page, "robots")
     page.set_input_files("#cell-file", cell)
     page.click("text=Check the cell")
     page.wait_for_selector("#view canvas")
-    check_page(page)
-    assert shows_something(page)
+    page.locator("#fixture-error", has_text="mm after").wait_for()
+    check_page(page, "cell")
+    check_sensitivity(page, "cell")
 
     drag_fixture(page)
     page.fill("#poses", "30")
     page.click("#plan-form button:has-text('Plan')")
     page.wait_for_selector("text=What was planned")
+    plan = page.url.rpartition("/")[2]
     page.wait_for_selector("#view canvas")
     page.locator("#time").fill("100")
     assert "axes" in page.inner_text("#frame-text")
-    assert shows_something(page)
-    check_page(page)
+    check_page(page, "plan")
     with page.expect_download() as program:
         page.click("section:has-text('Programs') li a >> nth=0")
     assert program.value.path().stat().st_size > 1000
@@ -110,17 +115,22 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     page.check("#step-1")
     page.reload()
     assert page.is_checked("#step-1")
-    check_page(page)
+    check_page(page, "session on a phone")
     page.set_viewport_size({"width": 1280, "height": 900})
 
     page.click("text=The run is measured")
     page.click("#simulate")
     page.wait_for_selector("#run-chart svg")
-    check_page(page)
+    check_page(page, "log")
     page.uncheck("#trace")
     page.click("#identify")
     page.wait_for_selector("text=Before and after")
     page.wait_for_selector("#layer option", state="attached")
     before, after = (float(v.split()[0]) for v in page.locator(".figure b").all_inner_texts()[:2])
     assert after < before
-    check_page(page)
+    check_page(page, "calibration")
+    page.click("text=Certificate")
+    page.wait_for_selector("#expanded")
+    check_page(page, "certificate")
+    page.goto(f"/compare?first={plan}&second={plan}")
+    check_page(page, "two plans")

@@ -55,7 +55,8 @@ def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold, gau
     f = FLEETS[gauge]()
     single = [name for name in SINGLE if gauge == "bar" or not name.startswith("fixture")]
     alarms, found, right, hit = 0, 0, 0, 0
-    for k in range(ROBOTS):
+    count = ROBOTS // 2 if "probe" in gauge else ROBOTS
+    for k in range(count):
         errors, baseline, rng = robot(f, k)
         verdict = evaluate_check(baseline, f.cell, f.read(errors, rng))
         alarms += verdict.outcome != "unchanged"
@@ -71,7 +72,8 @@ def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold, gau
             bent = {**errors, **{f"theta{i}": errors[f"theta{i}"] + rng.normal(0, 0.03) * DEG for i in (1, 2, 3, 4, 5)}}
             verdict = evaluate_check(baseline, f.cell, f.read(changed(bent, "tool", 1e-3, rng), rng))
             hit += verdict.outcome == "changed"
-    assert stats.binom.sf(alarms - 1, ROBOTS, FALSE_ALARM) > 1e-3
-    assert stats.binom.cdf(found, ROBOTS, POWER) > 1e-3
+    print(f"{gauge}: {alarms} alarms, {found} of {count} found, {right} with their cause, {hit} of {COLLISIONS} hit")
+    assert stats.binom.sf(alarms - 1, count, FALSE_ALARM) > 1e-3
+    assert stats.binom.cdf(found, count, POWER) > 1e-3
     assert right > 0.9 * found
     assert hit == COLLISIONS
