@@ -20,7 +20,9 @@ KEPT = Path(__file__).with_name("pictures.json")
 WIDE, HIGH = 12, 8  # cells of a panel's picture
 SHIFT = 0.04  # of the page's width that a panel may stand elsewhere
 TALLER = 1.6  # times that a panel may be taller or lower: other fonts wrap elsewhere
-FAR = 14.0  # of 255, rms over the cells, each at its best place within one cell
+FAR = 6.0  # of 255, rms over the cells, each at its best place within one cell: other fonts make 3
+FAR_3D = 2.5  # the same of a 3D view, which has no letters: without robot or reach it is 4
+VIEW = "view"  # id of a 3D view
 CHOSEN = ", ".join(f"main {c}" for c in ("h1", "section", "figure", ".stage", ".sheet", "ol", "table"))
 PANELS = """(chosen) => [...document.querySelectorAll("header, " + chosen)]
   .filter((e) => e.checkVisibility() && e.getBoundingClientRect().height > 4)
@@ -65,7 +67,7 @@ def differences(page, name):
             found.append(f"{panel}: from {now[1]:.2f} to {now[2]:.2f} of the width, kept {left} to {right}")
         if not 1 / TALLER < now[3] / shape < TALLER:
             found.append(f"{panel}: {now[3]:.2f} times as tall as wide, kept {shape}")
-        if (off := distance(now[4], then)) > FAR:
+        if (off := distance(now[4], then)) > (FAR_3D if panel == VIEW else FAR):
             found.append(f"{panel}: looks different by {off:.0f} of 255")
     return found
 
@@ -86,15 +88,14 @@ def compare(page, name):
 
 
 def check_sensitivity(page, name):
-    """See that the comparison fails where a panel is missing or the 3D view is empty, and that other fonts pass."""
+    """See that it fails without a panel, and without the robot in the 3D view, and passes in other fonts."""
     hide = "(on) => document.querySelectorAll('main section')[1].style.display = on ? 'none' : ''"
     page.evaluate(hide, True)
-    assert differences(page, name)
+    assert [d for d in differences(page, name) if d.startswith("panels")]
     page.evaluate(hide, False)
-    empty = "(on) => document.querySelector('.stage canvas').style.opacity = on ? 0 : 1"
-    page.evaluate(empty, True)
-    assert any("stage" in d or "view" in d for d in differences(page, name))
-    page.evaluate(empty, False)
-    page.evaluate("document.body.style.fontFamily = 'serif'")
+    page.uncheck(".layers input >> nth=0")
+    assert [d for d in differences(page, name) if d.startswith(VIEW)]
+    page.check(".layers input >> nth=0")
+    page.evaluate("document.body.style.font = '17px/1.5 serif'")
     assert not differences(page, name)
-    page.evaluate("document.body.style.fontFamily = ''")
+    page.evaluate("document.body.style.font = ''")
