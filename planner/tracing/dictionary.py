@@ -6,6 +6,8 @@ model's basis therefore need only φ itself: with Q_k = Σ_r screw_r · Q_r, the
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 
 EffectAtValue = tuple[Effect, float | None]
+GRAM_ROWS = 128  # columns at a time, so that they stay in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,18 @@ class DictionaryItem:
 
 @dataclass(frozen=True)
 class ColumnBlock:
-    """All columns on one transform or number of the reading: φ per prior size (n, m), and which columns they are."""
+    """All columns on one transform or number of the reading: φ per prior size (m, n), and which columns they are."""
 
     move: ParameterMove
     phi: Array
+    columns: np.ndarray
+
+
+@dataclass(frozen=True)
+class EqualItems:
+    """Items of k parameters each: their positions (K,), and the positions (K, k) of their columns."""
+
+    items: np.ndarray
     columns: np.ndarray
 
 
@@ -72,49 +83,77 @@ class EffectDictionary:
         blocks = tuple(_column_block(context, members) for members in by_move.values())
         return cls(context, tuple(items), blocks, mixed, width)
 
+    @cached_property
+    def equal_items(self) -> tuple[EqualItems, ...]:
+        """Items by the number of their parameters."""
+        start = np.array([item.columns.start for item in self.items])
+        count = np.array([item.columns.stop for item in self.items]) - start
+        alike = [np.flatnonzero(count == k) for k in np.unique(count)]
+        return tuple(EqualItems(w, start[w][:, None] + np.arange(count[w[0]])) for w in alike)
+
+    @cached_property
+    def effects(self) -> tuple[tuple[Effect, slice], ...]:
+        """Every effect, and the positions of its items."""
+        out, first = [], 0
+        for _, group in groupby(self.items, lambda item: item.effect.name):
+            own = list(group)
+            out.append((own[0].effect, slice(first, first + len(own))))
+            first += len(own)
+        return tuple(out)
+
+    @cached_property
+    def home(self) -> Array:
+        """Block of every column and its row there, (2, width) int; −1 for those that move several things."""
+        out = np.full((2, self.width), -1)
+        for b, block in enumerate(self.blocks):
+            out[0, block.columns], out[1, block.columns] = b, np.arange(len(block.columns))
+        return out
+
 
 def _column_block(context: Context, members: list[tuple[int, Parameter]]) -> ColumnBlock:
-    phi = np.empty((len(context.samples), len(members)))
-    for j, (_, p) in enumerate(members):
-        phi[:, j] = p.main.phi(context) * p.prior
+    phi = np.empty((len(members), len(context.samples)))
+    for row, (_, p) in zip(phi, members, strict=True):
+        np.multiply(p.main.phi(context), p.prior, out=row)
     return ColumnBlock(members[0][1].main, phi, np.array([k for k, _ in members]))
 
 
 @dataclass(frozen=True)
-class ColumnProducts:
-    """Products of all columns with a basis and a residual.
+class WhitenedDictionary:
+    """The columns of a dictionary about one model.
 
     Attributes:
-        projection: Qᵀ c of every column, (P, width).
-        along: cᵀ residual, (width,).
-        squares: cᵀ c within each item, one (k, k) matrix an item.
+        dictionary: whose they are.
+        screws: whitened change of the reading per unit of what each block moves, (n, r) each.
+        mixed: whitened columns (m,) of the parameters that move several things, by position.
+        squares: cᵀ c within each item, (K, k, k) for each of the dictionary's ``equal_items``.
     """
 
-    projection: Array
-    along: Array
+    dictionary: EffectDictionary
+    screws: tuple[Array, ...]
+    mixed: dict[int, Array]
     squares: tuple[Array, ...]
 
+    @classmethod
+    def of(cls, dictionary: EffectDictionary, problem: FitProblem, errors: Array) -> "WhitenedDictionary":
+        """Whiten the columns about the model's ``errors``."""
+        about = problem.model.fixing(errors)
+        screws = tuple(_whitened_screws(dictionary, problem, about))
+        mixed = _whitened_mixed_columns(dictionary, problem, about)
+        return cls(dictionary, screws, mixed, tuple(_squares(dictionary, screws, mixed)))
 
-def column_products(
-    dictionary: EffectDictionary, problem: FitProblem, errors: Array, basis: Array, residual: Array
-) -> ColumnProducts:
-    """Multiply every column, about the model's ``errors``, with a basis (m, P) and a residual (m,), all whitened."""
-    n, r = len(problem), problem.model.width
-    about = problem.model.fixing(errors)
-    screws = _whitened_screws(dictionary, problem, about)
-    mixed = _whitened_mixed_columns(dictionary, problem, about)
-    Q, e = basis.reshape(n, r, -1), residual.reshape(n, r)
-    projection, along = np.zeros((basis.shape[1], dictionary.width)), np.zeros(dictionary.width)
-    for block, screw in zip(dictionary.blocks, screws, strict=True):
-        projection[:, block.columns] = np.einsum("nr,nrp->pn", screw, Q) @ block.phi
-        along[block.columns] = np.einsum("nr,nr->n", screw, e) @ block.phi
-    for k, column in mixed.items():
-        projection[:, k], along[k] = basis.T @ column, float(column @ residual)
-    return ColumnProducts(projection, along, tuple(_gram_matrices(dictionary, screws, mixed)))
+    def multiply(self, basis: Array, residual: Array) -> tuple[Array, Array]:
+        """Return the products of all columns with a basis (m, P) and a residual (m,), (width, P) and (width,)."""
+        both = np.column_stack([basis, residual])
+        shape = (len(self.dictionary.context.samples), -1, both.shape[1])
+        out = np.empty((self.dictionary.width, both.shape[1]))
+        for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
+            out[block.columns] = block.phi @ (screw[:, None, :] @ both.reshape(shape))[:, 0]
+        for k, column in self.mixed.items():
+            out[k] = column @ both
+        return out[:, :-1], out[:, -1]
 
 
 def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
-    """Whitened change of the reading per unit of what each block moves, (n, r)."""
     blocks = dictionary.blocks
     raw = np.zeros((len(problem), problem.model.width, len(blocks)))
     turned = [j for j, b in enumerate(blocks) if b.move.on == "transform"]
@@ -129,7 +168,6 @@ def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: M
 
 
 def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> dict[int, Array]:
-    """Whitened columns (m,) of the parameters that move several things, by position."""
     if not dictionary.mixed:
         return {}
     model = replace(about, parameters=tuple(dictionary.mixed.values()))
@@ -142,20 +180,25 @@ def whiten(problem: FitProblem, rows: Array) -> Array:
     return np.asarray(problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None])
 
 
-def _gram_matrices(dictionary: EffectDictionary, screws: list[Array], mixed: dict[int, Array]) -> Iterator[Array]:
-    where = {int(c): (b, j) for b, block in enumerate(dictionary.blocks) for j, c in enumerate(block.columns)}
-    power = [np.einsum("nr,nr->n", w, w) for w in screws]
-    for item in dictionary.items:
-        columns = range(item.columns.start, item.columns.stop)
-        of_blocks = {where[c][0] if c in where else -1 for c in columns}
-        if of_blocks != {-1} and len(of_blocks) == 1:
-            b = of_blocks.pop()
-            phi = dictionary.blocks[b].phi[:, [where[c][1] for c in columns]]
-            yield phi.T @ (power[b][:, None] * phi)
-            continue
-        C = np.stack([mixed[c] if c in mixed else _column(dictionary, screws, *where[c]) for c in columns])
-        yield C @ C.T
-
-
-def _column(dictionary: EffectDictionary, screws: list[Array], block: int, j: int) -> Array:
-    return np.asarray((screws[block] * dictionary.blocks[block].phi[:, j, None]).reshape(-1))
+def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[int, Array]) -> Iterator[Array]:
+    block, row = dictionary.home
+    for equal in dictionary.equal_items:
+        count, width = equal.columns.shape
+        out = np.empty((count, width, width))
+        of = block[equal.columns]
+        whole = np.where((of == of[:, :1]).all(axis=1), of[:, 0], -1)
+        for b, screw in enumerate(screws):
+            power, mine = (screw**2).sum(axis=1), np.flatnonzero(whole == b)
+            for k in range(0, len(mine), GRAM_ROWS):
+                few = mine[k : k + GRAM_ROWS]
+                phi = dictionary.blocks[b].phi[row[equal.columns[few]]]
+                out[few] = (phi * power) @ phi.transpose(0, 2, 1)
+        for k in np.flatnonzero(whole < 0):
+            C = np.stack(
+                [
+                    mixed[c] if c in mixed else (screws[block[c]].T * dictionary.blocks[block[c]].phi[row[c]]).T.ravel()
+                    for c in equal.columns[k].tolist()
+                ]
+            )
+            out[k] = C @ C.T
+        yield out

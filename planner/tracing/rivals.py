@@ -1,19 +1,16 @@
 """What a run cannot tell apart, and what it would have shown: rivals of a finding, and detection limits."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
-from planner.effects.effect import Effect, Role
-from planner.effects.parameters import Parameter
-from planner.effects.steps import Steppable
+from planner.effects.effect import Effect
 from planner.model.identification_document import DetectionLimit
-from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.change_points import best_steps
-from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import scores_beside, with_link_masses
-from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, linearise, posterior_basis
+from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest
+from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 
@@ -21,46 +18,25 @@ RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two caus
 RIVAL_SHARE = 0.98  # of a finding's gain that makes another a rival however sure the run is: no model is that exact
 POWER = 0.95  # of the detection limit
 POWER_QUANTILE = 1.645  # standard deviations by which the share of the error must be above what is worth a name
+SIZE_COST = 2.0  # noise variances that a parameter explains by chance
 VALUES_TRIED = 7  # of a nonlinear parameter, over its grid
 
 
-def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> ScoreTest:
-    """Return the fitted model less one effect, its nonlinear value and what masses do through it, about the fit."""
-    names = {p.name for p in found.parameters} | {found.sensitivity_name}
-    where = {m.index for p in found.parameters for m in p.moves} if found.has(Role.COMPLIANCE) else set[int]()
-    kept, errors = list[Parameter](), list[float]()
-    for p, value in zip(test.problem.model.parameters, test.errors, strict=True):
-        moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
-        if p.name not in names and moves:
-            kept.append(replace(p, moves=moves))
-            errors.append(float(value))
-    problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
-    rows, residual = linearise(problem, np.array(errors))
-    Q = posterior_basis(rows, len(problem) / len(state.fit.problem))
-    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual))
-
-
-def find_rivals(
-    test: ScoreTest,
-    state: SearchState,
-    found: FittedEffect,
-    dictionary: EffectDictionary,
-    things: Sequence[Steppable] = (),
-) -> tuple[str, ...]:
+def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect) -> tuple[str, ...]:
     """Names of the effects that would explain what a finding explains, within uncertainty, the likeliest first.
 
-    Steps of ``things``, each at its best sample, are among them.
+    Steps, each at its best sample, are among them.
     """
-    bare = without_effect(test, state, found)
+    test, bare = context.score_test(state), context.score_test_without(state, found)
     rest = tuple(f for f in state.effects if f.name != found.name)
 
     def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
-        return score.gain / test.noise - 2 * score.size - 2 * float(np.log(score.effect.scanned))
+        return score.gain / test.noise - SIZE_COST * score.size - 2 * float(np.log(score.effect.scanned))
 
-    own = with_link_masses(bare, bare.score_one(found.effect, found.value))
+    own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     best: dict[str, float] = {}
-    steps = best_steps(bare, things) if test.problem.samples.number is not None else ()
-    for s in (*scores_beside(bare, dictionary, rest), *steps):
+    steps = best_steps(bare, context.things) if test.problem.samples.number is not None else ()
+    for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
         if s.effect.name != found.effect.family:
             best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
     least = max(0.0, min(merit(own) - RIVAL_MARGIN, RIVAL_SHARE * own.gain / test.noise))
@@ -91,6 +67,7 @@ def _sample_values(effect: Effect) -> list[float | None]:
     return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, VALUES_TRIED).astype(int))]
 
 
+@cache
 def _noncentrality(size: int, tried: int) -> float:
     """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
     from scipy.optimize import brentq

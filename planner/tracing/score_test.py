@@ -4,8 +4,8 @@ The columns of the candidate are projected off those of the model (with its prio
 the squared length of the projection of the residual on what remains (the score test; Rao 1948).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,11 @@ from planner.effects.effect import Effect
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
 from planner.tracing.auxiliary_parameters import clip_to_grid, grid_spacing
-from planner.tracing.dictionary import EffectAtValue, EffectDictionary, column_products
+from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
+KEPT_ITEMS = 1_000  # of a dictionary, from which on its columns are kept for the next look
 REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
 
 
@@ -47,6 +48,41 @@ class EffectScore:
 
 
 @dataclass(frozen=True)
+class DictionaryScores:
+    """Scores of all items of a dictionary.
+
+    Attributes:
+        gain, size: as of :class:`EffectScore`, (items,).
+        information, along: the same, (K, k, k) and (K, k) for each of the dictionary's ``equal_items``.
+    """
+
+    dictionary: EffectDictionary
+    gain: Array
+    size: np.ndarray
+    information: tuple[Array, ...]
+    along: tuple[Array, ...]
+
+    def __getitem__(self, k: int) -> EffectScore:
+        """Return the score of the item at position k."""
+        item = self.dictionary.items[k]
+        g, j = self._place[k].tolist()
+        return EffectScore(
+            item.effect, item.value, float(self.gain[k]), int(self.size[k]), self.information[g][j], self.along[g][j]
+        )
+
+    def __iter__(self) -> Iterator[EffectScore]:
+        """Yield the scores in order."""
+        return (self[k] for k in range(len(self.gain)))
+
+    @cached_property
+    def _place(self) -> np.ndarray:
+        out = np.empty((len(self.gain), 2), dtype=int)
+        for g, equal in enumerate(self.dictionary.equal_items):
+            out[equal.items, 0], out[equal.items, 1] = g, np.arange(len(equal.items))
+        return out
+
+
+@dataclass(frozen=True)
 class ScoreTest:
     """A fitted model seen as the space that it spans.
 
@@ -62,6 +98,8 @@ class ScoreTest:
     basis: Array
     residual: Array
     dof: float
+    _columns: dict[int, WhitenedDictionary] = field(default_factory=dict, repr=False, compare=False)
+    _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, fit: Fit, correlation_time: float = 1.0) -> "ScoreTest":
@@ -100,23 +138,31 @@ class ScoreTest:
         """Lay out effects over the samples that are screened."""
         return EffectDictionary.of(self.problem.context, pairs)
 
-    def score(self, dictionary: EffectDictionary) -> list[EffectScore]:
+    def score(self, dictionary: EffectDictionary) -> DictionaryScores:
         """Score every item of a dictionary that was laid out over the screened samples."""
-        done = column_products(dictionary, self.problem, self.errors, self.basis, self.residual)
-        widths = np.array([s.shape[0] for s in done.squares])
-        out: list[EffectScore | None] = [None] * len(widths)
-        for width in np.unique(widths):
-            which = np.flatnonzero(widths == width)
-            starts = np.array([dictionary.items[k].columns.start for k in which])
-            columns = starts[:, None] + np.arange(width)
-            W = done.projection[:, columns].transpose(1, 0, 2)
-            square = np.stack([done.squares[k] for k in which])
-            information, along = square - W.transpose(0, 2, 1) @ W, done.along[columns]
-            gain, size = score_gains(information, along, np.einsum("kii->ki", square))
-            for j, k in enumerate(which):
-                item = dictionary.items[k]
-                out[k] = EffectScore(item.effect, item.value, float(gain[j]), int(size[j]), information[j], along[j])
-        return [s for s in out if s is not None]
+        if len(dictionary.items) < KEPT_ITEMS:
+            return self._score(WhitenedDictionary.of(dictionary, self.problem, self.errors))
+        known = self._scores.get(id(dictionary))
+        if known is None:
+            columns = self._columns.get(id(dictionary))  # the same for all tests about the same errors
+            if columns is None:
+                columns = WhitenedDictionary.of(dictionary, self.problem, self.errors)
+                self._columns[id(dictionary)] = columns
+            known = self._scores[id(dictionary)] = self._score(columns)
+        return known
+
+    def _score(self, columns: WhitenedDictionary) -> DictionaryScores:
+        dictionary = columns.dictionary
+        projection, products = columns.multiply(self.basis, self.residual)
+        gains, sizes = np.empty(len(dictionary.items)), np.empty(len(dictionary.items), dtype=int)
+        informations, alongs = [], []
+        for equal, square in zip(dictionary.equal_items, columns.squares, strict=True):
+            W, along = projection[equal.columns], products[equal.columns]
+            information = square - W @ W.transpose(0, 2, 1)
+            gains[equal.items], sizes[equal.items] = score_gains(information, along, np.einsum("kii->ki", square))
+            informations.append(information)
+            alongs.append(along)
+        return DictionaryScores(dictionary, gains, sizes, tuple(informations), tuple(alongs))
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
         """Score one effect."""
@@ -127,22 +173,26 @@ class ScoreTest:
         width = grid_spacing(effect, value)
         for _ in range(REFINEMENT_ROUNDS):
             tries = np.unique([clip_to_grid(effect, float(v)) for v in value + width * np.linspace(-1, 1, 11)])
-            gains = [s.gain for s in self.score(self.lay_out([(effect, float(v)) for v in tries]))]
+            gains = self.score(self.lay_out([(effect, float(v)) for v in tries])).gain
             value = float(tries[int(np.argmax(gains))])
             width /= 5
         return value
 
     def log_p(self, gain: float, size: int, tried: float) -> float:
         """Logarithm of the chance of so large a gain of ``size`` parameters in any of so many tries (F, Bonferroni)."""
-        if size == 0:
-            return 0.0
-        dof = max(1.0, self.dof - size)
-        rest = max(self.scatter - gain, 1e-300)
+        return float(self.log_ps(np.array([gain]), np.array([size]), tried)[0])
+
+    def log_ps(self, gain: Array, size: np.ndarray, tried: float) -> Array:
+        """Return the same of several gains (k,)."""
+        number = np.maximum(size, 1)
+        dof = np.maximum(1.0, self.dof - size)
+        rest = np.maximum(self.scatter - gain, 1e-300)
         each = self.effective_samples
-        ratio = each * gain / size / (each * rest / dof)
+        ratio = each * gain / number / (each * rest / dof)
         from scipy.stats import f as f_distribution  # costs most of a second
 
-        return min(0.0, float(f_distribution.logsf(ratio, size, dof)) + float(np.log(tried)))
+        chance = np.minimum(0.0, f_distribution.logsf(ratio, number, dof) + np.log(tried))
+        return np.where(size == 0, 0.0, chance)
 
 
 def linearise(problem: FitProblem, errors: Array) -> tuple[Array, Array]:

@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 from planner.effects.effect import Effect, Role
 from planner.effects.excitation import Excitation
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
-from planner.effects.steps import Steppable, steppables
+from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
-from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.ranking import rank_candidates
-from planner.tracing.rivals import without_effect
 from planner.tracing.score_test import EffectScore, ScoreTest
-from planner.tracing.search_context import Progress, SearchContext
+from planner.tracing.search_context import Progress, SearchContext, without_effect
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
@@ -93,7 +91,7 @@ def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWA
     for found in state.effects:
         if found.has(Role.GEAR_CURVE):
             continue  # it took the place of the waves that would now be tried for it
-        bare = without_effect(context.score_test(state), state, found)
+        bare = context.score_test_without(state, found)
         rest = tuple(f for f in state.effects if f.name != found.name)
         own = rank_candidates(bare, bare.lay_out([(found.effect, found.value)]), rest)
         best = rank_candidates(bare, context.dictionary, rest)[:2]
@@ -183,21 +181,19 @@ class SearchResult:
     """Where the search ended.
 
     Attributes:
+        context: of the search among the effects of the catalogue.
         path: states in order, the first without any effect.
-        dictionary: effects and values that each step looked at.
         rejected: names of what was refitted and not kept, each with the reason.
-        things: what may step at an unknown sample.
     """
 
+    context: SearchContext
     path: tuple[SearchState, ...]
-    dictionary: EffectDictionary
     rejected: tuple[tuple[str, str], ...]
-    things: tuple[Steppable, ...]
 
     @property
     def tried(self) -> int:
         """Number of effects and values that each step looked at."""
-        return len(self.dictionary.items)
+        return self.context.tried
 
     @property
     def last(self) -> SearchState:
@@ -231,7 +227,7 @@ def search(start: SearchState, effects: Sequence[Effect], bench: FitContext, say
     other = swap_effects(last_context, path[-1], NONPARAMETRIC_MARGIN)
     path = path if other is None else [*path, other]
     gone = tuple((n, why) for n, why in context.rejected.why.items() if n not in path[-1].names)
-    return SearchResult(tuple(path), dictionary, gone, things)
+    return SearchResult(context, tuple(path), gone)
 
 
 def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[SearchState]:

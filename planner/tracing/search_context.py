@@ -1,14 +1,18 @@
 """What every step of the search needs: the dictionary, what fits and judges, and what was refused so far."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from planner.common.errors import NoSolutionError
-from planner.effects.effect import Effect
+from planner.effects.effect import Effect, Role
+from planner.effects.parameters import Parameter
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
+from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.dictionary import EffectDictionary
-from planner.tracing.score_test import EffectScore, ScoreTest
+from planner.tracing.score_test import EffectScore, ScoreTest, linearise, posterior_basis
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 
@@ -54,14 +58,26 @@ class SearchContext:
     rejected: RejectedEffects = field(default_factory=RejectedEffects)
     barred: set[str] = field(default_factory=set)
 
+    _tests: dict[tuple[int, str], tuple[SearchState, ScoreTest]] = field(default_factory=dict)
+
     @property
     def tried(self) -> int:
         """Number of effects and values that each step looks at."""
         return len(self.dictionary.items)
 
     def score_test(self, state: SearchState) -> ScoreTest:
-        """The space that a state's model spans."""
-        return ScoreTest.of(state.fit, self._correlation_time(state))
+        """The space that a state's model spans; kept as long as the search looks at the same state."""
+        if (id(state), "") not in self._tests:
+            self._tests.clear()
+            self._tests[id(state), ""] = state, ScoreTest.of(state.fit, self._correlation_time(state))
+        return self._tests[id(state), ""][1]
+
+    def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
+        """The same of the model less one effect."""
+        test = self.score_test(state)
+        if (id(state), found.name) not in self._tests:
+            self._tests[id(state), found.name] = state, without_effect(test, state, found)
+        return self._tests[id(state), found.name][1]
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
         """By how much minus twice the logarithm of the likelihood falls, with the correlation time of a state.
@@ -100,3 +116,19 @@ class SearchContext:
 
     def _correlation_time(self, state: SearchState) -> float:
         return screening_correlation_time(state, self.bench.run.continuous)
+
+
+def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> ScoreTest:
+    """Return the fitted model less one effect, its nonlinear value and what masses do through it, about the fit."""
+    names = {p.name for p in found.parameters} | {found.sensitivity_name}
+    where = {m.index for p in found.parameters for m in p.moves} if found.has(Role.COMPLIANCE) else set[int]()
+    kept, errors = list[Parameter](), list[float]()
+    for p, value in zip(test.problem.model.parameters, test.errors, strict=True):
+        moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
+        if p.name not in names and moves:
+            kept.append(replace(p, moves=moves))
+            errors.append(float(value))
+    problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
+    rows, residual = linearise(problem, np.array(errors))
+    Q = posterior_basis(rows, len(problem) / len(state.fit.problem))
+    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual))

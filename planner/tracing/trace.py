@@ -16,10 +16,9 @@ from planner.model.identification_document import Finding, InnerNumber, log10_p,
 from planner.runs.run import Run
 from planner.tracing.change_points import change_sample, locate_step
 from planner.tracing.rivals import detection_limits, find_rivals
-from planner.tracing.score_test import ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress
-from planner.tracing.significance import own_gains, screening_correlation_time, variance_inflation, wald_log_p
+from planner.tracing.significance import own_gains, variance_inflation, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.transmission_error import dominant_waves
 
@@ -132,11 +131,11 @@ def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list
     effects = [e for e in offered if not e.has(Role.UNTRACED) and e.kind not in geometry.stage.effects]
     result = search(SearchState(geometry.fit.model, (), geometry), effects, bench, say)
     last = result.last
-    test = ScoreTest.of(last.fit, screening_correlation_time(last, bench.run.continuous))
+    test = result.context.score_test(last)
     say("rivals")
     gains = own_gains(last, bench)
     findings = tuple(
-        _finding(result, f, own.fall, find_rivals(test, last, f, result.dictionary, result.things), bench.run)
+        _finding(result, f, own.fall, find_rivals(result.context, last, f), bench.run)
         for f, own in zip(last.effects, gains, strict=True)
     )
     say("detection limits")

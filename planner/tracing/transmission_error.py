@@ -16,7 +16,6 @@ from planner.common.units import Array
 from planner.effects.effect import Effect, Role
 from planner.effects.gears import JointWave
 from planner.effects.nonparametric import gear_curve
-from planner.tracing.rivals import without_effect
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, own_gains
@@ -119,13 +118,12 @@ def _with_curves(context: SearchContext, state: SearchState, joints: Sequence[in
 
 def _refine_quickness(context: SearchContext, state: SearchState) -> SearchState:
     """How quick each curve is, seen again beside the others; kept where the run is likelier so."""
-    test = context.score_test(state)
 
     def reselect(f: FittedEffect) -> FittedEffect:
         joint = f.effect.place.joint
         if not f.has(Role.GEAR_CURVE) or joint is None:
             return f
-        return FittedEffect(likeliest_curve(without_effect(test, state, f), joint))
+        return FittedEffect(likeliest_curve(context.score_test_without(state, f), joint))
 
     again = context.try_refit(state, tuple(reselect(f) for f in state.effects))
     return state if again is None or context.evidence_fall(state, again) < 0 else again
