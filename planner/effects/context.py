@@ -145,12 +145,20 @@ class Context:
     setup: RobotSetup
     samples: Samples
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _several: dict[int, tuple[object, list[Array]]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def value(self, phi: "Callable[[Context], Array]") -> Array:
         """Value of a basis function, (n,) or (1,), remembered for as long as the context lives."""
         if phi not in self._known:
             self._known[phi] = phi(self)
         return self._known[phi]
+
+    def values(self, functions: "tuple[Callable[[Context], Array], ...]") -> list[Array]:
+        """Values of several basis functions, remembered for the same tuple without a look at each function."""
+        known = self._several.get(id(functions))
+        if known is None:
+            known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
+        return known[1]
 
     @property
     def measurement_setup(self) -> MeasurementSetup:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from math import isfinite
 
 from planner.common.errors import InputError, did_you_mean
@@ -25,6 +26,7 @@ def key_patterns() -> tuple[str, ...]:
     return tuple(sorted(f.pattern for f in FUNCTIONS))
 
 
+@lru_cache(maxsize=10_000)
 def functions_in(key: str) -> tuple[type[BasisFunction], ...]:
     """Return the class of the basis function ``key``, and those of the keys inside it.
 

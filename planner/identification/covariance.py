@@ -37,7 +37,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     if count < BLOCKS_PER_PARAMETER * len(fit.errors):
         return plain * time, time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
-    bread = np.linalg.inv(solution.factor)
+    bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sizes
     half = inverse @ scores.T
     white_noise = half @ half.T * count / max(1.0, count - fit.effective)

@@ -6,9 +6,11 @@ the value that maximises the evidence of the run (MacKay 1992). Where the run sa
 
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
@@ -39,9 +41,14 @@ class Solution:
     factor: Array
     cost: float
 
+    @cached_property
+    def inverse(self) -> Array:
+        """Inverse (P, P) of the factor, upper triangular: a square root of the covariance per prior size."""
+        return np.asarray(dtrtri(self.factor)[0]) if len(self.factor) else self.factor
+
     def root(self, prior: Array) -> Array:
         """Square root S (P, P) of the covariance, S Sᵀ, in the parameters' units."""
-        return np.asarray(prior[:, None] * np.linalg.inv(self.factor))
+        return prior[:, None] * self.inverse
 
 
 def solve(problem: FitProblem, start: Array | None = None, converged: float = CONVERGED) -> Solution:
@@ -194,7 +201,7 @@ def subset_size(model: Model, samples: int) -> int:
 
 def _leverage(problem: FitProblem, solution: Solution) -> Array:
     """Return the leverage of each reading, (n, r), 0 … 1."""
-    root = np.linalg.inv(solution.factor)
+    root = solution.inverse
 
     def one(part: slice) -> Array:
         return np.asarray(((problem.piece(part, solution.errors).rows @ root) ** 2).sum(axis=2))
@@ -204,8 +211,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
 
 def _prior_share(solution: Solution) -> Array:
     """Share of each parameter's prior variance that is left after the readings, (P,), 0 … 1."""
-    root = np.linalg.inv(solution.factor)
-    return np.asarray((root**2).sum(axis=1))
+    return np.asarray((solution.inverse**2).sum(axis=1))
 
 
 def prior_groups(model: Model) -> Iterator[list[int]]:

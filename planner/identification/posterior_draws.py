@@ -157,6 +157,8 @@ class _Precision:
     def block(self, family: int) -> _Block:
         """Return what it takes to change the size of a family."""
         place = self.places[family]
+        if place.stop - place.start == 1:
+            return _Block(place, np.ones((1, 1)), np.maximum(self.gram[place, place][0], 0.0), self.toward[place])
         values, axes = np.linalg.eigh(self.gram[place, place])
         return _Block(place, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
 
@@ -193,6 +195,7 @@ class _Chain:
         self.noise_logs = start.noise_logs
         self.known = model.precision(start)
         self.shared = np.array([p.shared for p in model.priors])
+        self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
 
     def draw_noise(self, rng: np.random.Generator) -> None:
@@ -236,13 +239,18 @@ class _Chain:
 
     def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
         """Log probabilities of the factors of families with all others as they are."""
-        acting, count = int((self.shared & (self.factors > 0)).sum()), int(self.shared.sum()) - 1
-        return [
-            self.model.priors[f].logs(acting - int(self.shared[f] and self.factors[f] > 0), count) for f in families
-        ]
+        acts = self.shared & (self.factors > 0)
+        acting = int(acts.sum())
+        return [self._logs(self.model.priors[f], acting - int(acts[f])) for f in families]
+
+    def _logs(self, prior: SizePrior, acting: int) -> Array:
+        """Log probabilities of a prior's factors where so many of the other shared families act, kept."""
+        if (id(prior), acting) not in self.known_logs:
+            self.known_logs[id(prior), acting] = prior.logs(acting, int(self.shared.sum()) - 1)
+        return self.known_logs[id(prior), acting]
 
 
 def _choose(logs: Array, rng: np.random.Generator) -> int:
     """Return a position in logs (k,) of chances."""
-    chance = np.exp(logs - logs.max())
-    return int(rng.choice(len(chance), p=chance / chance.sum()))
+    chance = np.exp(logs - logs.max()).cumsum()
+    return int(chance.searchsorted(rng.random() * chance[-1], side="right"))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, rq, solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
@@ -64,7 +65,7 @@ class SizeMixture:
         unit = np.sqrt(np.diag(covariance))
         values, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
         root = unit[:, None] * axes * np.sqrt(np.maximum(values, LEAST_VARIANCE))
-        return np.asarray(np.linalg.inv(rq(root)[0]))
+        return np.asarray(dtrtri(rq(root)[0])[0])
 
     def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
         """Return parameters drawn from the mixture, in prior sizes, (P, d · EACH)."""
@@ -192,9 +193,8 @@ def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> tu
     for _ in range(STEPS):
         errors = problem.prior * mixture.mean(_gram(problem, errors), errors / problem.prior)
     gram, z = _gram(problem, errors), errors / problem.prior
-    factor = mixture.information_root(gram, z)
-    effective = float(len(z) - (np.linalg.inv(factor) ** 2).sum())
-    found = Solution(errors, factor, float(gram[-1, -1] + z @ z))
+    found = Solution(errors, mixture.information_root(gram, z), float(gram[-1, -1] + z @ z))
+    effective = float(len(z) - (found.inverse**2).sum())
     drawn = problem.prior[:, None] * mixture.draw_errors(gram, z)
     return Fit(problem, found, effective, np.array([], dtype=int)), mixture, drawn
 

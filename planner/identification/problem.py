@@ -85,6 +85,15 @@ class FitProblem:
             white = replace(white, shaken=np.zeros_like(white.shaken))
         return cls(model, run.samples, model.setup.targets(run.samples, run.readings), white, np.ones(len(run)))
 
+    def again(self, model: Model, noise: Noise | None = None, even: bool = False) -> "FitProblem":
+        """Return the fit of another model of the same setup to the same run, unweighted; see :meth:`of`.
+
+        What basis functions look at is computed once for both.
+        """
+        white = self.whitener if not even else replace(self.whitener, shaken=np.zeros_like(self.whitener.shaken))
+        memory = ProblemCache(self.context) if len(self) <= PIECE_SAMPLES else ProblemCache()
+        return FitProblem(model, self.samples, self.targets, white.with_noise(noise or Noise()), self.weight, memory)
+
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.samples)

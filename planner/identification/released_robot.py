@@ -47,6 +47,12 @@ class ToolMap:
     names: tuple[str, ...]
     rows: Array
 
+    @cached_property
+    def gram(self) -> Array:
+        """Products of the rows of all states, (P, P)."""
+        rows = self.rows.reshape(-1, len(self.names))
+        return np.asarray(rows.T @ rows)
+
     def square(self, values: Array) -> Array:
         """Return the squared motion of every state [m²], (n,), by columns of errors (P, k), summed over the columns."""
         return np.asarray(((self.rows.reshape(-1, len(self.names)) @ values) ** 2).reshape(len(self.q), -1).sum(axis=1))
@@ -120,8 +126,8 @@ class ReleasedRobot:
         names = [where.names[k] for k in at]
         which = [here[n] for n in names]
         off = known.drawn[which] - (mean.errors[which] + self.offset(names, fit))[:, None]
-        rows = where.rows[:, :, at].reshape(-1, len(at))
-        return np.asarray(np.sqrt(np.maximum((off * (rows.T @ rows @ off)).sum(axis=0), 0.0) / len(where.q)))
+        square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
+        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q)))
 
     def distance(self, fit: Fit) -> float:
         """Return how far a robot's tool is from the posterior mean's over the workspace, rms [m]."""

@@ -1,7 +1,7 @@
 """The stages of a fit: nominal robot, frames, geometry, then declared effects and compliance."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class FitContext:
     split: Split
     judge: Callable[[Fit], Metrics | None]
     robust: bool
+    _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
 
     def spare(self, model: Model) -> int:
         """Number of readings beyond the parameters of a model."""
@@ -67,7 +68,7 @@ class FitContext:
             noise = before.problem.whitener.noise
         rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
         few = None if whole else self.part(model)
-        problem = FitProblem.of(model, run if few is None else run.take(few), noise, even=rough)
+        problem = self._problem(model, few).again(model, noise, even=rough)
         found = fit(problem, self.robust if robust is None else robust, start, factors=factors)
         held = predict_held_out(found, split if few is None else split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
@@ -84,6 +85,14 @@ class FitContext:
             held_residual=held_residual,
         )
         return FittedStage(stage, found, held.refitted)
+
+    def _problem(self, model: Model, few: np.ndarray | None) -> FitProblem:
+        """Fit of the run, or of a part of it, to a model of the same setup: kept from stage to stage."""
+        known = self._problems.get(few is None)
+        if known is None or known.model.setup is not model.setup:
+            known = FitProblem.of(model, self.run if few is None else self.run.take(few))
+            self._problems[few is None] = known
+        return known
 
 
 Progress = Callable[[str], None]

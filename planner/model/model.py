@@ -191,43 +191,53 @@ class Model:
         """Forward pass with the errors in place, and what they add to the reading itself, (n, r)."""
         delta = self.setup.offsets(context.samples)
         shown = np.zeros((len(context.samples), self.width))
-        free = () if errors is None else zip(self.parameters, errors, strict=True)
-        moved = [(p, float(value)) for p, value in (*free, *self.fixed) if value != 0.0]
-        known = basis_values([p for p, _ in moved], context)
-        for p, value in moved:
-            for m in p.moves:
-                if m.on == "transform":
-                    delta[m.index] = delta[m.index] + value * known[m.phi]
+        free = [] if errors is None else errors.tolist()
+        # what stands at zero is not looked at: a run may lack what its function needs
+        moved = [p for p, v in zip(self.parameters, free, strict=False) if v]
+        layout = self._layout if all(free) else _MoveLayout.of(moved)
+        values = [v for v in free if v]
+        for moves, sizes in ((layout if values else None, values), (self._fixed_layout, self._fixed_values)):
+            if moves is None:
+                continue
+            phi = context.values(moves.functions)
+            for k, on_transform, index, f in moves.moves:
+                if on_transform:
+                    delta[index] = delta[index] + sizes[k] * phi[f]
                 else:
-                    shown[:, m.index] += value * known[m.phi]
+                    shown[:, index] += sizes[k] * phi[f]
         return self.setup.chain.forward(context.theta, delta), shown
 
     def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
-        which = self._moved_transforms
-        projected = self._project(context, motion, which)
-        place = {int(k): i for i, k in enumerate(which)}
-        known = basis_values(self.parameters, context)
+        layout = self._layout
+        which = layout.transforms
+        projected = dict(zip(which.tolist(), self._project(context, motion, which), strict=True))
+        phi = context.values(layout.functions)
         columns = np.empty((len(self.parameters), self.width, len(context.samples)))  # samples side by side: quick
-        for p, column in zip(self.parameters, columns, strict=True):
-            first = p.main
-            if len(p.moves) == 1 and first.on == "transform":
-                np.multiply(projected[place[first.index]], known[first.phi], out=column)
-                continue
-            column[:] = 0.0
-            for m in p.moves:
-                if m.on == "transform":
-                    column += projected[place[m.index]] * known[m.phi]
-                else:
-                    column[m.index] += known[m.phi]
+        columns[layout.several] = 0.0
+        several = set(layout.several)
+        for k, on_transform, index, f in layout.moves:
+            if not on_transform:
+                columns[k, index] += phi[f]
+            elif k in several:
+                columns[k] += projected[index] * phi[f]
+            else:
+                np.multiply(projected[index], phi[f], out=columns[k])
         return Linearization(residual, columns.transpose(2, 1, 0))
 
     @cached_property
-    def _moved_transforms(self) -> np.ndarray:
-        """Transforms that any parameter moves."""
-        return np.array(sorted({m.index for p in self.parameters for m in p.moves if m.on == "transform"}), dtype=int)
+    def _layout(self) -> "_MoveLayout":
+        return _MoveLayout.of(self.parameters)
+
+    @cached_property
+    def _fixed_values(self) -> list[float]:
+        return [float(v) for _, v in self.fixed if v]
+
+    @cached_property
+    def _fixed_layout(self) -> "_MoveLayout | None":
+        return _MoveLayout.of([p for p, v in self.fixed if v]) if self._fixed_values else None
 
     def _project(self, context: Context, motion: ForwardPass, which: np.ndarray) -> Array:
         """Change of the reading per unit of each transform, (k, r, n)."""
@@ -237,9 +247,34 @@ class Model:
         return self.setup.gauge.residual(self.setup, context.samples, motion, targets)
 
 
-def basis_values(parameters: Sequence[Parameter], context: Context) -> dict[BasisFunction, Array]:
-    """Every basis function that the parameters use, (n,) or (1,) each, computed once."""
-    return {m.phi: context.value(m.phi) for p in parameters for m in p.moves}
+@dataclass(frozen=True)
+class _MoveLayout:
+    """All moves of some parameters, each basis function once.
+
+    Attributes:
+        moves: position of the parameter, whether it is a transform that moves (else the reading), its index, and the
+            position of the function.
+        functions: every function.
+        transforms: indices of those that move.
+        several: positions of parameters that are more than one move of a transform.
+    """
+
+    moves: tuple[tuple[int, bool, int, int], ...]
+    functions: tuple[BasisFunction, ...]
+    transforms: np.ndarray
+    several: list[int]
+
+    @classmethod
+    def of(cls, parameters: Sequence[Parameter]) -> "_MoveLayout":
+        """Lay out the moves of parameters."""
+        functions = dict[BasisFunction, int]()
+        moves = tuple(
+            (k, m.on == "transform", m.index, functions.setdefault(m.phi, len(functions)))
+            for k, p in enumerate(parameters) for m in p.moves
+        )  # fmt: skip
+        transforms = np.array(sorted({index for _, on_transform, index, _ in moves if on_transform}), dtype=int)
+        several = [k for k, p in enumerate(parameters) if len(p.moves) > 1 or p.main.on != "transform"]
+        return cls(moves, tuple(functions), transforms, several)
 
 
 def chunks(n: int) -> Iterator[slice]:
