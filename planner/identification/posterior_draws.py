@@ -16,7 +16,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dgemm
+from scipy.linalg.blas import dsyrk
 
 from planner.common.units import Array
 
@@ -148,7 +148,10 @@ class _Block:
 
 @dataclass
 class _Precision:
-    """With C the covariance of the readings and X the columns of all families: XᵀC⁻¹X (q, q) and XᵀC⁻¹y (q,)."""
+    """With C the covariance of the readings and X the columns of all families: XᵀC⁻¹X (q, q) and XᵀC⁻¹y (q,).
+
+    Only the lower triangle of ``gram`` is kept up to date.
+    """
 
     gram: Array
     toward: Array
@@ -157,17 +160,36 @@ class _Precision:
     def block(self, family: int) -> _Block:
         """Return what it takes to change the size of a family."""
         place = self.places[family]
-        if place.stop - place.start == 1:
-            return _Block(place, np.ones((1, 1)), np.maximum(self.gram[place, place][0], 0.0), self.toward[place])
-        values, axes = np.linalg.eigh(self.gram[place, place])
+        values, axes = np.linalg.eigh(self.gram[place, place])  # of the lower triangle
         return _Block(place, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
+
+    def gains(self, families: list[int], more: Array) -> Array:
+        """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of k columns each.
+
+        The Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says all: its diagonal the determinant, and its last
+        row √v t per root of 1 + vG.
+        """
+        start = np.array([self.places[f].start for f in families])
+        k = self.places[families[0]].stop - int(start[0])
+        rows = start[:, None] + np.arange(k)
+        t = np.sqrt(more)[:, None] * self.toward[rows][:, None]
+        wide = np.empty((len(families), len(more), k + 1, k + 1))
+        wide[..., :k, :k] = more[:, None, None] * self.gram[rows[:, :, None], rows[:, None, :]][:, None] + np.eye(k)
+        wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
+        root = np.linalg.cholesky(wide)  # looks at the lower triangle only
+        log_det = np.log(np.einsum("fvii->fvi", root)[..., :k]).sum(axis=2)
+        return np.asarray(0.5 * (root[..., k, :k] ** 2).sum(axis=2) - log_det)
 
     def add(self, block: _Block, variance: float) -> None:
         """Add ``variance`` times the family's columns to C (Woodbury)."""
-        side = self.gram[:, block.place] @ block.axes
-        turned = side * (variance / np.maximum(1 + variance * block.values, SURE))
-        self.gram = dgemm(-1.0, turned, side, 1.0, self.gram, trans_b=True, overwrite_c=True)  # without a copy
-        self.toward = self.toward - turned @ block.toward
+        place = block.place
+        own = self.gram[place, place]
+        side = np.concatenate([self.gram[place, : place.stop].T, self.gram[place.stop :, place]])
+        side[place] = np.tril(own) + np.tril(own, -1).T
+        axes = block.axes * np.sqrt(abs(variance) / np.maximum(1 + variance * block.values, SURE))
+        sign, turned = -np.sign(variance), side @ axes
+        self.gram = dsyrk(sign, turned, 1.0, self.gram, lower=1, overwrite_c=1)  # without a copy
+        self.toward = self.toward + sign * turned @ (axes.T @ self.toward[place])
 
 
 def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[SizeDraw, ...]:
@@ -178,8 +200,7 @@ def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[Si
     for sweep in range(SWEEPS):
         if sweep % NOISE_EVERY == 0:
             chain.draw_noise(rng)
-        for family in range(len(model.priors)):
-            chain.draw_factor(family, rng)
+        chain.draw_factors(rng)
         for _ in range(SWAPS):
             chain.swap(rng)
         out.append(SizeDraw(chain.factors.copy(), chain.noise_logs))
@@ -194,6 +215,7 @@ class _Chain:
         self.factors = start.factors.copy()
         self.noise_logs = start.noise_logs
         self.known = model.precision(start)
+        self.widths = [p.stop - p.start for p in model.places]
         self.shared = np.array([p.shared for p in model.priors])
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
@@ -210,8 +232,18 @@ class _Chain:
                 self.noise_logs, here = trial.noise_logs, there
         self.known = model.precision(SizeDraw(factors, self.noise_logs))
 
-    def draw_factor(self, family: int, rng: np.random.Generator) -> None:
-        """Draw the factor of one family with all others as they are."""
+    def draw_factors(self, rng: np.random.Generator) -> None:
+        """Draw the factor of one family after the other."""
+        family, count = 0, len(self.factors)
+        while family < count:
+            if self.factors[family] > 0 or not self.optional[family]:
+                self._draw_factor(family, rng)
+                family += 1
+            else:  # what is absent mostly stays so: up to the next that acts all are looked at together
+                acting = np.flatnonzero(self.factors[family:] > 0)
+                family = self._draw_idle(family, family + int(acting[0]) if len(acting) else count, rng)
+
+    def _draw_factor(self, family: int, rng: np.random.Generator) -> None:
         prior, own = self.model.priors[family], self.factors[family]
         block = self.known.block(family)
         logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
@@ -219,6 +251,31 @@ class _Chain:
         if chosen != own:
             self.known.add(block, chosen**2 - own**2)
             self.factors[family] = chosen
+
+    def _draw_idle(self, first: int, last: int, rng: np.random.Generator) -> int:
+        """Draw the factors of families first … last − 1, all absent, until one appears; return the next to be drawn."""
+        families = list(range(first, last))
+        for family, gain, logs in zip(families, self._gains(families), self._prior_logs(families), strict=True):
+            chosen = _choose(gain + logs, rng)
+            if chosen > 0:
+                self._let_act(family, chosen)
+                return family + 1
+        return last
+
+    def _gains(self, families: list[int]) -> list[Array]:
+        """Return the gain (v,) by each of the factors of absent families."""
+        alike: dict[tuple[int, int], list[int]] = {}
+        for f in families:
+            alike.setdefault((self.widths[f], id(self.model.priors[f])), []).append(f)
+        out = dict[int, Array]()
+        for own in alike.values():
+            gains = self.known.gains(own, self.model.priors[own[0]].factors[1:] ** 2)
+            out |= dict(zip(own, np.column_stack([np.zeros(len(own)), gains]), strict=True))
+        return [out[f] for f in families]
+
+    def _let_act(self, family: int, chosen: int) -> None:
+        self.factors[family] = self.model.priors[family].factors[chosen]
+        self.known.add(self.known.block(family), self.factors[family] ** 2)
 
     def swap(self, rng: np.random.Generator) -> None:
         """Let one family that acts give way to any other that does not, or to another size of itself."""
@@ -228,14 +285,10 @@ class _Chain:
         leaving = int(rng.choice(acting))
         self.known.add(self.known.block(leaving), -(self.factors[leaving] ** 2))
         self.factors[leaving] = 0.0
-        idle = np.flatnonzero(self.optional & (self.factors == 0))
-        blocks = [self.known.block(int(f)) for f in idle]
-        sizes = [self.model.priors[f].factors[1:] for f in idle]
-        odds = [logs[1:] - logs[0] for logs in self._prior_logs(idle)]
-        gains = [b.gains(v**2) + o for b, v, o in zip(blocks, sizes, odds, strict=True)]
-        k = _choose(np.array([np.logaddexp.reduce(g) for g in gains]), rng)
-        self.factors[idle[k]] = sizes[k][_choose(gains[k], rng)]
-        self.known.add(blocks[k], self.factors[idle[k]] ** 2)
+        idle = np.flatnonzero(self.optional & (self.factors == 0)).tolist()
+        odds = [g[1:] + p[1:] - p[0] for g, p in zip(self._gains(idle), self._prior_logs(idle), strict=True)]
+        k = _choose(np.array([np.logaddexp.reduce(g) for g in odds]), rng)
+        self._let_act(idle[k], 1 + _choose(odds[k], rng))
 
     def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
         """Log probabilities of the factors of families with all others as they are."""
