@@ -186,7 +186,7 @@ class ScoreTest:
         """Return the same of several gains (k,)."""
         number = np.maximum(size, 1)
         dof = np.maximum(1.0, self.dof - size)
-        rest = np.maximum(self.scatter - gain, 1e-300)
+        rest = np.maximum(self.scatter - gain, 1e-200)
         each = self.effective_samples
         ratio = each * gain / number / (each * rest / dof)
         from scipy.stats import f as f_distribution  # costs most of a second
