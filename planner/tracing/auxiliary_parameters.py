@@ -28,12 +28,17 @@ LARGEST_MASS_PRIOR = 0.3  # one sigma of the masses as fitted, above which it is
 
 def grid_spacing(effect: Effect, value: float) -> float:
     """Distance of the neighbours at ``value`` on the grid of an effect's nonlinear parameter."""
+    return float(grid_spacings(effect, np.array([value]))[0])
+
+
+def grid_spacings(effect: Effect, values: Array) -> Array:
+    """Return the same for several values (k,)."""
     assert effect.nonlinear is not None
-    values = np.sort(effect.nonlinear.values)
-    if len(values) < 2:
-        return abs(value) * 0.1
-    k = int(np.clip(np.searchsorted(values, value), 1, len(values) - 1))
-    return float(values[k] - values[k - 1])
+    grid = np.sort(effect.nonlinear.values)
+    if len(grid) < 2:
+        return np.abs(values) * 0.1
+    k = np.clip(np.searchsorted(grid, values), 1, len(grid) - 1)
+    return np.asarray(grid[k] - grid[k - 1])
 
 
 def clip_to_grid(effect: Effect, value: float) -> float:

@@ -193,12 +193,12 @@ def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[
                 few = mine[k : k + GRAM_ROWS]
                 phi = dictionary.blocks[b].phi[row[equal.columns[few]]]
                 out[few] = (phi * power) @ phi.transpose(0, 2, 1)
-        for k in np.flatnonzero(whole < 0):
+        for j in np.flatnonzero(whole < 0).tolist():
             C = np.stack(
                 [
                     mixed[c] if c in mixed else (screws[block[c]].T * dictionary.blocks[block[c]].phi[row[c]]).T.ravel()
-                    for c in equal.columns[k].tolist()
+                    for c in equal.columns[j].tolist()
                 ]
             )
-            out[k] = C @ C.T
+            out[j] = C @ C.T
         yield out

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.effects.effect import Effect, Role
-from planner.tracing.auxiliary_parameters import MASS_PRIOR, grid_spacing, link_mass_parameters
+from planner.tracing.auxiliary_parameters import MASS_PRIOR, grid_spacings, link_mass_parameters
 from planner.tracing.dictionary import DictionaryItem, EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.state import FittedEffect, known_values, may_join
@@ -89,7 +89,7 @@ def _are_distinct(effect: Effect, items: Sequence[DictionaryItem], effects: tupl
         return np.ones(len(items), dtype=bool)
     values = np.array([item.value for item in items], dtype=float)
     apart = np.abs(values[:, None] - known).min(axis=1)
-    return np.asarray(apart > LEAST_SEPARATION * np.array([grid_spacing(effect, v) for v in values.tolist()]))
+    return np.asarray(apart > LEAST_SEPARATION * grid_spacings(effect, values))
 
 
 def _explained_by_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:
