@@ -1,14 +1,19 @@
 """Files whose fixtures are shared go to one worker, and the longest first: none is left alone with one at the end."""
 
 import os
+import sys
 
 import pytest
 
 from tests.processors import keep_to_one
 
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes are started: compiled once, not in each
+sys.dont_write_bytecode = False
 
-TOGETHER = ("tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies")
+TOGETHER = (
+    "tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies", "tests/instruments/accuracy"
+)  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
     "tests/workflow/test_plan.py", "tests/workflow/test_places.py", *TOGETHER, "tests/test_examples.py",
     "tests/reproduction/test_table9.py", "tests/tracing/test_change_points.py", "tests/cli/test_kills.py",
@@ -16,7 +21,7 @@ LONGEST = (  # by default, and of those that are run on demand
     "tests/identification/test_real.py", "tests/motion/path/test_join.py", "tests/identification/test_anywhere.py",
     "tests/design/discrimination/test_loop.py", "tests/tracing/test_findings.py", "tests/service/test_crashes.py",
     "tests/effects/catalogue/test_kinds.py", "tests/design/selection/test_searches.py",
-    "tests/programs/test_round_trip.py", "tests/tracing/test_screen.py", "tests/instruments/accuracy/test_command.py",
+    "tests/programs/test_round_trip.py", "tests/tracing/test_screen.py",
     "tests/tracing/test_curve.py", "tests/workflow/test_identify.py",
 )  # fmt: skip
 

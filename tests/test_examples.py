@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 import planner
 from planner.common.result import Result
 from tests.simulation.made import wide_plan
+from tests.studies.conftest import shrink
 from tests.workflow.conftest import FEWER, small_cell
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -18,11 +20,17 @@ USED = {"coal", "pinocchio", "polars", "scipy.interpolate", "scipy.ndimage", "sc
 HEAVY = {*USED, "ompl", "fcl", "highspy", "matplotlib", "plotly", "scipy.stats"}
 
 
-def run(name, *words, cwd):
-    script = [sys.executable, EXAMPLES / f"{name}.py", *map(str, words)]
-    done = subprocess.run(script, capture_output=True, text=True, cwd=cwd, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run an example as it stands, in an empty folder; returns what it printed."""
+
+    def run_script(name, *words):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, words)])
+        runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run_script
 
 
 def test_every_example_is_tried_here():
@@ -30,39 +38,44 @@ def test_every_example_is_tried_here():
     assert {p.stem for p in EXAMPLES.glob("*.py")} == tried
 
 
-def test_a_run_of_ones_own(tmp_path):
-    text = run("own_run", tmp_path / "out", cwd=tmp_path)
+def test_a_run_of_ones_own(run, tmp_path):
+    text = run("own_run", tmp_path / "out")
     assert "held out" in text
     assert (tmp_path / "out" / "robot.toml").is_file()
     assert (tmp_path / "out" / "errors.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_an_effect_of_ones_own_is_found(tmp_path):
-    text = run("custom_effect", wide_plan(tmp_path, calibrate=90), tmp_path / "out", cwd=tmp_path)
+    """In a process of its own: the effect that it registers stays there."""
+    script = [sys.executable, EXAMPLES / "custom_effect.py", wide_plan(tmp_path, calibrate=90), tmp_path / "out"]
+    done = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    text = done.stdout
     assert "joint 2: the hose pulls once joint 4 has wound it up" in text
     found = json.loads((tmp_path / "out" / "identification.json").read_text())["findings"]
     assert [(f["effect"], f["on"]) for f in found] == [("hose pull", "joint 2 by joint 4")]
 
 
 @pytest.mark.long
-def test_the_seed_cell_from_plan_to_corrected_program(tmp_path):
+def test_the_seed_cell_from_plan_to_corrected_program(run, tmp_path):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path, *FEWER)
-    text = run("seed_cell", tmp_path / "out", cell, 34, cwd=tmp_path)
+    text = run("seed_cell", tmp_path / "out", cell, 34)
     assert "proven continuously" in text
     assert "corrected" in text
     assert (tmp_path / "out" / "calibrated" / "robot.toml").is_file()
 
 
 @pytest.mark.long
-def test_an_arm_of_ones_own(tmp_path):
-    assert "arm: 6 joints" in run("own_urdf", tmp_path / "out", cwd=tmp_path)
+def test_an_arm_of_ones_own(run, tmp_path):
+    assert "arm: 6 joints" in run("own_urdf", tmp_path / "out")
     assert (tmp_path / "out" / "plan.json").is_file()
 
 
 @pytest.mark.long
-def test_the_place_of_a_fixture(tmp_path):
-    cell = small_cell("kuka-kr6-r700/edbb", tmp_path, ("candidates = 3000", "candidates = 500"))
-    run("fixture_place", tmp_path / "out", cell, cwd=tmp_path)
+def test_the_place_of_a_fixture(run, tmp_path, monkeypatch):
+    shrink(monkeypatch)
+    run("fixture_place", tmp_path / "out", "kuka-kr6-r700/edbb")
     assert (tmp_path / "out" / "places.png").read_bytes().startswith(b"\x89PNG")
 
 

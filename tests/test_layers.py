@@ -41,6 +41,7 @@ def imported_modules(path):
                 yield tuple(parts[1:])
 
 
+@cache
 def is_module(name):
     path = ROOT.parent.joinpath(*name.split("."))
     return path.is_dir() or path.with_suffix(".py").exists()

@@ -10,7 +10,7 @@ import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import split_run
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.identification.stages import Tracer
 from planner.runs.loader import load_runs
 from planner.runs.run import Run
@@ -105,24 +105,24 @@ def made(task: Task) -> Made:
     return random_run(build, arm, task.seed, [task.kind], task.share, noise=noise, mass_spread=0.15)
 
 
-def identified(made: Made, tracer: Tracer) -> tuple[Run, Calibration, float]:
+def identified(made: Made, tracer: Tracer, settings: FitSettings | None = None) -> tuple[Run, Calibration, float]:
     """Give the identifier the files of a run alone; return the run as read, what was found, and the seconds it took."""
     with tempfile.TemporaryDirectory() as folder:
         files = made.write(Path(folder))
         cell = load_cell(str(files[1]), planning=False)
         run = load_runs([files[0]], cell.robot.n_joints)
         start = time.process_time()
-        found = identify(run, cell, tracer=tracer)
+        found = identify(run, cell, settings=settings, tracer=tracer)
         return run, found, time.process_time() - start
 
 
-def tried(task: Task) -> Outcome:
+def tried(task: Task, settings: FitSettings | None = None) -> Outcome:
     """Make the run, identify it blindly, and judge."""
     try:
         run = made(task)
     except Implausible as no:
         return Outcome(task, failed=f"not made: {no}")
-    measured, found, spent = identified(run, trace)
+    measured, found, spent = identified(run, trace, settings)
     assert found.tried is not None
     names = [(f.effect, f.on, f.rivals, f.note, f.log_p) for f in found.findings]
     effects = run.truth.effects

@@ -24,14 +24,14 @@ from tests.simulation.generator.truth import Noise, Truth, draw_errors
 from tests.test_tool_error import aligned
 
 NAME = "kuka-kr6-r700"
-SEEDS = range(10)
+SEEDS = range(6)
 SOFT = tuple(Effect("joint-compliance", j, 3e-5) for j in (2, 3))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("gauge", "poses"), [("edbb_static", 60), ("tracker", 40)])
 def test_the_expected_error_is_that_of_calibrated_arms_at_poses_all_over(gauge, poses):
-    """Ten arms with errors in everything and soft joints; few poses, so that there is something to be known badly."""
+    """Six arms with errors in everything and soft joints; few poses, so that there is something to be known badly."""
     found, expected = np.array([_judged(gauge, poses, seed) for seed in SEEDS]).T
     assert 0.6 < np.sqrt(found.mean() / (expected**2).mean()) < 1.5
 

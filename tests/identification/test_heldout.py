@@ -223,9 +223,9 @@ def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
 
 @pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700"])
 def test_parameters_of_a_whole_identification_are_as_far_off_as_stated(name):
-    """Through the files: joint χ² over five runs against the truth regrouped by the generator's own Jacobian."""
+    """Through the files: joint χ² over three runs against the truth regrouped by the generator's own Jacobian."""
     square, count = 0.0, 0
-    for seed in range(5):
+    for seed in range(3):
         made = edbb_static(arm_of(name), 150, seed=100 + seed, logs=(), repeats=0.0)
         run, cell = loaded(made)
         c = identify(run, cell, settings=FITTED)

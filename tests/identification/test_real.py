@@ -14,12 +14,13 @@ from planner.cell.setup import Targets
 from planner.common.units import MM
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import split_run
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 CELLS = Path(__file__).parent / "cells"
+STAGES = FitSettings(release=False)  # where the stages are looked at, and not the robot that is released
 
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured runs are not at {DATA}")
 
@@ -75,11 +76,12 @@ def test_ur5_held_out_poses_foretell_the_validation(ur5):
 @pytest.fixture(scope="module")
 def ur10():
     cell = load_cell(str(CELLS / "ur10-tracker.toml"), planning=False)
-    c = identify(load_run(DATA / "ur10-tracker" / "run.csv", 6), cell)
+    c = identify(load_run(DATA / "ur10-tracker" / "run.csv", 6), cell, settings=STAGES)
     printed("ur10-tracker", c)
     return c
 
 
+@pytest.mark.long
 def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     """One of its ten sessions holds 89 % of the samples, eight hold one or two: held out whole they say nothing."""
     share = np.bincount(ur10.run.samples.session) / len(ur10.run)
@@ -91,6 +93,7 @@ def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     assert ur10.noise_floor is None  # no pose is measured twice: no block knows another's poses
 
 
+@pytest.mark.long
 def test_ur10_reaches_what_geometry_can(ur10):
     assert [s.name for s in ur10.stages][:3] == ["nominal", "frames", "geometry"]
     assert ur10.problems == ()
@@ -106,7 +109,7 @@ def panda(tmp_path_factory):
     files = sorted((DATA / "panda-ball").glob("*.csv"))
     train = load_run(DATA / "panda-ball" / "front_center.csv", 7)
     others = load_runs([f for f in files if f.stem != "front_center"], 7)
-    c = identify(train, load_cell(str(path), planning=False), others)
+    c = identify(train, load_cell(str(path), planning=False), others, STAGES)
     printed("panda-ball", c)
     return c, others
 

@@ -8,6 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
+import planner.report.cell_view_print as cell_view_print
+import planner.report.matplotlib_backend as matplotlib_backend
 from planner.common.errors import InputError
 from planner.design.observability.information import INDEX_RULES
 from planner.report.plan_report import report_plan
@@ -158,7 +160,9 @@ def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:
     assert [numbers(o["y"])[0] for o in own] == ([plan.certificate.value] if moved else [])
 
 
-def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path) -> None:
+def test_two_fixtures_have_their_own_pictures(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn elsewhere")
+    monkeypatch.setattr(cell_view_print, "view_png", lambda view: b"drawn elsewhere")
     cell = replace(plan.cell, fixtures=plan.cell.fixtures * 2)
     second = replace(plan.drives[0], course=replace(plan.drives[0].course, mounting=Mounting(1)))
     written = report_plan(replace(plan, cell=cell, drives=(plan.drives[0], second))).write(tmp_path)

@@ -15,12 +15,17 @@ def quiet(stage, done, of):
     pass
 
 
-def small_study(folder, patch):
+def shrink(patch):
+    """Let a study look at fewer candidates, numbers of poses and places."""
     patch.setattr(basis, "CANDIDATES", 600)
     patch.setattr(curves, "GROWTH", (1.2, 1.6, 2.4))
     patch.setattr(curves, "STEPS", 10)
     patch.setattr(fixture_map, "CANDIDATES", 300)
     patch.setattr(fixture_map.map_fixture_places, "__defaults__", (4, 3))
+
+
+def small_study(folder, patch):
+    shrink(patch)
     said = []
     result = study(load_cell("comau-nj130/edbb"), index="O1", seed=3, progress=lambda *step: said.append(step))
     result.write(folder)

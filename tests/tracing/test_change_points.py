@@ -107,19 +107,17 @@ def test_slips_of_the_pen_are_recognised(read, wanted, words):
 
 @pytest.mark.long
 def test_steps_at_three_times_the_noise_are_found():
-    """Single steps of three times the noise are found, at their sample and by their name, in most of 24 runs."""
+    """Single steps of three times the noise are found, at their sample and by their name, but for one of all things."""
     w, named, timed, right = world(n=200), 0, 0, 0
-    for seed in range(24):
-        rng = np.random.default_rng([seed, 9])
-        name, sample = list(THINGS)[seed % len(THINGS)], int(rng.integers(20, 180))
+    for seed, name in enumerate(THINGS):
+        sample = int(np.random.default_rng([seed, 9]).integers(20, 180))
         run = stepped(w, seed, ((name, sample, 3.0),))
         found = identify(run, w.cell, tracer=trace, settings=FitSettings(release=False))
         steps = [f for f in found.findings if f.effect == "step"]
         named += bool(steps)
         timed += any(abs(f.after_sample - sample) <= 4 for f in steps)
         right += any(name in (f.name, *f.rivals) for f in steps)
-    assert named >= 22
-    assert min(timed, right) >= 20
+    assert min(named, timed, right) >= len(THINGS) - 1
 
 
 @pytest.mark.long

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import planner.design.pose_selection as pose_selection
+import planner.report.cell_view_print as cell_view_print
+import planner.report.matplotlib_backend as matplotlib_backend
 from planner.cell.reading import load_cell
 from tests.command import edbb
 
@@ -24,7 +27,8 @@ def small_cell(name, folder, *changes):
     return path
 
 
-FEWER = (("candidates = 3000", "candidates = 800"),)
+FEWER = (("candidates = 3000", "candidates = 300"),)
+POSES = 28
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,11 @@ class Planned:
 def planned(name, folder, poses, *dialects, changes=()):
     path = small_cell(name, folder, *changes)
     words = [w for d in dialects for w in ("--dialect", d)]
-    done = edbb("plan", path, "-o", folder / "out", "--poses", poses, "--json", *words)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))  # the curve is only shown
+        patch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn in tests/report")
+        patch.setattr(cell_view_print, "view_png", lambda view: b"drawn in tests/report")
+        done = edbb("plan", path, "-o", folder / "out", "--poses", poses, "--json", *words)
     assert done.returncode == 0, done.stderr
     plan = json.loads((folder / "out" / "plan.json").read_text())
     return Planned(path, folder / "out", plan, done.stdout, done.stderr)
@@ -47,12 +55,12 @@ def planned(name, folder, poses, *dialects, changes=()):
 
 @pytest.fixture(scope="session")
 def moving(tmp_path_factory):
-    return planned("comau-nj130/edbb", tmp_path_factory.mktemp("nj"), 30, "bnr", "krl", "linuxcnc", changes=FEWER)
+    return planned("comau-nj130/edbb", tmp_path_factory.mktemp("nj"), POSES, "bnr", "krl", changes=FEWER)
 
 
 @pytest.fixture(scope="session")
 def resting(tmp_path_factory):
-    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", "rapid", changes=FEWER)
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", "rapid", changes=FEWER)
 
 
 @pytest.fixture(params=["moving", "resting"])

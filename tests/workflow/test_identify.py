@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner.common.progress import Stages
+from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
 from planner.workflow.identification import identify_runs
@@ -289,7 +290,8 @@ def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)
     run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 0)
     save_run(run, tmp_path / "run.csv")
-    found = identify_runs([tmp_path / "run.csv"], str(tmp_path / "cell.toml"), Stages(lambda *_: None), plan)
+    cell, stages = str(tmp_path / "cell.toml"), FitSettings(release=False)
+    found = identify_runs([tmp_path / "run.csv"], cell, Stages(lambda *_: None), plan, settings=stages, tracing=False)
     aside = np.isin(run.samples.pose, range(31, 35))
     assert 200 < aside.sum() < len(run) / 4
     calibration = found

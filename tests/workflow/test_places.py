@@ -10,10 +10,10 @@ import pytest
 from planner.cell.reading import load_cell
 from tests.command import edbb
 from tests.simulation.generator.arm import Arm
-from tests.workflow.conftest import small_cell
+from tests.workflow.conftest import planned, small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')
-FEWER = ("candidates = 3000", "candidates = 1200")
+FEWER = ("candidates = 3000", "candidates = 500")
 OTHER = ("[[obstacles]]", '[[fixtures]]\nname = "B"\nposition_mm = [430, -330, 60]\n\n[[obstacles]]')
 MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 
@@ -21,12 +21,11 @@ MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("places")
-    cell = small_cell("kuka-kr6-r700/edbb", folder, FEWER, TWO, OTHER)
-    done = edbb("plan", cell, "-o", folder / "out", "--poses", 40, "--dialect", "krl")
-    assert done.returncode == 0, done.stderr
-    return folder / "out", json.loads((folder / "out" / "plan.json").read_text())
+    made = planned("kuka-kr6-r700/edbb", folder, 36, "krl", changes=(FEWER, TWO, OTHER))
+    return made.folder, made.plan
 
 
+@pytest.mark.long
 def test_lengths_are_those_of_the_named_fixture_and_tool_point(session):
     _, plan = session
     arm, cups = Arm.from_toml("kuka-kr6-r700"), {"A": (0.43, 0.33, 0.06), "B": (0.43, -0.33, 0.06)}
@@ -41,12 +40,14 @@ def test_lengths_are_those_of_the_named_fixture_and_tool_point(session):
     assert places == [("A", "1"), ("B", "1"), ("A", "low"), ("B", "low")]
 
 
+@pytest.mark.long
 def test_refinement_moves_the_poses_of_every_place_and_betters_the_index(session):
     _, plan = session
     seen = plan["observability"]
     assert seen["O2"] < 0.97 * seen["on_grid"]["value"]
 
 
+@pytest.mark.long
 def test_the_program_says_where_the_bar_goes_next(session):
     folder, _ = session
     main = (folder / "KUKA_KR6_R700_EDBB.src").read_text()
@@ -59,6 +60,24 @@ def test_the_program_says_where_the_bar_goes_next(session):
     )
 
 
+@pytest.mark.long
+def test_poses_are_numbered_through_and_all_of_them_are_marked_once(session, tmp_path):
+    """A tour for each place, from and to its own mount pose."""
+    folder, plan = session
+    ids = [p["id"] for p in plan["poses"]]
+    assert ids == list(range(len(ids)))
+    assert [p for p in plan["parameters"] if p.startswith("fixture_")] == [
+        f"fixture_{f}_{a}" for f in "AB" for a in "xyz"
+    ]
+    done = edbb("export", folder / "plan.json", "--dialect", "bnr", "-o", tmp_path / "a.cnc")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "a.cnc").read_text()
+    marked = [int(line.split()[-1]) for line in text.splitlines() if line.startswith("; pose ")]
+    assert marked == [p["id"] for p in plan["poses"] if p["role"] != "mount"]
+    assert text.count("M00") == 2 * len(plan["drives"])
+
+
+@pytest.mark.long
 def test_the_exported_program_is_that_of_the_plan(session, tmp_path):
     folder, _ = session
     done = edbb("export", folder / "plan.json", "--dialect", "krl", "-o", tmp_path / "KUKA_KR6_R700_EDBB.src")
@@ -66,6 +85,7 @@ def test_the_exported_program_is_that_of_the_plan(session, tmp_path):
     assert (tmp_path / "KUKA_KR6_R700_EDBB.src").read_bytes() == (folder / "KUKA_KR6_R700_EDBB.src").read_bytes()
 
 
+@pytest.mark.long
 def test_the_run_is_identified_with_the_parameters_of_the_plan(session, tmp_path):
     folder, plan = session
     run = tmp_path / "run.csv"
@@ -81,6 +101,7 @@ def test_the_run_is_identified_with_the_parameters_of_the_plan(session, tmp_path
     assert geometry["held_out"]["rms_mm"] < 0.05
 
 
+@pytest.mark.long
 def test_a_run_with_a_point_that_the_tool_has_not_is_refused(session, tmp_path):
     folder, _ = session
     run = tmp_path / "run.csv"

@@ -195,6 +195,8 @@ def _apply_filters(
     sample: JointSamples, workspace: Workspace, world: CollisionWorld, wanted: int | None
 ) -> tuple[Array, Funnel]:
     """Apply the filters to blocks of samples until ``wanted`` states have passed, or to all of them."""
+    if not len(sample.q):  # none of what was drawn reads a length: it counts all the same
+        return sample.q, Funnel(sample.stands_for, sample.stands_for)
     found: list[Array] = [sample.q[:0]]
     funnel, left = Funnel(), sample
     while len(left.q) and (wanted is None or funnel.collision < wanted):

@@ -13,7 +13,7 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.pose_selection import select_poses
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
 from tests.simulation.generator.arm import Arm
@@ -76,7 +76,8 @@ def identified(made):
     with tempfile.TemporaryDirectory() as folder:
         files = made.write(Path(folder))
         stated = load_cell(str(files[1]), planning=False)
-        return identify(load_runs([files[0]], stated.robot.n_joints), stated, tracer=trace)
+        run, findings_alone = load_runs([files[0]], stated.robot.n_joints), FitSettings(release=False)
+        return identify(run, stated, settings=findings_alone, tracer=trace)
 
 
 def named(calibration):

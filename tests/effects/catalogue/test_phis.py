@@ -67,8 +67,9 @@ def column_and_differences(setup, s, target, parameter):
     return model.rows(s, np.array([at]))[:, :, 0], found
 
 
-@pytest.mark.parametrize("kind", ["length", "position", "pose"])
-@pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700"])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("comau-nj130", "length"), ("kuka-kr6-r700", "position"), ("comau-nj130", "pose")]
+)
 def test_columns_are_the_derivative_of_the_prediction(name, kind):
     rng = np.random.default_rng(3)
     setup = rigs.setup(name, kind, rng)

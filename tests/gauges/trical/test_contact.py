@@ -51,9 +51,9 @@ def test_no_pose_of_the_robot_alone_exceeds_what_the_cell_says(cell, pool):
 def test_a_smaller_head_loses_poses_and_a_hopeless_robot_all(cell, pool):
     middle = float(np.median(FirstContact(cell).at(pool.q[pool.ball == 3])))
     worse = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, usable=middle)))
-    fewer = draw_ball_candidates(worse, 200)
+    fewer = draw_ball_candidates(worse, 60)
     assert 0.1 < fewer.funnel.contact / fewer.funnel.approach < 0.99
     assert FirstContact(cell).at(fewer.q).max() < middle
     hopeless = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, uncalibrated=8e-3)))
     with pytest.raises(NoSolutionError, match=r"At ball 1 the uncalibrated robot would meet it \d+\.\d mm or more off"):
-        draw_ball_candidates(hopeless, 200)
+        draw_ball_candidates(hopeless, 60)

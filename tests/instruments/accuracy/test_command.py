@@ -13,6 +13,8 @@ from planner.workflow.identification import identify_runs
 from tests.instruments.accuracy.worlds import NAME, calibrated, poses, tracker_run, world
 from tests.workflow.test_identify import edbb
 
+STAGES = FitSettings(release=False)
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -115,16 +117,15 @@ def test_precision_and_mastering(folder):
 
 
 def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified(folder):
-    text, cell = (folder / "balls.csv").read_text(), f"{NAME}/trical"
+    text, said = (folder / "balls.csv").read_text(), {}
     for name, shown in (("well", "6.350, 6.351, 6.350"), ("wrongly", "6.350, 6.500, 6.350")):
         (folder / f"{name}.csv").write_text(f"# master_mm: {shown}\n{text}")
-    fitted = FitSettings(release=False)
-    good = identify_runs(folder / "well.csv", cell, Stages(lambda *_: None), settings=fitted, tracing=False)
-    assert not any("from 6.350 mm" in w for w in good.warnings)
-    words = "--cell", cell, "-o", folder / "mastered", "--no-trace", "--json"
-    code, out, _ = edbb("identify", folder / "wrongly.csv", *words)
-    assert code == 0
-    assert any("at most 150.0 µm from 6.350 mm" in w for w in json.loads(out)["warnings"])
+        found = identify_runs(
+            folder / f"{name}.csv", f"{NAME}/trical", Stages(lambda *_: None), settings=STAGES, tracing=False
+        )
+        said[name] = found.content()["warnings"]
+    assert not any("from 6.350 mm" in w for w in said["well"])
+    assert any("at most 150.0 µm from 6.350 mm" in w for w in said["wrongly"])
 
 
 def refused(*given):

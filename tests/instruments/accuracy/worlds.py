@@ -101,18 +101,21 @@ def loaded(text, stem="run"):
 
 def calibrated(folder, gauge="trical"):
     """Write the calibration by TriCal, by a bar, or by sixty poses of the same tracker; return its ``robot.toml``."""
+    for name, text in _calibrated(gauge):
+        (folder / name).write_text(text)
+    return folder / "robot.toml"
+
+
+@cache
+def _calibrated(gauge):
+    """Names and texts of what a calibration by this gauge writes."""
     w = world()
     if gauge == "edbb":
         text = runs.edbb_static(w.arm, 200, 6, w.truth, logs=()).run_csv
     else:
         text = w.made.run_csv if gauge == "trical" else tracker_run(poses(60, seed=7), noise=5e-6)
     found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"))
-    for name, text in (
-        *calibrated_files(found),
-        ("identification.json", found.to_json()),
-    ):
-        (folder / name).write_text(text)
-    return folder / "robot.toml"
+    return (*calibrated_files(found), ("identification.json", found.to_json()))
 
 
 def _firsts(x):

@@ -114,7 +114,7 @@ def test_capsule_distances_are_those_of_numeric_minimisation(name: str) -> None:
 
 @pytest.mark.parametrize("name", CELLS)
 def test_engines_agree_on_random_states(name: str) -> None:
-    w, q = world(name), states(name, 1500)
+    w, q = world(name), states(name, 500)
     coal, fcl = w.distances(q), FclWorld(w.scene).distances(q)
     clear = np.abs(coal) > 1e-5
     np.testing.assert_array_equal((coal > 0.0)[clear], (fcl > 0.0)[clear])
@@ -125,7 +125,7 @@ def test_engines_agree_on_random_states(name: str) -> None:
 @pytest.mark.parametrize("name", CELLS)
 def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
     """Plain fcl distances do, for boxes: this is why the second judge grows a body before it believes them."""
-    w, q = world(name), states(name, 1500)
+    w, q = world(name), states(name, 500)
     coal, safe = w.distances(q), FclWorld(w.scene).distances(q)
     apart = coal > 2e-5
     assert (safe - coal)[apart].max() < 2e-6
@@ -139,7 +139,7 @@ def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
 @pytest.mark.parametrize("name", CELLS)
 @pytest.mark.parametrize("clearance", [0.0, 0.005, 0.01])
 def test_bulk_answers_are_those_of_the_distances(name: str, clearance: float) -> None:
-    w, q = world(name), states(name, 800)
+    w, q = world(name), states(name, 400)
     nearest = w.distances(q).min(axis=1)
     sure = np.abs(nearest - clearance) > 1e-5
     assert 0.02 < (nearest < clearance).mean() < 0.999

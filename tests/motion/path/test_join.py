@@ -16,7 +16,7 @@ from planner.motion.path.roadmap import connected_parts
 from planner.motion.path.verdict import PathGaps, ProvenPath, judge_path
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 
-COUNT = 20
+COUNT = 12
 
 
 def constraints() -> Constraints:
@@ -57,7 +57,7 @@ def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tu
     assert [(leg.start, leg.end) for leg in path.legs] == list(pairwise(order))
     np.testing.assert_array_equal(np.concatenate([leg.supports for leg in path.legs]), path.q[path.node < 0])
     assert len(path.legs) == len(order) - 1
-    assert len(path.legs) - path.direct_legs >= 5
+    assert len(path.legs) - path.direct_legs >= 3
     assert not path.q.flags.writeable
 
 
@@ -177,7 +177,7 @@ def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
     cell, world = cell_and_world(name)
     other, q = Constraints(cell, scene=world.scene), valid_poses(500, name)
     q = q[connected_parts(other, q) == 0]
-    found = connect_poses(other, q[:15], [*range(15), 0], seed=0, pool=q[15:])
+    found = connect_poses(other, q[:8], [*range(8), 0], seed=0, pool=q[8:])
     assert isinstance(found, ProvenPath)
     assert found.clear, found.second.failures
     assert not world.collides(dense(found.q[:-1], found.q[1:], 200)).any()

@@ -6,7 +6,7 @@ from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.motion.timing.arm import nj130, random_arm, random_tour
 from tests.motion.timing.bound import acceleration_bound, speed_bound
 
-SEEDS = range(80)
+SEEDS = range(24)
 H = 1e-3  # [s] of the finite differences
 
 
