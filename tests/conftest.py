@@ -1,5 +1,6 @@
 """Files whose fixtures are shared go to one worker, and the longest first: none is left alone with one at the end."""
 
+import gc
 import os
 import sys
 
@@ -10,9 +11,11 @@ from tests.processors import keep_to_one
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes are started: compiled once, not in each
 sys.dont_write_bytecode = False
+gc.set_threshold(20_000, 20, 50)  # all that is imported here is not looked through for garbage again and again
 
 TOGETHER = (
-    "tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies", "tests/instruments/accuracy"
+    "tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies", "tests/instruments/accuracy",
+    "tests/instruments/loaded",
 )  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
     "tests/workflow/test_plan.py", "tests/workflow/test_places.py", *TOGETHER, "tests/test_examples.py",
@@ -36,6 +39,10 @@ def scope_of(nodeid):
 def pytest_collection_modifyitems(items):
     place = {name: k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(scope_of(item.nodeid), len(place)))
+
+
+def pytest_collection_finish():
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -79,7 +79,7 @@ def test_noise_has_the_gauge_and_the_repeatability():
     model = Model.from_cell(cell)
     at = draw_candidates(cell, 200).samples
     rng = np.random.default_rng(1)
-    off = (rng.normal(scale=model.joint_sigma, size=at.q.shape) for _ in range(4000))
+    off = (rng.normal(scale=model.joint_sigma, size=at.q.shape) for _ in range(2000))
     shaken = np.array([model.reading(replace(at, q=at.q + d))[:, 0] for d in off])
     expected = np.sqrt(shaken.var(axis=0) + cell.gauge.noise**2)
     np.testing.assert_allclose(model.noise(at), expected, rtol=0.08)

@@ -2,10 +2,9 @@
 
 import pytest
 
-from tests.workflow.conftest import planned
+from tests.workflow.conftest import FEWER, POSES, planned
 
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory):
-    few = ("candidates = 3000", "candidates = 600")
-    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", changes=(few,))
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", changes=FEWER)

@@ -11,7 +11,7 @@ from tests.simulation.generator.truth import draw_errors
 
 pytestmark = pytest.mark.long
 
-FITS = 1000  # a robot
+FITS = 700  # a robot
 
 
 def band(fits, comparisons, level=0.95, risk=1e-3):

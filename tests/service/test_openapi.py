@@ -49,4 +49,4 @@ def check(document, examples):
 
 @pytest.mark.long
 def test_no_request_is_answered_by_a_server_error(document):
-    check(document, 5)
+    check(document, 3)

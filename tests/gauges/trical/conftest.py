@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import planner.design.candidates.balls as balls
 from planner.cell.reading import load_cell
 from planner.design.candidates.balls import draw_ball_candidates
 
@@ -19,6 +20,12 @@ def cell():
 @pytest.fixture(scope="session")
 def pool(cell):
     return draw_ball_candidates(cell, 800)
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Let a search without any hope end after 5000 samples."""
+    monkeypatch.setattr(balls, "GIVE_UP", 5000)
 
 
 @pytest.fixture(scope="session")

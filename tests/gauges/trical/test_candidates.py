@@ -61,7 +61,7 @@ def test_many_orientations(cell, pool, tool_pose):
     assert spread.max() > 100
 
 
-def test_a_ball_out_of_reach_is_named_with_the_distance(cell):
+def test_a_ball_out_of_reach_is_named_with_the_distance(cell, impatient):
     place = replace(cell.fixtures[0], p_BX=read_only(cell.fixtures[0].p_BX + np.array([0.8, 0, 0])))
     far = replace(cell, fixtures=(place,))
     with pytest.raises(NoSolutionError, match=r"ball 1, at \[1257, -308, 76\] mm.*out of reach by (\d+) mm") as caught:
@@ -73,7 +73,7 @@ def test_a_ball_out_of_reach_is_named_with_the_distance(cell):
     assert nearest - 30 < told < nearest + 1
 
 
-def test_a_ball_in_a_box_is_named_with_what_collides(cell):
+def test_a_ball_in_a_box_is_named_with_what_collides(cell, impatient):
     T = np.eye(4)
     T[:3, 3] = cell.p_BS[1] + [0, 0, 0.05]
     lid = Body("lid", "box", (0.2, 0.2, 0.01), read_only(T))
