@@ -11,6 +11,7 @@ import pytest
 
 import planner
 from planner.common.result import Result
+from tests.identification.few_draws import few_draws
 from tests.simulation.made import wide_plan
 from tests.studies.conftest import shrink
 from tests.workflow.conftest import FEWER, small_cell
@@ -27,7 +28,8 @@ def run(tmp_path, monkeypatch, capsys):
     def run_script(name, *words):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, words)])
-        runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+        with few_draws():
+            runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
         return capsys.readouterr().out
 
     return run_script

@@ -11,7 +11,7 @@ from planner.common.errors import InputError
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
 from planner.effects.context import Context
 from planner.effects.phi_keys import is_static, phi_from_key
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
 from planner.workflow.plan_reading import simulate_plan
 from tests.simulation.made import cell_in, truth_file, wide_plan
@@ -46,7 +46,7 @@ def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
     plan = wide_plan(tmp_path, calibrate=90)
     run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 1)
     assert any("hose pull" in line for line in run.truth)
-    found = identify(run, cell_in(tmp_path, ROBOT, 1, ()), tracer=trace)
+    found = identify(run, cell_in(tmp_path, ROBOT, 1, ()), settings=FitSettings(release=False), tracer=trace)
     names = [f"{f.effect}, {f.on}" for f in found.findings]
     assert names == ["hose pull, joint 2 by joint 4"]
     first = found.findings[0]

@@ -56,7 +56,7 @@ def printed(what: str, c: Calibration) -> None:
 def ur5():
     cell = load_cell(str(CELLS / "ur5-tracker.toml"), planning=False)
     run, validation = (load_run(DATA / "ur5-tracker" / f"{n}.csv", 6) for n in ("run", "validation"))
-    c = identify(run, cell, validation)
+    c = identify(run, cell, validation, STAGES)
     printed("ur5-tracker", c)
     return c
 
@@ -81,7 +81,6 @@ def ur10():
     return c
 
 
-@pytest.mark.long
 def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     """One of its ten sessions holds 89 % of the samples, eight hold one or two: held out whole they say nothing."""
     share = np.bincount(ur10.run.samples.session) / len(ur10.run)
@@ -93,7 +92,6 @@ def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     assert ur10.noise_floor is None  # no pose is measured twice: no block knows another's poses
 
 
-@pytest.mark.long
 def test_ur10_reaches_what_geometry_can(ur10):
     assert [s.name for s in ur10.stages][:3] == ["nominal", "frames", "geometry"]
     assert ur10.problems == ()

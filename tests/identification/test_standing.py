@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
+from tests.identification.few_draws import few_draws
 from tests.identification.test_declared import cell, made
 
 
@@ -30,6 +31,7 @@ def released_error(found, name):
     return float(fit.errors[fit.model.names.index(name)])
 
 
+@few_draws()
 def test_the_bases_errors_count_from_the_cells_place():
     """Another place in the cell is another error of the base, by as much; where the artifact is found stays."""
     run, _ = made(2, soft=1e-4)
@@ -48,7 +50,7 @@ def test_the_bases_errors_count_from_the_cells_place():
 
 def test_an_artifact_found_elsewhere_is_told():
     run, _ = made(2, soft=1e-4)
-    found = identify(run, moved((0, 100, 0)))
+    found = identify(run, moved((0, 100, 0)), settings=FitSettings(release=False))
     (said,) = [w for w in found.warnings if w.startswith("the run puts the balls ")]
     assert 95 < float(said.split()[5]) < 105
 

@@ -14,11 +14,13 @@ from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_run
 from planner.runs.run import Run
+from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.truth import draw_truth
 
 
 @cache
+@few_draws()
 def calibrated(kind: str, count: int, wave: float = 0.0) -> Calibration:
     """Identify a made run of the NJ-130; ``wave`` [rad] is the size of a gear error twice a turn of joint 4."""
     arm = Arm.from_toml(data_folder("robots") / "comau-nj130" / "robot.toml")

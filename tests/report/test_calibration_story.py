@@ -20,6 +20,7 @@ from planner.report.chart import weighted_means
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps
 from planner.runs.loader import load_run
 from planner.tracing.trace import trace
+from tests.identification.few_draws import few_draws
 from tests.report.calibrated import calibrated
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.kinds import Effect
@@ -39,7 +40,8 @@ def c() -> Calibration:
     made = runs.edbb_static(arm, 160, seed=5, truth=draw_truth(arm, 5, effects))
     with TemporaryDirectory() as place:
         run_file, cell_file = made.write(Path(place))
-        return identify(load_run(run_file, 6), load_cell(str(cell_file), planning=False), tracer=trace)
+        with few_draws():
+            return identify(load_run(run_file, 6), load_cell(str(cell_file), planning=False), tracer=trace)
 
 
 @pytest.fixture(scope="module")

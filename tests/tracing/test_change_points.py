@@ -80,7 +80,7 @@ def test_a_step_and_a_mistyped_row_are_named():
     k = next(k for k in range(40, 80) if (text := f"{1e3 * length[k]:.3f}")[1] != text[2])
     text = f"{1e3 * length[k]:.3f}"
     length[k] = float(text[0] + text[2] + text[1] + text[3:]) * 1e-3
-    found = identify(w.reading(length), w.cell, tracer=trace)
+    found = identify(w.reading(length), w.cell, settings=FitSettings(release=False), tracer=trace)
     row, step = found.findings
     assert (row.effect, row.row) == ("wrong row", k + 1)
     assert f"'{text[2]}{text[1]}' for '{text[1]}{text[2]}'" in row.note

@@ -15,6 +15,7 @@ from planner.runs.writer import save_run
 from planner.workflow.identification import identify_runs
 from planner.workflow.plan_reading import simulate_plan
 from tests import command
+from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
 from tests.simulation.made import truth_file, wide_plan
 
@@ -54,7 +55,8 @@ def made(tmp_path_factory):
     plan = wide_plan(folder, mixed=True)
     code, _, told = edbb("simulate", plan, "-o", folder / "run.csv", "--truth", truth_file(folder, TRUTH))
     assert code == 0, told
-    code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
+    with few_draws():
+        code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
     assert code == 0, told
     return folder
 

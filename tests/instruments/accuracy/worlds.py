@@ -14,6 +14,7 @@ from planner.cell.reading import load_cell
 from planner.identification.calibrated_robot import calibrated_files
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_run
+from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BALLS_MM, BENCHES
 from tests.simulation.generator.course import course
@@ -107,6 +108,7 @@ def calibrated(folder, gauge="trical"):
 
 
 @cache
+@few_draws()
 def _calibrated(gauge):
     """Names and texts of what a calibration by this gauge writes."""
     w = world()
