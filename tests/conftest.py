@@ -18,14 +18,15 @@ TOGETHER = (
     "tests/instruments/loaded",
 )  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
-    "tests/workflow/test_plan.py", "tests/workflow/test_places.py", *TOGETHER, "tests/test_examples.py",
-    "tests/reproduction/test_table9.py", "tests/tracing/test_change_points.py", "tests/cli/test_kills.py",
-    "tests/blind/test_blind.py", "tests/test_readme.py", "tests/identification/test_coverage.py",
-    "tests/identification/test_real.py", "tests/motion/path/test_join.py", "tests/identification/test_anywhere.py",
-    "tests/design/discrimination/test_loop.py", "tests/tracing/test_findings.py", "tests/service/test_crashes.py",
-    "tests/effects/catalogue/test_kinds.py", "tests/design/selection/test_searches.py",
-    "tests/programs/test_round_trip.py", "tests/tracing/test_screen.py",
-    "tests/tracing/test_curve.py", "tests/workflow/test_identify.py",
+    "tests/workflow/test_plan.py", "tests/reproduction/test_table9.py", "tests/test_examples.py",
+    "tests/fuzz/test_fuzz.py", "tests/service/test_remote.py", "tests/blind/test_blind.py",
+    "tests/workflow/test_places.py", "tests/test_readme.py", *TOGETHER, "tests/motion/path/test_join.py",
+    "tests/cli/test_kills.py", "tests/design/discrimination/test_loop.py", "tests/identification/test_coverage.py",
+    "tests/identification/test_anywhere.py", "tests/service/test_openapi.py", "tests/tracing/test_change_points.py",
+    "tests/tracing/test_findings.py", "tests/tracing/test_curve.py", "tests/design/selection/test_searches.py",
+    "tests/design/selection/test_bounds.py", "tests/identification/test_noise.py", "tests/tracing/test_screen.py",
+    "tests/service/test_crashes.py", "tests/effects/catalogue/test_kinds.py", "tests/programs/test_round_trip.py",
+    "tests/workflow/test_identify.py",
 )  # fmt: skip
 
 
