@@ -1,8 +1,6 @@
-"""The protocol of a gauge.
+"""The protocol of a gauge: each kind is one file in ``planner.gauges`` and is registered by ``register_gauge``.
 
-A gauge says what one reading is and how it changes with the measured point, where it can read, which bodies it brings,
-what has to be found before its readings mean anything, and which errors are its own. Everything else asks the gauge and
-never its kind. Each kind is one file in ``planner.gauges`` and is registered by ``register_gauge``.
+Everything else asks the gauge, and never its kind, what a reading is, where it reads, and what is unknown of it.
 """
 
 from abc import ABC, abstractmethod

@@ -179,7 +179,7 @@ def compose_cell_view(
     standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
     seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
     corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
-    near = np.vstack([s.vertices for s in shells] or [s.position for s in spots])
+    near = np.vstack([s.vertices for s in shells] or [s.position for s in spots] or [corners])
     return CellView(
         moving=moving,
         standing=_mm(join_meshes(standing)) if standing else None,

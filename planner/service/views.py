@@ -101,13 +101,14 @@ def check_view(cell: Cell) -> CellCheck:
     """Return what a page shows of a cell before it is planned: the robot at home."""
     frames = ViewFrames(carrier_poses(cell, cell.mountings[0], cell.home[None]), ("home",))
     view = compose_cell_view(cell, frames, np.empty((0, 3)), (), (), ())
-    view = replace(view, moving=tuple(m for m in view.moving if m.name != "bar"))  # at home it is not attached
+    held = cell.gauge.noun if cell.has_bar() else None  # at home it is not attached
+    view = replace(view, moving=tuple(m for m in view.moving if m.name != held))
     gauge = cell.gauge.describe(cell)
     tool = ", ".join(f"{v:g}" for v in to_mm(cell.tool.p_FM))
     facts = [
         ("robot", cell.robot.title or cell.robot.name),
         ("gauge", gauge),
-        ("fixtures", "; ".join(f"{f.name or 'A'} at {_vector_text(f.p_BX)} mm" for f in cell.fixtures) or "none"),
+        *((f"fixture {f.name}", f"{_vector_text(f.p_BX)} mm") for f in cell.fixtures if cell.has_bar()),
         ("measured point", f"{tool} mm in the flange"),
         ("obstacles", str(len(cell.obstacles))),
         ("home", ", ".join(f"{v:.1f}" for v in to_deg(cell.home)) + " deg"),

@@ -1,11 +1,13 @@
 """Many clients of a service at once, in a process of its own: how long a status takes while plans run.
 
-``python -m tests.benchmarks.service_load [ADDRESS]`` asks the service there, or one that it starts.
+``python -m tests.benchmarks.service_load [ADDRESS]`` asks the service there, or one that it starts
+(20 s on a quiet machine, 3 min at most), and then prints a table.
 """
 
 import asyncio
 import json
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -16,6 +18,7 @@ import numpy as np
 
 POLLING, SUBMITTING, STREAMS, SECONDS = 50, 10, 5, 10.0
 EACH_S = 1.0  # a client asks so often
+BOUND_S = 180  # it ends there, whatever has come
 WARM_S = 3.0  # until the first plans run
 
 
@@ -98,16 +101,8 @@ async def load(address):
     return np.array(waits), len(made), len(events)
 
 
-def main(address=None):
-    if address is None:
-        with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", folder]
-            with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-                try:
-                    main(re.search(r"http://\S+?(?=,)", server.stderr.readline())[0])
-                finally:
-                    server.terminate()
-        return
+def measure(address):
+    """Return times of a status in ms, and counts."""
     waits, made, events = asyncio.run(load(address))
     figures = {
         "median_ms": 1e3 * np.median(waits),
@@ -115,7 +110,24 @@ def main(address=None):
         "max_ms": 1e3 * waits.max(),
     }
     counts = {"requests": len(waits), "accepted": made, "events": events}
-    print(json.dumps({k: round(float(v), 2) for k, v in figures.items()} | counts), flush=True)
+    return {k: round(float(v), 2) for k, v in figures.items()} | counts
+
+
+def main(address=None):
+    if address is not None:
+        print(json.dumps(measure(address)), flush=True)
+        return
+    signal.alarm(BOUND_S)
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", folder]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+            try:
+                found = measure(re.search(r"http://\S+?(?=,)", server.stderr.readline())[0])
+            finally:
+                server.terminate()
+    print(f"{POLLING} clients polling, {SUBMITTING} submitting, {STREAMS} event streams, {SECONDS:g} s\n")
+    for row in (found, ["---"] * len(found), found.values()):
+        print("|", " | ".join(map(str, row)), "|")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 """Throughput of sweeps on a Dask cluster of processes here, and what that says of larger clusters.
 
-``python -m tests.benchmarks.sweep`` (two minutes on two cores) measures points an hour with 1 and 2 workers, and what
-the one scheduler and the one process that submits and writes parts need for a point; from these the rest follows.
+``python -m tests.benchmarks.sweep`` (two minutes on two cores, three at most) measures points an hour with 1 and 2
+workers, and what the one scheduler and the one process that submits and writes parts need for a point; from these the
+rest follows.
 """
 
+import signal
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +16,7 @@ from planner.studies.sweep import SweepTask, run_task, sweep, write_part
 
 SWEEP = 'schema = "edbb-sweep/1"\ncells = ["ur10/edbb"]\nposes = {poses}\ncandidates = 400\ntrials = 200\n'
 POINTS, EMPTY, PARTS = 8, 2000, 200
+BOUND_S = 180  # it ends there, whatever has come
 
 
 def cluster(workers):
@@ -53,19 +56,24 @@ def measure_writing(folder):
 
 
 def main():
+    signal.alarm(BOUND_S)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (one, core), (two, core_of_two) = (measure_points(n, folder) for n in (1, 2))
         overhead = measure_overhead()
         writing, size = measure_writing(folder)
-    print(f"1 worker: {one:.2f} s a point, {3600 / one:.0f} points an hour; {core:.2f} s of a core")
-    print(f"2 workers: {two:.2f} s a point, {3600 / two:.0f} points an hour; {core_of_two:.2f} s of a core")
-    print(f"scheduler and client {1e3 * overhead:.2f} ms a point, writing {1e3 * writing:.2f} ms and {size} bytes")
     serial = overhead + writing
+    print("| Workers | Points an hour | Workers busy |\n|---|---|---|")
+    print(f"| 1 (measured) | {3600 / one:.0f} | {100 * core / one:.0f} % |")
+    print(f"| 2 (measured) | {3600 / two:.0f}; {one / two:.1f} times one | {50 * core_of_two / two:.0f} % |")
     for workers in (100, 10_000):
         most = min(workers / one, 1 / serial)
-        print(f"{workers} workers, on paper: {workers / one:.0f} points/s if all work, {1 / serial:.0f} by one client,")
-        print(f"  so {3600 * most:.0f} points an hour, workers busy {100 * min(1, most * one / workers):.0f} %")
+        print(f"| {workers} (on paper) | {3600 * most:.0f} | {100 * min(1.0, most * one / workers):.0f} % |")
+    print(f"\na point takes {core:.2f} s of a core, scheduler and client {1e3 * overhead:.2f} ms,")
+    print(
+        f"its part of {size} bytes {1e3 * writing:.2f} ms to write: one client feeds {1 / serial:.0f} points a second,"
+    )
+    print(f"what {one / serial:.0f} workers compute")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from tests.workflow.conftest import small_cell
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 SOFTWARE_3D = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
+PLACE = ("390", "420", "60")  # mm, to which the fixture is dragged only roughly
 MINUTES = 5 * 60_000  # of waiting at most: the machine may be busy
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
 
@@ -98,6 +99,8 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     check_sensitivity(page, "cell")
 
     drag_fixture(page)
+    for axis, value in zip("xyz", PLACE, strict=True):
+        page.fill(f"#fixture-{axis}", value)
     page.fill("#poses", "30")
     page.click("#plan-form button:has-text('Plan')")
     page.wait_for_selector("text=What was planned")

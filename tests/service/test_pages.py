@@ -3,6 +3,7 @@
 import json
 import re
 
+import numpy as np
 import pytest
 from scipy.stats import maxwell
 
@@ -12,6 +13,7 @@ from planner.service.job_store import JobOutput
 from planner.service.page_content import GENERAL, find_action
 from planner.service.pages import session_steps
 from planner.service.serving import build_context
+from planner.service.views import check_view
 from planner.session.document import PlanDocument
 from tests.service.conftest import client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store
@@ -48,6 +50,14 @@ def test_text_of_a_file_is_text_on_a_page(client):
     page = client.get(f"/jobs/{job['id']}").text
     assert job["state"] == "failed"
     assert "<script>alert" not in page
+
+
+@pytest.mark.parametrize("cell", ["kuka-kr6-r700/tracker", "kuka-kr6-r700/trical", "so101/sockets", "so101/wire"])
+def test_cells_of_every_gauge_are_seen(cell):
+    seen = check_view(load_cell(cell))
+    assert "robot" in {p.name for p in seen.view.parts}
+    assert np.all(np.array(seen.view.high_mm) > np.array(seen.view.low_mm))
+    assert bool(seen.fixtures) == (cell == "so101/wire")
 
 
 def test_the_steps_at_the_cell_say_what_the_cell_says():

@@ -156,4 +156,5 @@ def _judge_by_index(
     final = model.rows(there)
     value = index_value(index, final)
     indices = all_indices(final), all_indices(final, model.prior)
-    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices), rows
+    ball = session.pool.take(chosen).ball
+    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices, ball), rows

@@ -17,7 +17,9 @@ function add() {
 
 for (const input of inputs) {
   input.value = kept[input.id] ?? "";
+  input.classList.toggle("filled", input.value !== "");
   input.addEventListener("input", () => {
+    input.classList.toggle("filled", input.value !== "");
     kept[input.id] = input.value;
     localStorage.setItem(key, JSON.stringify(kept));
     add();
