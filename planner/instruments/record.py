@@ -84,6 +84,7 @@ class CheckFile(PartialModel):
     p_value: float
     threshold: float
     changes: tuple[CheckedChange, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
