@@ -9,6 +9,7 @@ screenshots into that folder to be looked at.
 import json
 import os
 import re
+import zlib
 from base64 import b64decode, b64encode
 from io import BytesIO
 from pathlib import Path
@@ -65,7 +66,7 @@ def differences(page, name):
         return [f"panels: {names[1]}, kept: {names[0]}"]
     found = []
     for (panel, left, right, shape, colours), now in zip(kept, seen, strict=True):
-        then = np.frombuffer(b64decode(colours), np.uint8).reshape(HIGH, WIDE, 3)
+        then = np.frombuffer(zlib.decompress(b64decode(colours)), np.uint8).reshape(HIGH, WIDE, 3)
         if max(abs(left - now[1]), abs(right - now[2])) > SHIFT:
             found.append(f"{panel}: from {now[1]:.2f} to {now[2]:.2f} of the width, kept {left} to {right}")
         if not 1 / TALLER < now[3] / shape < TALLER:
@@ -85,7 +86,8 @@ def compare(page, name):
     page.screenshot(path=Path(folder) / f"{name}.png", full_page=True)
     whole = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     whole[name] = [
-        (n, round(a, 3), round(b, 3), round(s, 3), b64encode(c.tobytes()).decode()) for n, a, b, s, c in take(page)
+        (n, round(a, 3), round(b, 3), round(s, 3), b64encode(zlib.compress(c.tobytes(), 9)).decode())
+        for n, a, b, s, c in take(page)
     ]
     pages = (f'"{n}": [\n' + ",\n".join(json.dumps(p) for p in v) + "\n]" for n, v in whole.items())
     KEPT.write_text("{\n" + ",\n".join(pages) + "\n}\n")
