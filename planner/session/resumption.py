@@ -82,8 +82,10 @@ def cut_stretches(
                 there = ways[min(point, 2 * m - 2 - point)]
                 moves = tuple(even_moves(cell, path.q[there], path.visit[there], mounting))
                 out += [StretchEnd(), Entry(number, degrees(path.q[0]), moves), StretchBegin(number)]
-            if isinstance(item, JointMove) and item.pose != number:
-                out.append(Comment(f"start {number}: pose {item.pose}"))
+            later = path.visit[point + 1 :]
+            pose = int(later[later >= 0][0])
+            if isinstance(item, JointMove) and pose != number:
+                out.append(Comment(f"start {number}: pose {pose}"))
         out.append(item)
     return [*out, StretchEnd()]
 
