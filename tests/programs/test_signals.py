@@ -135,7 +135,7 @@ def test_where_the_feed_is_of_the_tool_point_the_program_says_of_which():
     program = replace(sessions.static(), map_mm=(40.0, -1.5, 100.25))
     text = write_program(program, "bnr", "s")[0].text
     said = " ".join(line.strip("; ") for line in text.splitlines() if line.startswith(";"))
-    assert "must end in the measured point, [40.000, -1.500, 100.250] mm" in said
+    assert "configure the measured point there, [40.000, -1.500, 100.250] mm" in said
 
 
 def test_rapid_tooldata_without_a_mass_is_that_of_tool0():
