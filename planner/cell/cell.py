@@ -20,6 +20,8 @@ from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
 
+PASS_STATES = 4096  # of one forward pass: what it needs stays in the processor's cache
+
 
 @dataclass(frozen=True)
 class ToolPoint:
@@ -336,9 +338,12 @@ class Cell:
 
     def map_jacobian(self, q: Array) -> Array:
         """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""
-        chain = self.chain
-        screws = chain.forward(self.robot.theta(q)).point_screws(chain.joint_places)  # (N, 3, n) by theta
-        return np.asarray(np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix))
+        chain, out = self.chain, np.empty((len(q), 3, q.shape[1]))
+        for k in range(0, len(q), PASS_STATES):
+            part = slice(k, k + PASS_STATES)
+            screws = chain.forward(self.robot.theta(q[part])).point_screws(chain.joint_places)  # (N, 3, n) by theta
+            np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix, out=out[part])
+        return out
 
     def map_axis(self, q: Array) -> Array:
         """Axis of the MAP's ball joint in the base frame, (n, 3)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import polars as pl
 else:
     pl = LazyModule("polars")
+
+PART_TIMES = 8192  # evaluated at a time: what they need stays in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,12 @@ class Trajectory:
 
     def at(self, t: ArrayLike) -> MotionSamples:
         """Return the state at times t (n,) [s], held at rest outside [0, duration_s]."""
-        return evaluate_motion(self.curve, self.phases, self.tool_jacobian, np.atleast_1d(np.asarray(t, dtype=float)))
+        t = np.atleast_1d(np.asarray(t, dtype=float))
+        parts = [
+            evaluate_motion(self.curve, self.phases, self.tool_jacobian, t[k : k + PART_TIMES])
+            for k in range(0, max(len(t), 1), PART_TIMES)
+        ]
+        return MotionSamples(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(MotionSamples)))
 
     def angles(self, t: ArrayLike) -> Array:
         """Return the joint angles at times t (n,) [s], (n, N) [rad]; quicker than all of :meth:`at`."""
