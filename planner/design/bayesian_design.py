@@ -143,7 +143,8 @@ class BayesianPosterior:
         """Return what the priors say."""
         shown = np.einsum("ij,ij->i", white @ weight, white)
         spread = np.einsum("ij,ij->i", white, white)
-        return cls(white, weight, np.eye(white.shape[1]), shown, spread, float(np.trace(weight)))
+        by_column = np.asfortranarray(white)  # products with vectors read it twice as quickly
+        return cls(by_column, weight, np.eye(white.shape[1]), shown, spread, float(np.trace(weight)))
 
     def gains(self) -> Array:
         """How much each candidate would take off the mean square error, (n,) [m²]."""

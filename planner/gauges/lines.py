@@ -1,6 +1,7 @@
 """Joint samples and margins of a gauge that reads along the line from a place to the tool point."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,6 +11,7 @@ from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_types import FilterStage, JointSamples, PointTravel
 from planner.common.errors import InputError
+from planner.common.second_process import available_threads
 from planner.common.sequences import sobol_points
 from planner.common.units import Array
 from planner.kinematics.bar_geometry import bar_state, tilt_angle
@@ -53,6 +55,7 @@ class LineGauge(Gauge):
         return [travel.stretch, travel.stretch, travel.swing, travel.swing + travel.turn]
 
 
+ARC_STATES = 8192  # that a thread brings into the shell at a time
 PER_ARC = 4.0  # mean number of points on an arc that is not empty
 
 
@@ -79,26 +82,31 @@ def sample_shell(cell: Cell, mounting: Mounting, points: Array) -> JointSamples:
     lower, upper = cell.sampling_range
     q = np.empty((len(points), cell.robot.n_joints))
     q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
-    start, length = _arcs_in_shell(cell, p_BX, q, lower[0], upper[0])
-    return _sample_arcs(q, start, length, float(upper[0] - lower[0]))
+    chunks = [q[k : k + ARC_STATES] for k in range(0, len(q), ARC_STATES)]
+    with ThreadPoolExecutor(available_threads()) as threads:
+        arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, lower[0], upper[0]), chunks)
+        inside, start, length = (np.concatenate(parts) for parts in zip(*arcs, strict=True))
+    return _sample_arcs(q[inside], start, length, float(upper[0] - lower[0]), len(q))
 
 
-def _sample_arcs(q: Array, start: Array, length: Array, full: float) -> JointSamples:
-    """Place equidistant points on the concatenated arcs (m, A) of the samples q (m, N)."""
+def _sample_arcs(q: Array, start: Array, length: Array, full: float, count: int) -> JointSamples:
+    """Place equidistant points on the concatenated arcs (m, A) of samples q (m, N); ``count`` with those without."""
     ends = np.cumsum(length.ravel())
     used = np.count_nonzero(length)
     if used == 0:
-        return JointSamples(q[:0], len(q))
+        return JointSamples(q[:0], count)
     spacing = ends[-1] / (PER_ARC * used)
     s = (np.arange(int(PER_ARC * used)) + 0.5) * spacing
     arc = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
     out = q[arc // length.shape[1]].copy()
     out[:, 0] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))
-    return JointSamples(out, max(len(out), round(len(q) * full / spacing)))
+    return JointSamples(out, max(len(out), round(count * full / spacing)))
 
 
-def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float) -> tuple[Array, Array]:
+def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float) -> tuple[np.ndarray, Array, Array]:
     """Arcs of the first joint that lie in the shell, for q with q1 = 0: start and length, (m, A) [rad].
+
+    Of those states alone, (n,) bool and returned first, whose circle meets the shell.
 
     L² = h² + r² + f² − 2 r f cos φ: h along axis 1, r and f the distances of the MAP and the fixture from it,
     φ the angle between them.
@@ -112,16 +120,17 @@ def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float
     f_radial = float(np.linalg.norm(e1))
     e1 = e1 / f_radial if f_radial > 1e-9 else np.linalg.svd(u[None])[2][1]
     along, across = x @ e1, x @ np.cross(u, e1)
-    r, phi0 = np.hypot(along, across), np.arctan2(across, along)
+    r = np.hypot(along, across)
     square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
     scale = np.maximum(2 * r * f_radial, 1e-12)
     shortest, longest = cell.gauge.planned_range
-    near = np.arccos(np.clip((square - shortest**2) / scale, -1, 1))
-    far = np.arccos(np.clip((square - longest**2) / scale, -1, 1))
+    near, far = (np.clip((square - end**2) / scale, -1, 1) for end in (shortest, longest))
+    inside = near > far
+    near, far, phi0 = np.arccos(near[inside]), np.arccos(far[inside]), np.arctan2(across[inside], along[inside])
     starts, ends = np.stack([near, -far], axis=1) - phi0[:, None], np.stack([far, -near], axis=1) - phi0[:, None]
     if sense < 0:
         starts, ends = -ends, -starts
     turns = 2 * np.pi * np.arange(np.floor((lower - np.pi) / (2 * np.pi)), np.ceil((upper + np.pi) / (2 * np.pi)) + 1)
-    start = np.maximum(starts[:, :, None] + turns, lower).reshape(len(q), -1)
-    end = np.minimum(ends[:, :, None] + turns, upper).reshape(len(q), -1)
-    return start, np.maximum(end - start, 0.0)
+    start = np.maximum(starts[:, :, None] + turns, lower).reshape(len(near), 2 * len(turns))
+    end = np.minimum(ends[:, :, None] + turns, upper).reshape(start.shape)
+    return inside, start, np.maximum(end - start, 0.0)

@@ -68,6 +68,10 @@ class Report:
         """Every picture for print, name → bytes."""
         return self._drawing.result()
 
+    def draw_beside(self) -> None:
+        """Begin to draw the pictures beside what follows."""
+        _ = self._drawing
+
     @cached_property
     def _drawing(self) -> Beside[dict[str, bytes]]:
         return Beside(self._draw)
@@ -82,7 +86,7 @@ class Report:
 
     def html(self) -> str:
         """Return the page."""
-        _ = self._drawing  # begins beside what follows
+        self.draw_beside()
         figures = {c.name: chart_json(c) for c in self.charts}
         if self.view is not None:
             figures["view"] = view_json(self.view)

@@ -47,13 +47,15 @@ def write_plan(
     """
     with draft_folder(folder) as draft:
         with stages.stage("report"):
+            page = _report(plan)
+            page.draw_beside()
             for file in (file for _, files in plan.programs for file in files):
                 write_text(draft / file.name, file.text, file.encoding)
             write_text(draft / "trajectory.csv", trajectory_csv(plan))
             for name, text in more.items():
                 write_text(draft / name, text)
             write_cell(plan.cell, draft)
-            _report(plan).write(draft)
+            page.write(draft)
             write_text(draft / "plan.json", document_text(plan_content(plan)))
         write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
         return move_all(draft, folder)
