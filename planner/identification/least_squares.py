@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.blas import dtrmm
 from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
@@ -202,9 +203,13 @@ def subset_size(model: Model, samples: int) -> int:
 def _leverage(problem: FitProblem, solution: Solution) -> Array:
     """Return the leverage of each reading, (n, r), 0 … 1."""
     root = solution.inverse
+    if not len(root):
+        return np.zeros((len(problem), problem.model.width))
 
     def one(part: slice) -> Array:
-        return np.asarray(((problem.piece(part, solution.errors).rows @ root) ** 2).sum(axis=2))
+        columns = problem.piece(part, solution.errors).columns[:-1]
+        own = dtrmm(1.0, root, columns.reshape(len(columns), -1).T, side=1).T
+        return np.asarray((own**2).sum(axis=0).reshape(columns.shape[1:]).T)
 
     return np.concatenate(list(problem.over_pieces(one)))
 
