@@ -7,13 +7,14 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
+from planner.effects.context import Context
 from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
 from planner.model.identification_document import Metrics, Stage
-from planner.model.model import Model
+from planner.model.model import Model, chunks
 from planner.runs.run import Run
 
 STAGE_READINGS = 24_000  # readings of a long run that are fitted before the last stage
@@ -104,11 +105,15 @@ def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, 
     """Residuals of every sample of a run by the fit to a part of it, and by the fit without the sample's fold."""
     model, samples = found.model, run.samples
     targets = model.setup.targets(samples, run.readings)
-    residual = model.residual(samples, targets, found.errors)
+    residual = np.empty((len(samples), model.width))
     held = np.empty_like(residual)
     for fold in range(split.folds):
         mine = np.flatnonzero(split.fold == fold)
-        held[mine] = model.residual(samples.take(mine), targets.take(mine), found.errors + shift[fold])
+        for part in chunks(len(mine)):  # what basis functions look at is computed once for both
+            few = mine[part]
+            context, there = Context(model.setup, samples.take(few)), targets.take(few)
+            residual[few] = model.residual_in(context, there, found.errors)
+            held[few] = model.residual_in(context, there, found.errors + shift[fold])
     return residual, held
 
 
