@@ -96,7 +96,7 @@ def test_compliance_without_masses_is_a_turn():
     [(3, 2, -1.0, "couple = { 2 = -1 }"), (4, 4, -2.0, "joint 4 counts the other way")],
 )
 def test_a_robot_whose_angles_are_counted_otherwise_gets_a_hint(joint, by, ratio, words):
-    w = world()
+    w = world(n=60)
     length = w.read({}, {f"theta{joint}": ratio * w.q[:, by - 1]})
     run = w.reading(length)
     assert words in angle_hint(w.cell, run, 0.2)

@@ -26,7 +26,7 @@ SWEEP = 25  # states on each motion
 
 @pytest.fixture(scope="module")
 def planned(cell):
-    quick = replace(cell, plan=replace(cell.plan, candidates=400, poses=12, repeat=1, validate=4))
+    quick = replace(cell, plan=replace(cell.plan, candidates=200, poses=12, repeat=1, validate=4))
     return plan_cell(quick, PlanOptions(), Stages(lambda *_: None))
 
 
@@ -98,7 +98,7 @@ def test_plan_json(planned):
     assert content["observability"]["bound_verified"]
     assert content["observability"]["O1"] <= content["observability"]["bound"]
     assert content["path"]["clearance_mm"] >= 5
-    assert content["funnel"]["contact"] >= 400
+    assert content["funnel"]["contact"] >= 200
 
 
 def written(plan, dialect):
