@@ -13,7 +13,7 @@ from tests.simulation.generator.arm import Arm
 from tests.workflow.conftest import planned, small_cell
 
 TWO = ("mass_kg = 1.3", 'mass_kg = 1.3\npoints = [{ name = "low", map_mm = [-60, 40, 90] }]')
-FEWER = ("candidates = 3000", "candidates = 500")
+FEWER = ("candidates = 3000", "candidates = 1200")
 OTHER = ("[[obstacles]]", '[[fixtures]]\nname = "B"\nposition_mm = [430, -330, 60]\n\n[[obstacles]]')
 MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 
@@ -21,7 +21,7 @@ MAP_M = {"1": (0.03, 0.0, 0.11), "low": (-0.06, 0.04, 0.09)}
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("places")
-    made = planned("kuka-kr6-r700/edbb", folder, 36, "krl", changes=(FEWER, TWO, OTHER))
+    made = planned("kuka-kr6-r700/edbb", folder, 40, "krl", changes=(FEWER, TWO, OTHER))
     return made.folder, made.plan
 
 
