@@ -16,7 +16,6 @@ from scipy.linalg.lapack import dtrtri
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
-from planner.effects.parameters import Parameter
 from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
@@ -174,14 +173,14 @@ def fit(
     few = problem.take(even_positions(len(problem), look)) if long else problem
     prior, errors = problem.model.prior, start
     if factors is not None:
-        few = few.with_model(_with_prior(few.model, prior * factors))
+        few = few.with_model(few.model.with_prior(prior * factors))
     for _ in range(MAX_ROUNDS if settle else 0):
         solution = solve(few, errors, ROUGHLY_CONVERGED)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _prior_share(solution)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
-        model = _with_prior(few.model, prior * _factors(few.model, prior, errors, shrunk))
+        model = few.model.with_prior(prior * _factors(few.model, prior, errors, shrunk))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
         )
@@ -238,11 +237,6 @@ def _factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
         square = (float(((errors[which] / prior[which]) ** 2).sum()) + 1.0) / (decided + 1.0)
         out[which] = np.clip(np.sqrt(square), *FACTOR_RANGE)
     return out
-
-
-def _with_prior(model: Model, prior: Array) -> Model:
-    parameters = [replace(p, prior=float(s)) for p, s in zip(model.parameters, prior, strict=True)]
-    return replace(model, parameters=tuple[Parameter, ...](parameters))
 
 
 def _change(a: Noise, b: Noise) -> float:

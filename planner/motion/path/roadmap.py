@@ -128,10 +128,11 @@ class LazyGraph:
 
     def __init__(self, constraints: Constraints, q: Array, edges: np.ndarray) -> None:
         self.constraints, self.q = constraints, q
-        self.edges = np.unique(np.sort(edges, axis=1), axis=0)
+        low, high = np.sort(np.asarray(edges, dtype=int), axis=1).T
+        self._key = np.unique(low * len(q) + high)
+        self.edges = np.column_stack(np.divmod(self._key, len(q)))
         self.cost = leg_time(constraints, *q[self.edges.T]) + SUPPORT_COST
         self.known = np.full(len(self.edges), UNKNOWN)
-        self._key = self.edges[:, 0] * len(q) + self.edges[:, 1]
 
     def add_way(self, ends: np.ndarray, way: Array) -> None:
         """Add a proven way (k, N) [rad] between two states that the graph has."""
