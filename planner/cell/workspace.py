@@ -74,11 +74,23 @@ class Workspace:
 
     def inside(self, q: Array, margin: float) -> np.ndarray:
         """Tell which controller angles (n, N) [rad] keep every margin above ``margin`` [m or rad], (n,) bool."""
-        left = np.arange(len(q))
-        for stage in STAGES:  # each looks only at what those before it left
-            left = left[(self.stage(stage, q[left]) > margin).all(axis=1)]
         out = np.zeros(len(q), dtype=bool)
-        out[left] = True
+        out[self.survivors(q, margin)[-1]] = True
+        return out
+
+    def survivors(self, q: Array, margin: float) -> list[np.ndarray]:
+        """Positions of those of the angles q (n, N) [rad] that keep every margin so far, after each of the stages."""
+        cell, left, out = self.cell, np.arange(len(q)), list[np.ndarray]()
+        tool: tuple[Array, Array] | None = None
+        for stage in STAGES:  # each looks only at what those before it left
+            if self.bar and stage in ("workspace", "cones"):  # where the tool is serves both
+                x, axis = tool or (cell.map_position(q[left]), cell.map_axis(q[left]))
+                kept = (cell.gauge.margins(stage, self.fixture, x, axis) > margin).all(axis=1)
+                tool = x[kept], axis[kept]
+            else:
+                kept = (self.stage(stage, q[left]) > margin).all(axis=1)
+            left = left[kept]
+            out.append(left)
         return out
 
     def stage(self, stage: FilterStage, q: Array, pose: ToolPose | None = None) -> Array:

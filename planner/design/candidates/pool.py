@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
-from planner.cell.workspace import SAFETY_MARGIN, STAGES, Workspace
+from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.second_process import available_threads
 from planner.common.time_limit import CANDIDATES, ROADMAP, must_stop
@@ -226,11 +226,8 @@ def _filter_block(sample: JointSamples, workspace: Workspace, world: CollisionWo
 
 
 def _apply_workspace_filters(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
-    counts = []
-    for stage in STAGES:
-        q = q[(workspace.stage(stage, q) > SAFETY_MARGIN).all(axis=1)]
-        counts.append(len(q))
-    return q, counts
+    left = workspace.survivors(q, SAFETY_MARGIN)
+    return q[left[-1]], [len(each) for each in left]
 
 
 def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
