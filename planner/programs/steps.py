@@ -131,7 +131,8 @@ class _StepBuilder:
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
-        self.scaled = any(o != 100 for o in self.overrides)
+        ways = [o for e in program.entries for o in choose_overrides(e.moves, dialect.speed)]
+        self.scaled = any(o != 100 for o in (*self.overrides, *ways))
         self.branch = 0
         self.marks = find_marks(program.instructions)
         for item in program.instructions:

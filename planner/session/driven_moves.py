@@ -73,7 +73,7 @@ def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> l
             degrees(q[k + 1]),
             duration_s=float(seconds[k]),
             tool_speed_mm_s=float(run.point[k] / seconds[k]) * 1e3,
-            axis_percent=float(np.clip(100.0 * quickest[k] / seconds[k], 0.01, 100.0)),
+            axis_percent=float(np.clip(100.0 * quickest[k] / seconds[k], 0.01, 100.0)) if quickest[k] else 100.0,
             tool_limit_mm_s=float(limit[k]) * 1e3,
             mounting=mounting,
         )

@@ -10,7 +10,7 @@ import pytest
 
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
-from planner.programs.instructions import LogAxes, Program
+from planner.programs.instructions import JointMove, LogAxes, Program
 from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError
@@ -37,6 +37,17 @@ def test_all_starts_are_read_back(name: str, rounded: bool) -> None:
     assert [at for at, _, _ in found.entries] == [2, 3, 4]
     for entry, (_, path, _) in zip(program.entries, found.entries, strict=True):
         np.testing.assert_allclose(path, [m.q_deg for m in entry.moves], atol=10.0 ** -load_dialect(name).decimals)
+
+
+@pytest.mark.parametrize("name", STARTED)
+def test_a_way_may_be_slower_than_any_move_of_the_session(name: str) -> None:
+    """Then only the way lowers the override, and what follows a stop has it back."""
+    program = sessions.resumable(6, POSES)
+    quick = tuple(
+        replace(i, axis_percent=60.0, duration_s=1.0) if isinstance(i, JointMove) else i for i in program.instructions
+    )
+    program = replace(program, instructions=quick)
+    verify(program, name, write_program(program, name, "s"))
 
 
 @pytest.mark.parametrize("name", [n for n in dialect_names() if n not in STARTED])
