@@ -134,6 +134,6 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
 
 def _mismatch(path: Path, beside: Path, because: str) -> InputError:
     return InputError(
-        f"{beside} is not the cell of {path}: {because}; "
-        "use the cell.toml that was written with the plan, or plan again"
+        f"{path} and {beside} do not belong together: {because}; "
+        "one of them was changed after planning; use both as they were written, or plan again"
     )

@@ -12,7 +12,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
-from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
+from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, smallest_singular_value, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
@@ -91,6 +91,7 @@ GIVE_UP = 3 * DRAWS[1]  # samples of which none is left: no more are drawn
 ROUNDS = 12
 NEAR = 2e-4  # [m] beyond the clearance that a pose at a ball keeps: the head stands close to it by design
 ON_THE_WAY = (0.25, 0.5, 0.75)
+NIMBLE = 0.02  # smallest singular value of the tool's Jacobian; nearer to a stretched wrist its errors steer the tool
 BLAMED = 200  # colliding states asked for the pair that collides
 
 
@@ -109,7 +110,7 @@ class BallFunnel(Funnel):
         "within the cable",
         "collision-free",
         "approached freely",
-        "with first contact within reach of the indicators",
+        "with first contact within reach of the indicators, no singular position",
     )
     titles: ClassVar[tuple[str, ...]] = names
 
@@ -200,11 +201,12 @@ class _BallFilter:
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
 
     def _contact(self, q: Array) -> np.ndarray:
-        """Tell at which poses the uncalibrated robot meets the ball near enough, (n,) bool."""
+        """Tell where the uncalibrated robot meets the ball near enough and steers the tool in small steps, (n,) bool."""
         if self.contact is None or not len(q):
             return np.ones(len(q), dtype=bool)
         self.met = self.contact.at(q)
-        return np.asarray(self.met < self.cell.gauge.indicators.usable)
+        nimble = smallest_singular_value(self.cell.chain, self.cell.robot, q) > NIMBLE
+        return np.asarray((self.met < self.cell.gauge.indicators.usable) & nimble)
 
     def _approach(self, q: Array) -> tuple[Array, np.ndarray]:
         """Approach poses (n, N) [rad], and which of them and of the ways from there are free, (n,) bool."""

@@ -22,6 +22,25 @@ def test_the_tool_point_is_on_the_ball_and_the_shares_are_equal(cell, pool, tool
     assert (pool.back < cell.robot.q_upper).all()
 
 
+def test_small_steps_of_the_tool_are_small_steps_of_the_joints(cell, pool, tool_pose):
+    """A wrist that is all but straight turns the wrong way by as little as the robot's own errors."""
+    nimble = np.inf
+    for q in pool.q[::5]:
+        at, J = np.concatenate(tool_pose(q)[:1]), np.empty((3, 6))
+        for k in range(6):
+            J[:, k] = (tool_pose(q + 1e-6 * np.eye(6)[k])[0] - at) / 1e-6
+        turned = np.array([_rotation(tool_pose, q, k) for k in range(6)]).T
+        nimble = min(nimble, np.linalg.svd(np.vstack([J, turned]))[1].min())
+    assert nimble > 0.015
+
+
+def _rotation(tool_pose, q, k):
+    """Axis about which joint k turns the tool, by a difference."""
+    before, after = tool_pose(q)[1], tool_pose(q + 1e-6 * np.eye(6)[k])[1]
+    skew = (after @ before.T - np.eye(3)) / 1e-6
+    return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+
+
 def test_the_second_engine_finds_them_free(cell, pool):
     scene = CollisionWorld.from_cell(cell).scene
     away = FclWorld(scene)
