@@ -201,7 +201,7 @@ class _BallFilter:
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
 
     def _contact(self, q: Array) -> np.ndarray:
-        """Tell where the uncalibrated robot meets the ball near enough and steers the tool in small steps, (n,) bool."""
+        """Tell where the uncalibrated robot meets the ball near enough and steers in small steps, (n,) bool."""
         if self.contact is None or not len(q):
             return np.ones(len(q), dtype=bool)
         self.met = self.contact.at(q)
