@@ -2,9 +2,10 @@
 
 import pytest
 
-from tests.workflow.conftest import FEWER, POSES, planned
+from tests.workflow.conftest import planned
 
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory):
-    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", changes=FEWER)
+    few = ("candidates = 3000", "candidates = 600")
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), 30, "krl", changes=(few,))
