@@ -15,7 +15,7 @@ WRONG = {"joints a third of the data sheet's": Noise(3e-6, 4e-6), "gauge alone":
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_share_of_the_joints_in_the_noise_does_not_make_it_over_confident(what):
     """The data sheet's repeatability is a guess: how gauge and joints share the noise comes from the run."""
-    t = trials(world("comau-nj130", 120), 150, WRONG[what], seed=2)
+    t = trials(world("comau-nj130", 120), 250, WRONG[what], seed=2)
     mean, expected = np.mean(t.square / t.P), np.mean(t.freedom / (t.freedom - 2))
     chance = np.std(t.square) / np.mean(t.square) / np.sqrt(len(t.square))
     assert mean / expected - 1 < 0.08 + 3 * chance
