@@ -35,7 +35,7 @@ def found_at(times, seeds):
 
 @pytest.mark.long
 def test_an_effect_of_the_size_of_its_limit_is_found():
-    assert found_at(1.0, range(2, 14, 2)) >= 5
+    assert found_at(1.0, range(2, 16, 2)) >= 6
     assert found_at(0.3, range(2, 10, 2)) <= 1
 
 
