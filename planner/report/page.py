@@ -1,9 +1,9 @@
 """Reports: one page that needs nothing else, and a PNG of each of its charts."""
 
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from planner.report.plotly_backend import chart_json
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
+MANY_PICTURES = 6  # that two copies of the process draw: each begins by importing matplotlib
 ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(FOLDER),
     autoescape=True,
@@ -66,23 +67,30 @@ class Report:
     @cached_property
     def pngs(self) -> dict[str, bytes]:
         """Every picture for print, name → bytes."""
-        return self._drawing.result()
+        drawn = {name: png for part in self._drawing for name, png in part.result().items()}
+        return {name: drawn[name] for name in self._picture_names}
+
+    @property
+    def _picture_names(self) -> list[str]:
+        return [*([] if self.view is None else ["view"]), *(c.name for c in self.charts)]
 
     def draw_beside(self) -> None:
         """Begin to draw the pictures beside what follows."""
         _ = self._drawing
 
     @cached_property
-    def _drawing(self) -> Beside[dict[str, bytes]]:
-        return Beside(self._draw)
+    def _drawing(self) -> tuple[Beside[dict[str, bytes]], ...]:
+        names = self._picture_names
+        parts = 2 if len(names) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
+        return tuple(Beside(partial(self._draw, names[k::parts])) for k in range(parts))
 
-    def _draw(self) -> dict[str, bytes]:
+    def _draw(self, names: Sequence[str]) -> dict[str, bytes]:
         # imported where it draws: matplotlib takes the other processor most of a second
         from planner.report.cell_view_print import view_png
         from planner.report.matplotlib_backend import chart_png
 
-        view = {} if self.view is None else {"view": view_png(self.view)}
-        return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts}
+        view = {"view": view_png(self.view)} if self.view is not None and "view" in names else {}
+        return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts if c.name in names}
 
     def html(self) -> str:
         """Return the page."""
