@@ -16,7 +16,7 @@ from planner.runs.run import Samples
 
 SCATTER = 0.5 * UM  # of an indicator
 BEYOND = 1.2  # times the usable range that a plunger stands out with nothing before it
-STEP_SCATTER = 0.01  # of a small step
+FORGOTTEN = float(np.deg2rad(1.0))  # [rad] travel of a joint over which it forgets by how much it stood off
 IK_STEPS = 20
 
 
@@ -59,7 +59,9 @@ class SimulatedArm:
             raise LinkError("the arm cannot move the tool on this line")
         change = q[0] - self._q
         self._q = read_only(q[0])  # where a move came to rest stays as it is: small steps are far finer than that
-        self._off = read_only(self._off + STEP_SCATTER * change * self._rng.standard_normal(len(change)))
+        kept = np.exp(-np.abs(change) / FORGOTTEN)  # so that it stands as well as it repeats to after any steps
+        fresh = self._model.joint_sigma * self._rng.standard_normal(len(change))
+        self._off = read_only(kept * self._off + np.sqrt(1.0 - kept**2) * fresh)
 
     def joints(self) -> tuple[Array, Array]:
         """Return the controller angles, as read and as commanded, both (N,) [rad]."""

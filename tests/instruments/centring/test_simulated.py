@@ -33,3 +33,17 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
         assert np.abs(arm.joints()[0] - q).max() > 1e-4  # the joints tell what the robot is off by
     assert min(far) > 0.3e-3
     assert max(far) < 5e-3
+
+
+def test_after_any_steps_the_arm_stands_as_well_as_it_repeats_to():
+    cell = load_cell("kuka-kr6-r700/trical")
+    truth = draw_robot(cell, 1)
+    arm = SimulatedArm(cell, truth, CentringSettings(rest=RestSettings(settle_s=0.0)), 1)
+    off = []
+    for _ in range(80):
+        arm.move(cell.home)
+        for step in np.vstack([4e-3 * np.eye(3), -4e-3 * np.eye(3)]):
+            arm.shift(step)
+        off.append(arm._off / truth.model.joint_sigma)
+    size = np.sqrt(np.mean(np.square(off)))
+    assert 0.9 < size < 1.1  # 480 numbers: 3 standard deviations are 0.1
