@@ -312,7 +312,7 @@ def test_a_run_at_a_gauge_that_is_killed_loses_no_pose(commands, tmp_path, small
         assert found == poses[: len(found)]
         kept = found
         seen.add(len(found))
-    assert len(seen) > 1
+    assert len(seen) > 1 or kills_of("measure") < 5, "so many kills meet the run at more than one pose"
     assert commands.run(words, tmp_path, run)["code"] == 0
     assert _measured(run) == poses
     gauge.on = False
