@@ -235,7 +235,7 @@ def draw_centres(found: CirclePlaceChoice, count: int) -> Chart:
         title = f"circles in {plane}"
         panels.append(Panel(title, *labels, tuple(series), x_range=x_range, y_range=y_range, height=230))
     caption = (
-        f"Grey: every circle that the arm can follow within limits and cones. Red: the {count} that know the "
+        f"Grey: every circle that the arm can follow within limits and cones. Coloured: the {count} that know the "
         "compliances best together. Turning all of it about axis 1 changes nothing."
     )
     return Chart("where", "Where the circles are", caption, tuple(panels))
