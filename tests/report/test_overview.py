@@ -1,5 +1,7 @@
 """The page of a study: keys in a column of their own, sentences whole."""
 
+from itertools import pairwise
+
 import pytest
 
 from planner.cell.reading import load_cell
@@ -18,4 +20,4 @@ from planner.report.overview import report_overview
 def test_only_what_stands_in_a_column_of_its_own_is_a_key(line, key, text):
     page = report_overview("Places", load_cell("kuka-kr6-r700/edbb"), f"head\n{line}", (), ()).html()
     cells = [part.partition("</td>")[0].rpartition(">")[2] for part in page.split("<td")[1:]]
-    assert (key, text) in list(zip(cells, cells[1:], strict=False))
+    assert (key, text) in list(pairwise(cells))
