@@ -14,12 +14,13 @@ from planner.model.identification_document import FixturePosition, GaugeFrames, 
 
 # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
+USUAL = 4.0  # standard deviations of what the arm is off there, by which its run may put the frame off too
 
 
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
     """Return the set-up with the artifact's or tracker's frame as the cell declares it, if it was found near there."""
     declared = _declared_frame(cell, setup)
-    if declared is None or not _near(*_apart(*declared, setup)):
+    if declared is None or not _near(cell, *_apart(*declared, setup)):
         return setup
     R, p = declared
     return replace(setup, R_BG=R[None], p_BG=p[None])
@@ -31,7 +32,7 @@ def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     if declared is None or not cell.gauge.is_surveyed:
         return []
     off, turn = _apart(*declared, setup)
-    if _near(off, turn):
+    if _near(cell, off, turn):
         return []
     return [
         f"the run puts the balls {off / MM:.1f} mm and {turn / DEG:.2f} deg from where [artifact] of {cell.path.name} "
@@ -45,8 +46,11 @@ def _declared_frame(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] 
     return None if placed is None or len(setup.p_BG) > 1 else placed_frame(placed)
 
 
-def _near(off: float, turn: float) -> bool:
-    return off <= NEAR_DECLARED and turn <= NEAR_DECLARED_TURN
+def _near(cell: Cell, off: float, turn: float) -> bool:
+    robot = cell.robot
+    usual = USUAL * robot.usual_error(cell.home, cell.tool.p_FM)
+    usual_turn = USUAL * robot.priors.angle * np.sqrt(robot.n_joints)
+    return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, usual_turn)
 
 
 def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:

@@ -47,7 +47,8 @@ NO_POSTERIOR = (
     "the fit of all effects together did not come to rest: the calibrated robot is that of the last stage, and its "
     "error over the workspace is that of its covariance, which sees no misfit"
 )
-LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
+LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this,
+LARGEST_PRIORS = 6.0  # or than so many times its prior size, where the robot says that it may be off by degrees
 TRACEABLE_READINGS = 20  # readings beyond the parameters, below which nothing is traced
 LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
@@ -59,12 +60,14 @@ def find_problems(
     table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult, run: Run, cell: Cell
 ) -> tuple[str, ...]:
     """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
+    prior = dict(zip(found.model.names, found.model.prior.tolist(), strict=True))
     out = [
         f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
         f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
         f"{_tried_text(traced)}"
         for e in table
-        if e.group == "geometry" and abs(e.value - e.nominal) > LARGEST_ERROR.get(e.unit, np.inf)
+        if e.group == "geometry"
+        and abs(e.value - e.nominal) > max(LARGEST_ERROR.get(e.unit, np.inf), LARGEST_PRIORS * prior.get(e.name, 0.0))
     ]
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):

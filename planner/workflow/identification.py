@@ -31,8 +31,9 @@ from planner.model.identification_document import Metrics, Release
 from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
-from planner.session.document import PlanDocument, check_run_of_plan, read_plan
+from planner.session.document import read_plan
 from planner.tracing.trace import trace
+from planner.workflow.run_of_plan import split_by_plan
 from planner.workflow.unit_checks import check_unit
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ def identify_runs(
         if plan is not None:
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
-            run, kept_out = _split_by_plan(number_samples(run), path, document, where.robot.name)
+            run, kept_out = split_by_plan(number_samples(run), path, document, where)
             other = other or kept_out
         for each in (run, other):
             if each is not None:
@@ -245,59 +246,6 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
         readings = [read_reference_readings(Path(path)) for path in paths]
     checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
-
-
-def _split_by_plan(run: Run, path: Path, plan: PlanDocument, robot: str) -> tuple[Run, Run | None]:
-    """Return the run without the plan's validation poses, and these."""
-    check_run_of_plan(run, path, plan, robot)
-    if run.samples.pose is None:
-        return run, None
-    aside = np.isin(run.samples.pose, plan.ids("validate"))
-    strange = np.setdiff1d(run.samples.pose[run.samples.pose >= 0], plan.ids())
-    if len(strange):
-        raise InputError(f"{run.name}: pose {strange[0]} is not in {path} (there: 0 … {max(plan.ids())})")
-    _check_places(run, path, plan)
-    if not run.continuous:
-        _check_angles(run, path, plan)
-    if not aside.any() or aside.all():
-        return run, None
-    return run.take(~aside), replace(run.take(aside), name=f"{run.name}, validation poses")
-
-
-FAR = np.deg2rad(10.0)  # from its planned pose no sample stands that was measured there
-
-
-def _check_angles(run: Run, path: Path, plan: PlanDocument) -> None:
-    """Refuse a run whose samples stand elsewhere than the plan has their poses."""
-    assert run.samples.pose is not None
-    planned = {p.id: np.deg2rad(p.q_deg) for p in plan.poses}
-    for k, (pose, q) in enumerate(zip(run.samples.pose.tolist(), run.samples.q, strict=True)):
-        if pose in planned and len(planned[pose]) == len(q) and (off := np.abs(q - planned[pose])).max() > FAR:
-            axis = int(off.argmax())
-            raise InputError(
-                f"{run.where(k)}: pose {pose} was measured with axis {axis + 1} {np.rad2deg(off[axis]):.1f} deg off, "
-                f"by {path}: are the poses numbered right, and is the plan the one that was driven?"
-            )
-
-
-def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
-    """Refuse a run that measured a pose elsewhere than the plan has it: at another ball, fixture or tool point."""
-    assert run.samples.pose is not None
-    planned = {p.id: p for p in plan.poses}
-    looks = (
-        ("ball", run.readings.ball, run.balls), ("fixture", run.samples.place, run.places),
-        ("point", run.samples.point, run.points),
-    )  # fmt: skip
-    for what, which, names in looks:
-        if which is None or names == ("",):
-            continue
-        pairs, first = np.unique(np.stack([run.samples.pose, which]), axis=1, return_index=True)
-        for k, (pose, at) in sorted(zip(first.tolist(), pairs.T.tolist(), strict=True)):
-            wanted = getattr(planned[pose], what) if pose in planned else None
-            if wanted and names[at] and names[at] != wanted:
-                raise InputError(
-                    f"{run.where(k)}: pose {pose} was measured at {what} '{names[at]}', but {path} has it at '{wanted}'"
-                )
 
 
 def _workspace_text(r: Release, anywhere: float) -> str:

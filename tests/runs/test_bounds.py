@@ -13,7 +13,7 @@ from planner.identification.run_setup import setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_run
 from planner.runs.run import Readings
-from planner.workflow.identification import _check_angles
+from planner.workflow.run_of_plan import check_angles
 
 CELL = load_cell("comau-nj130/edbb")
 Q = "q1_deg,q2_deg,length_mm"
@@ -147,7 +147,7 @@ def test_rows_are_held_against_the_poses_of_their_plan(tmp_path, spoil):
     said = {"one pose for all rows": np.full(len(run), 5), "a pose beside another": poses ^ 1}.get(spoil, poses)
     run = replace(run, samples=replace(run.samples, pose=said))
     if spoil == "nothing":
-        _check_angles(run, tmp_path / "plan.json", plan)
+        check_angles(run, tmp_path / "plan.json", plan, CELL)
         return
     with pytest.raises(InputError, match=r"run.csv, line 2: pose \d was measured with axis .* deg off, by .*plan.json"):
-        _check_angles(run, tmp_path / "plan.json", plan)
+        check_angles(run, tmp_path / "plan.json", plan, CELL)

@@ -1,7 +1,7 @@
 """Candidates at the balls of an artifact, and how far off centre an uncalibrated robot first meets a ball (TriCal
 paper, section 3)."""
 
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +18,7 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
 
 LEVEL = 0.95
+ROOM = 3.0  # standard deviations of what its errors turn a led arm by, that its joints keep to their limits
 STATES = 2000  # of the whole arm, over which its errors are held to what the cell says of them
 
 
@@ -54,6 +55,23 @@ class FirstContact:
     def at(self, q: Array) -> Array:
         """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
         return length_quantile(self._scale * _prior_covariance(self._robot, q) + _prior_covariance(self._rest, q))
+
+
+def led_turns(cell: Cell, q: Array) -> Array:
+    """Return how much the arm's errors turn its joints where the tool point is led to a ball, (n, N) [rad].
+
+    A reading moves by J δq + R e with the errors e of robot, tool and artifact, of their prior sizes; what is led there
+    turns by the shortest δq = −J⁺ R e. These are its standard deviations at q (n, N) [rad]; zero where nothing is led.
+
+    Raises:
+        InputError: the cell does not say where its artifact stands.
+    """
+    if not cell.gauge.at_balls:
+        return np.zeros_like(q)
+    places = cell.fixtures or cell.gauge.read_places(cell.path, cell.robot, cell.file)  # read for planning alone
+    model, samples = Model.from_cell(replace(cell, fixtures=places), frozenset({"fixture", "tool"})), Samples.at(q)
+    turns = np.linalg.pinv(model.joint_rows(samples)) @ (model.rows(samples) * model.prior)
+    return np.asarray(np.linalg.norm(turns, axis=2))
 
 
 def length_quantile(covariance: Array) -> Array:
@@ -201,9 +219,13 @@ class _BallFilter:
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
 
     def _contact(self, q: Array) -> np.ndarray:
-        """Tell where the uncalibrated robot meets the ball near enough and steers in small steps, (n,) bool."""
-        if self.contact is None or not len(q):
-            return np.ones(len(q), dtype=bool)
+        """Tell where a person can lead the ball in, or a head meets it near enough and steers in small steps, (n,) bool."""
+        if not len(q):
+            return np.ones(0, dtype=bool)
+        robot = self.cell.robot
+        if self.contact is None:
+            room = np.minimum(q - robot.q_lower, robot.q_upper - q)
+            return np.asarray((room > ROOM * led_turns(self.cell, q)).all(axis=1))
         self.met = self.contact.at(q)
         nimble = smallest_singular_value(self.cell.chain, self.cell.robot, q) > NIMBLE
         return np.asarray((self.met < self.cell.gauge.indicators.usable) & nimble)
@@ -252,4 +274,6 @@ class _BallFilter:
                 f"{head} Every pose collides {where}, most often {pair}: look at motion.clearance_mm, the stem and "
                 "bodies around it, and the bodies of the tool"
             )
+        if self.contact is None:
+            return f"{head} Joints reach their limits where errors of the usual size are led away: move the artifact."
         return f"{head} At ball {name} {first_contact_advice(self.cell, self.met)}"
