@@ -219,7 +219,7 @@ class _BallFilter:
         return q[near], back[near], BallFunnel(*counts, int(near.sum()))
 
     def _contact(self, q: Array) -> np.ndarray:
-        """Tell where a person can lead the ball in, or a head meets it near enough and steers in small steps, (n,) bool."""
+        """Tell where a person can lead the ball in, or a head meets it and steers in small steps, (n,) bool."""
         if not len(q):
             return np.ones(0, dtype=bool)
         robot = self.cell.robot
