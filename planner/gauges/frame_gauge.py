@@ -89,8 +89,9 @@ class PositionGauge(Gauge):
         yield "position", context.motion.x.T
 
     def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
-        """Return the setup with frames that are all to be found."""
-        return setup.with_unknown_places(run.places, LOCATED_SIGMA, LOCATED_TURN_SIGMA)
+        """Return the setup with frames that are all to be found, as well as the nominal robot finds them."""
+        turn = max(LOCATED_TURN_SIGMA, setup.robot.usual_turn)
+        return setup.with_unknown_places(run.places, LOCATED_SIGMA, turn)
 
     def set_up_again(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
         """Return the setup with the frames of the run; the targets sit where they sat."""

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.places import placed_frame
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
+from planner.gauges.run_places import LOCATED_TURN_SIGMA
 from planner.identification.least_squares import Fit
 from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
 
@@ -23,7 +24,7 @@ def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
     if declared is None or not _near(cell, *_apart(*declared, setup)):
         return setup
     R, p = declared
-    return replace(setup, R_BG=R[None], p_BG=p[None])
+    return replace(setup, R_BG=R[None], p_BG=p[None], turn_prior=min(setup.turn_prior, LOCATED_TURN_SIGMA))
 
 
 def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
@@ -49,8 +50,7 @@ def _declared_frame(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] 
 def _near(cell: Cell, off: float, turn: float) -> bool:
     robot = cell.robot
     usual = USUAL * robot.usual_error(cell.home, cell.tool.p_FM)
-    usual_turn = USUAL * robot.priors.angle * np.sqrt(robot.n_joints)
-    return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, usual_turn)
+    return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, USUAL * robot.usual_turn)
 
 
 def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:

@@ -168,6 +168,11 @@ class Robot:
         free = np.array([not t.fixed for t in self.transforms])
         return float(np.sqrt(((at_point.point_screws()[:, :, 0] * (size * free)[:, None]) ** 2).sum() / 3))
 
+    @property
+    def usual_turn(self) -> float:
+        """How far its flange is usually turned from where it is told to be: an angle of ``priors`` a joint [rad]."""
+        return self.priors.angle * float(np.sqrt(self.n_joints))
+
     def pin_model(self) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
         """Build the pinocchio model; its configuration is ``theta(q)``.
 
