@@ -70,9 +70,10 @@ class PointPoses(PoseSession):
             )
         funnel = pool.funnel
         if pool.ball is not None and (far := getattr(funnel, "approach", 0) - getattr(funnel, "contact", 0)):
-            self.notes.append(
-                f"{far} poses were left out: the uncalibrated robot might meet the ball further off than it may"
-            )
+            why = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
+            if self.cell.gauge.head is None:
+                why = "joints might come to their limits where the uncalibrated robot's ball is led into the socket"
+            self.notes.append(f"{far} poses were left out: {why}")
         return pool.take(kept)
 
     def select(self, stages: Stages) -> Selection:

@@ -24,7 +24,7 @@ ARMS = 20
 
 @pytest.fixture(scope="module")
 def planned():
-    """Poses at both sockets in turn, with the ball led in from above."""
+    """Poses at two sockets in turn, with the ball led in from above."""
     robot, rng, out = CELL.robot, np.random.default_rng(3), []
     for ball in range(2):
         start = rng.uniform(robot.q_lower, robot.q_upper, (1000, robot.n_joints))
