@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array
-from planner.design.candidates.balls import draw_ball_candidates
+from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
 from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
 from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, replace_pose, select_poses
 from planner.motion.path.constraints import Constraints
@@ -69,11 +69,8 @@ class PointPoses(PoseSession):
                 f"{lost} of {len(pool)} candidates cannot be reached from where the session starts; left out"
             )
         funnel = pool.funnel
-        if pool.ball is not None and (far := getattr(funnel, "approach", 0) - getattr(funnel, "contact", 0)):
-            why = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
-            if self.cell.gauge.head is None:
-                why = "joints might come to their limits where the uncalibrated robot's ball is led into the socket"
-            self.notes.append(f"{far} poses were left out: {why}")
+        if isinstance(funnel, BallFunnel) and (far := funnel.approach - funnel.contact):
+            self.notes.append(f"{far} poses were left out: {funnel.missed}")
         return pool.take(kept)
 
     def select(self, stages: Stages) -> Selection:

@@ -7,7 +7,6 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.design.candidates.balls import led_turns
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
 
@@ -42,6 +41,8 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
     Raises:
         InputError: naming row, pose and axis, and by how much it may be off.
     """
+    from planner.design.candidates.balls import led_turns  # collision engines: a run without a plan does without
+
     assert run.samples.pose is not None
     planned = {p.id: np.deg2rad(p.q_deg) for p in plan.poses if len(p.q_deg) == cell.robot.n_joints}
     rows = [k for k, pose in enumerate(run.samples.pose.tolist()) if pose in planned]

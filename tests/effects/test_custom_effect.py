@@ -10,7 +10,7 @@ import planner.effects.catalogue as registry
 from planner.common.errors import InputError
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
 from planner.effects.context import Context
-from planner.effects.phi_keys import is_static, phi_from_key
+from planner.effects.phi_keys import functions_in, is_static, phi_from_key
 from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
 from planner.workflow.plan_reading import simulate_plan
@@ -38,7 +38,8 @@ def hose(monkeypatch):
     monkeypatch.setattr(basis, "FUNCTIONS", list(basis.FUNCTIONS))
     monkeypatch.setattr(importlib.import_module("planner.effects.phi_keys"), "FUNCTIONS", basis.FUNCTIONS)
     monkeypatch.delitem(sys.modules, "tests.effects.hose_pull", raising=False)
-    return importlib.import_module("tests.effects.hose_pull")
+    yield importlib.import_module("tests.effects.hose_pull")
+    functions_in.cache_clear()  # what is registered stays, but for this test
 
 
 @pytest.mark.usefixtures("hose")

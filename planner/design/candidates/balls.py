@@ -131,6 +131,7 @@ class BallFunnel(Funnel):
         "with first contact within reach of the indicators, no singular position",
     )
     titles: ClassVar[tuple[str, ...]] = names
+    missed: ClassVar[str] = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
 
     def __add__(self, other: Funnel) -> "BallFunnel":
         """Add two funnels filter by filter."""
@@ -146,6 +147,9 @@ class SocketFunnel(BallFunnel):
         "led in by a person",
     )  # fmt: skip
     titles: ClassVar[tuple[str, ...]] = names
+    missed: ClassVar[str] = (
+        "joints might come to their limits where the uncalibrated robot's ball is led into the socket"
+    )
 
 
 def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
