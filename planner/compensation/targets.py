@@ -75,6 +75,9 @@ class CartesianTarget:
     start: Array | None = None
 
 
+MOST = 1e4  # [m, rad] no target, tool or base of a robot is farther away
+
+
 @dataclass(frozen=True)
 class Target:
     """One target in a file.
@@ -93,6 +96,12 @@ class Target:
     q: Array | None = None
     pose: CartesianTarget | None = None
     follows: tuple[int, ...] = ()
+
+    @property
+    def is_sensible(self) -> bool:
+        """Tell whether all its numbers are finite and as large as a robot's may be."""
+        frames = () if self.pose is None else (self.pose.T_BT, self.pose.T_WB, self.pose.T_FT)
+        return all(bool((np.abs(x) < MOST).all()) for x in (() if self.q is None else (self.q,)) + frames)
 
 
 @dataclass(frozen=True)
@@ -164,7 +173,10 @@ class TargetReading:
     def add(self, target: Target, index: int | None = None) -> int:
         """Note a target, at the index that was reserved for it, and return the index."""
         index = self.reserve() if index is None else index
-        self._found[index] = target
+        if target.is_sensible:
+            self._found[index] = target
+        else:
+            self.leave(target.line, "a number of the target, its tool or its base is larger than any robot's")
         return index
 
     def add_joints(self, line: int, found: Sequence[PlacedNumber], index: int | None = None) -> int:

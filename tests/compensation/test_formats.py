@@ -338,3 +338,24 @@ def test_the_summary_says_what_was_left(tmp_path):
     assert "1 joint targets and 0 poses corrected" in done.summary
     assert "left as it was: p.src:2:" in done.summary
     assert "p.src:4: XP9 is declared elsewhere" in done.summary
+
+
+@pytest.mark.parametrize("number", ["1e1", "1e400"])
+def test_an_exponent_in_gcode_is_refused(tmp_path, number):
+    """The digits before it would be corrected, and the power of ten would stay."""
+    path = tmp_path / "p.nc"
+    path.write_text(f"%\nG90\nG0 A1={number} A2=-80 A3=90 A4=5 A5=20 A6=0\nM30\n")
+    with pytest.raises(InputError, match=r"p\.nc:3: the word E found"):
+        compensate_file(path, load_robot("kuka-kr6-r700"), exact(load_robot("kuka-kr6-r700")), dialect="din66025")
+
+
+@pytest.mark.parametrize("number", ["1e400", "1e200"])
+def test_a_number_beyond_any_robot_is_left_and_said(tmp_path, number):
+    robot = load_robot("kuka-kr6-r700")
+    path = tmp_path / "p.src"
+    path.write_text(
+        f"DEF p()\nPTP {{A1 {number},A2 -80,A3 90,A4 5,A5 20,A6 0}}\nPTP {{A1 1,A2 -80,A3 90,A4 5,A5 20,A6 0}}\nEND\n"
+    )
+    done = compensate_file(path, robot, exact(robot))
+    assert [line for line, _ in done.report.kept] == [2]
+    assert done.report.joint_targets == 1

@@ -34,7 +34,7 @@ _BESIDE = {
     "G126",
     "G161",
 }
-_CARTESIAN = set("XYZABCUVWIJK")
+_CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _FLOW = re.compile(
     r"\b(IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|GOTO[BFC]?|CASE)\b|^O\w+|^\s*L\d+"
