@@ -17,7 +17,7 @@ from pydantic import (
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import Aim
-from planner.common.schema import Coordinate, NonNegativeFloat, OptionalKeys, PositiveFloat, StrictModel
+from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
 
 
@@ -37,7 +37,7 @@ class IndicatorHeadFile(StrictModel):
 class BallFile(OptionalKeys):
     """``[[balls]]``: one ball or socket of an artifact, in the plate's own frame; its stem leads to ``stem_to_mm``."""
 
-    name: str
+    name: OneLine
     position_mm: Vector
     radius_mm: PositiveFloat = 12.7
     stem_to_mm: Vector | None = None
@@ -64,7 +64,7 @@ class ArtifactFile(PlacedFile):
 class NestFile(StrictModel):
     """``[[tracker.nests]]``: a nest in the artifact's frame (the base's without one), and as the tracker read it."""
 
-    name: str
+    name: OneLine
     position_mm: Vector
     read_mm: Vector | None = None
 
@@ -177,7 +177,7 @@ class GaugeFile(OptionalKeys):
 class FixtureFile(StrictModel):
     """``[[fixtures]]``: one magnet cup that holds the bar's fixed ball."""
 
-    name: str = "A"
+    name: OneLine = "A"
     position_mm: Vector
     axis: Vector = (0.0, 0.0, 1.0)
     prior_mm: PositiveFloat = 5.0
@@ -260,7 +260,7 @@ class CellFile(OptionalKeys):
     """The whole cell file."""
 
     schema_: Literal["edbb-cell/1"] = Field(alias="schema")
-    robot: str
+    robot: OneLine
     tip: str | None = None
     home_deg: tuple[float, ...] | None = None
     tool: ToolFile | None = None

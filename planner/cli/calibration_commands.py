@@ -22,6 +22,7 @@ from planner.cli.terminal import (
 )
 from planner.cli.time_left import IDENTIFY
 from planner.common.errors import PARTLY_DONE
+from planner.common.files import check_writing
 from planner.common.lazy_modules import LazyModule
 
 if TYPE_CHECKING:
@@ -122,6 +123,8 @@ def compensate_command(
         strict=strict,
         cell=cell,
     )
+    if output != "-":
+        check_writing(Path(output), done.file.text.encode(done.file.encoding))
     errors.print(done.summary(), markup=False)
     step = f"load {output} into the controller and drive it slowly the first time"
     give_file(done.file.text, done.write, output, step)

@@ -83,14 +83,14 @@ def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
         raise
 
 
-def check_writing(path: Path) -> None:
-    """Refuse a file that :func:`write_bytes` would refuse, before anything is changed.
+def check_writing(path: Path, data: bytes = b"") -> None:
+    """Refuse a file that :func:`write_bytes` would refuse, before anything is changed; ``data``: what is to be written.
 
     Raises:
         InputError: this command has read it, or somebody else has written it.
     """
     if path.is_file():
-        _check_overwriting(path.resolve(), b"")
+        _check_overwriting(path.resolve(), data)
 
 
 OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written

@@ -7,9 +7,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+)
 
-from planner.common.errors import InputError, did_you_mean
+from planner.common.errors import InputError, did_you_mean, printable
 from planner.common.reading import MOST_TOML, read_utf8
 
 if TYPE_CHECKING:
@@ -20,9 +28,11 @@ MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file say
 Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
 PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
 NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
+OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
 KeyPath = tuple[str | int, ...]
 SHOWN_ENTRIES = 10  # of a list in a message
 MOST_FAULTS = 3  # faults that one message tells
+MOST_NAME = 200
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),
@@ -33,6 +43,12 @@ NEEDED = {  # by pydantic's name of the fault
     "finite_number": "finite number",
     **dict.fromkeys(("bool_type", "bool_parsing"), "switch (true or false)"),
 }
+
+
+def _check_line(text: str) -> str:
+    if len(text) > MOST_NAME or printable(text) != text or "\n" in text or "\t" in text:
+        raise ValueError(f"a name on one line is needed, with at most {MOST_NAME} letters and no control signs")
+    return text
 
 
 def describe_faults(err: ValidationError, data: object, model: type[BaseModel], toml: bool) -> str:

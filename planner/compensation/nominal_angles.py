@@ -114,7 +114,8 @@ def _from_configuration(
         target = targets[i]
         before = targets[target.follows[0]].line if target.follows else None
         if before is not None and np.isnan(q[target.follows[0]]).any():
-            problems.append((target.line, f"it follows line {before}, whose joint angles are not known"))
+            other = f"line {before}, whose" if before != target.line else "the target before it in its line, whose"
+            problems.append((target.line, f"it follows {other} joint angles are not known"))
         elif not good:
             problems.append((target.line, f"{UNREACHED} in {_shape_sentence(before)}"))
         else:

@@ -100,10 +100,14 @@ def report_of(
     )
 
 
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def summary(name: str, report: CompensationReport) -> str:
     """Return what was done, with every line that the person should look at."""
     lines = [
-        f"{name}: {report.joint_targets} joint targets and {report.poses} poses corrected by "
+        f"{name}: {_count(report.joint_targets, 'joint target')} and {_count(report.poses, 'pose')} corrected by "
         f"{report.shift_mean_m / MM:.3f} mm on average, {report.shift_max_m / MM:.3f} mm at most; "
         f"no joint moved by more than {report.moved_max_rad / DEG:.3f}°",
         f"as printed {report.left_m / UM:.2f} µm and {report.left_rad * 1e6:.2f} µrad of error are left at most",

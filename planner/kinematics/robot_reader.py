@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import Coordinate, PositiveFloat, StrictModel, read_toml, validate
+from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel, read_toml, validate
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.calibration_tables import (
@@ -32,7 +32,7 @@ FEWEST_JOINTS = 5
 class JointTable(StrictModel):
     """One ``[[joints]]`` table, from base to flange; ``name`` as the arm's own software calls the joint."""
 
-    name: Annotated[str, Field(pattern=r"[A-Za-z][\w/.-]*")] = ""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][\w/.-]*$")] = ""
     alpha_deg: Coordinate | None = None
     a_mm: Coordinate | None = None
     d_mm: Coordinate | None = None
@@ -104,8 +104,8 @@ class RobotDescription(StrictModel):
     """The whole ``robot.toml`` (schema ``edbb-robot/1``)."""
 
     schema_: Literal["edbb-robot/1"] = Field(alias="schema")
-    name: str
-    title: str = ""
+    name: OneLine
+    title: OneLine = ""
     convention: Literal["dh", "mdh", "urdf"]
     urdf: str | None = None
     srdf: str | None = None

@@ -172,7 +172,8 @@ def _read_parquet(path: Path, n_joints: int) -> RunTable:
     source = RowSource(str(path), np.arange(1, frame.height + 1), headers={c.key: c.header for c in known})
     for c in known:
         wanted = pl.String if c.stem in NAMES else pl.Float64
-        if wanted == pl.Float64 and not (frame.schema[c.header].is_numeric() or frame.schema[c.header] == pl.Boolean):
+        switch = ALLOWED.get(c.stem) == (0, 1) and frame.schema[c.header] == pl.Boolean
+        if wanted == pl.Float64 and not (frame.schema[c.header].is_numeric() or switch):
             raise InputError(f"{path}: the column '{c.header}' holds {frame.schema[c.header]}, not numbers")
         if frame.schema[c.header].is_nested() or frame.schema[c.header] == pl.Binary:
             raise InputError(f"{path}: the column '{c.header}' holds {frame.schema[c.header]}, not names")

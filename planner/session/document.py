@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, field_validator
 
 from planner.common.errors import InputError
-from planner.common.schema import PartialModel, read_json, validate
+from planner.common.schema import OneLine, PartialModel, read_json, validate
 from planner.common.units import round_angles
 from planner.runs.run import Run
 from planner.session.course import Role, Waypoints
@@ -28,8 +28,8 @@ class WaypointRecord(PartialModel):
 class DriveRecord(PartialModel):
     """What is driven with the bar on one fixture, at one tool point where there are several."""
 
-    fixture: str
-    point: str = ""
+    fixture: OneLine
+    point: OneLine = ""
     travel: tuple[WaypointRecord, ...] = Field(max_length=MOST_WAYPOINTS)
     waypoints: tuple[WaypointRecord, ...] = Field(max_length=MOST_WAYPOINTS)
     shortcuts: tuple[NonNegativeInt, ...] = ()
@@ -41,9 +41,9 @@ class PoseRecord(PartialModel):
     id: int
     q_deg: tuple[float, ...]
     length_mm: float | None = None
-    fixture: str = ""
-    point: str = ""
-    ball: str | None = None
+    fixture: OneLine = ""
+    point: OneLine = ""
+    ball: OneLine | None = None
     first_contact_mm: float | None = None
     role: Role
     approach: tuple[int, ...] = ()
@@ -80,7 +80,7 @@ class PlanHeader(PartialModel):
     schema_: Literal["edbb-plan/1"] = Field(alias="schema")
     kind: Literal["circular"] | None = None
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
-    robot: str = ""
+    robot: OneLine = ""
 
     def content(self) -> dict[str, object]:
         """Return what ``plan.json`` says, in the contract's keys."""
@@ -90,7 +90,7 @@ class PlanHeader(PartialModel):
 class PlanDocument(PlanHeader):
     """A plan of poses; what is only reported is kept as it is written."""
 
-    cell: str = ""
+    cell: OneLine = ""
     seed: int = 0
     parameters: tuple[str, ...] = ()
     dropped: tuple[dict[str, str], ...] = ()

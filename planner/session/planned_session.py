@@ -63,6 +63,7 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
         )
         for mounting, d in zip(cell.mountings_of(document.drives, path), document.drives, strict=True)
     )
+    _check_visits(path, cell, document)
     if check:
         _check_courses(path, beside, cell, document, courses)
     notes = check_trust(path, cell, courses) if check else doubts(path, cell)
@@ -98,6 +99,33 @@ def _joint_path(path: Path, cell: Cell, points: tuple[WaypointRecord, ...]) -> W
             f"{path}: a drive has {found}; {cell.robot.name} needs {cell.robot.n_joints} angles and two waypoints"
         )
     return read_waypoints(points)
+
+
+def _check_visits(path: Path, cell: Cell, plan: PlanDocument) -> None:
+    """Refuse a plan whose list of poses and whose paths say different angles, or that drives to no pose or past one."""
+    starts = {(d.fixture, d.point): d.waypoints[0].q_deg for d in plan.drives}
+    driven = [(w.visit, w.q_deg) for d in plan.drives for w in d.waypoints if w.visit >= 0]
+    places = [(p.id, (p.fixture, p.point)) for p in plan.poses if p.role == "mount"]
+    driven += [(k, starts[place]) for k, place in places if place in starts]
+    listed = {p.id: p.q_deg for p in plan.poses}
+    because = "one of them was changed after planning; use the plan as it was written, or plan again"
+    if len(listed) != len(plan.poses):
+        raise InputError(f"{path}: 'poses' has {len(plan.poses)} poses with {len(listed)} ids; {because}")
+    if one_sided := sorted({k for k, _ in driven} ^ listed.keys()):
+        k = one_sided[0]
+        found = "is in 'poses', but no drive goes there" if k in listed else "is driven, but 'poses' does not have it"
+        raise InputError(f"{path}: pose {k} {found}; {because}")
+    passed = {w.q_deg for d in plan.drives for w in d.waypoints}
+    if elsewhere := [s.after for s in plan.supports if s.q_deg not in passed]:
+        raise InputError(f"{path}: no drive goes to the support pose after pose {elsewhere[0]}; {because}")
+    for k, q_deg in driven:
+        if len(listed[k]) != len(q_deg):
+            raise InputError(f"{path}: pose {k} has {len(listed[k])} angles; {cell.robot.name} has {len(q_deg)}")
+        off = np.abs(np.subtract(listed[k], q_deg))
+        if off.max() > ANGLE_DEG:
+            j = int(off.argmax())
+            said, goes = f"{listed[k][j]:.4g} deg in 'poses'", f"{q_deg[j]:.4g} deg ('drives')"
+            raise InputError(f"{path}: pose {k} has joint {j + 1} at {said}, but is driven to {goes}; {because}")
 
 
 def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> None:

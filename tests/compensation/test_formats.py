@@ -335,7 +335,7 @@ def test_the_summary_says_what_was_left(tmp_path):
         krl("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "PTP {A1 10,A2 -80,A3 90,A4 5,A5 40,A6 6}", "PTP XP9")
     )
     done = compensate_file(path, robot, real)
-    assert "1 joint targets and 0 poses corrected" in done.summary
+    assert "1 joint target and 0 poses corrected" in done.summary
     assert "left as it was: p.src:2:" in done.summary
     assert "p.src:4: XP9 is declared elsewhere" in done.summary
 

@@ -127,7 +127,7 @@ def test_a_program_is_corrected(identified):
     model = ("--model", identified / "out" / "robot.toml")
     code, out, told = edbb("compensate", identified / "part.src", *model, *frames, "-o", "-")
     assert code == 0, told
-    assert "1 joint targets and 1 poses corrected" in told
+    assert "1 joint target and 1 pose corrected" in told
     assert "of these with another tool (0.0, 0.0, 100.0) mm" in told
     assert out != PROGRAM
     kept = [line for line in out.splitlines() if "{" not in line]

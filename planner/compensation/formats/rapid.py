@@ -140,8 +140,9 @@ class _RapidTargets:
 
     def _joints(self, line: int, found: list[st.PlacedNumber], index: int | None = None) -> int | None:
         found = found[: self.reading.robot.n_joints]
-        if any(number.value > UNUSED for number in found):
-            self.reading.leave(line, f"an axis without a number (9E9) found; the robot has {len(found)} joints")
+        if beyond := next((n for n in found if n.value > UNUSED), None):
+            said = f"an axis without an angle ({beyond.text[:20]})"
+            self.reading.leave(line, f"{said} found; the robot has {len(found)} joints")
             return None
         return self.reading.add_joints(line, found, index)
 
