@@ -110,6 +110,27 @@ def test_another_cell_is_refused(folder, old, new, said):
         export_plan(folder / "plan.json", "krl", "a")
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda plan: plan["poses"][2]["q_deg"].__setitem__(0, 160.0), "pose 2 has joint 1 at 160 deg in 'poses', but"),
+        (lambda plan: plan["poses"].pop(), "pose 3 is driven, but 'poses' does not have it"),
+        (lambda plan: plan["poses"].append(plan["poses"][0] | {"id": 7}), "pose 7 is in 'poses', but no drive goes"),
+        (lambda plan: plan["poses"][1].update(id=0), "4 poses with 3 ids"),
+        (lambda plan: plan.update(supports=[{"after": 1, "q_deg": [0.0] * 6}]), "to the support pose after pose 1"),
+        (lambda plan: plan.update(robot="x\nMoveAbsJ evil"), "'robot' = 'x.nMoveAbsJ evil': a name on one line"),
+    ],
+)
+def test_poses_that_are_not_those_driven_are_refused(folder, change, said):
+    path = folder / "plan.json"
+    plan = json.loads(path.read_text())
+    change(plan)
+    path.write_text(json.dumps(plan))
+    _sign(folder)
+    with pytest.raises(InputError, match=said):
+        export_plan(path, "krl", "a")
+
+
 def test_the_file_as_given_is_written_and_the_rest_is_told(folder, tmp_path):
     for given, rest in (("p.src", "p.dat"), ("Tour 1.src", "TOUR_1.dat"), ("p.txt", "p.dat")):
         out = tmp_path / given.replace(".", "_")
