@@ -12,7 +12,8 @@ from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.time_limit import TimeIsOverError
 from planner.model.model import Model
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Samples

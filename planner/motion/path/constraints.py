@@ -7,7 +7,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import MM, Array, to_deg, to_mm
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import ScreenedDistances
 from planner.motion.collision.scene import Scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds

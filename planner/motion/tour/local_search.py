@@ -95,18 +95,41 @@ class LocalSearch:
                 options.append((left + cost[t3][t4], t3, t4))
         options.sort(reverse=True)
         for gained, t3, t4 in options[: _BREADTH[min(depth, 2)]]:
+            closed = gained - cost[t4][t1]
+            if closed <= 0 and self._ends_here((t1, t2, t3, t4), forward, gained, depth):
+                continue
             straight = self._flip(t1, t2, t3, t4, forward)
             flips.append((t1, t2, t3, t4))
-            closed = gained - cost[t4][t1]
             if closed > 0:
                 return closed
-            if depth < _DEPTH:
-                gain = self._step(t1, straight, closed, depth + 1, flips)
-                if gain > 0:
-                    return gain
+            gain = self._step(t1, straight, closed, depth + 1, flips)
+            if gain > 0:
+                return gain
             flips.pop()
             self._flip(t1, t4, t3, t2, straight)
         return 0
+
+    def _ends_here(self, legs: tuple[int, int, int, int], forward: bool, budget: int, depth: int) -> bool:
+        """Tell, without the flip, whether no step after it gains: most flips would be undone at once."""
+        t1, t2, t3, t4 = legs
+        if depth != _DEPTH - 1:
+            return depth == _DEPTH
+        tour, position, size, cost = self.tour, self._position, self._size, self._cost
+        step, start, best = (1 if forward else -1), position[t2], (0, t1, t1)
+        inside = step * (position[t4] - start) % size
+        row = cost[t4]
+        for node in self._near[t4]:
+            left = budget - row[node]
+            if left <= 0 or node == t1:
+                continue
+            place = position[node]
+            if step * (place - start) % size <= inside:  # what the flip turns round
+                before = tour[(place + step) % size]
+            else:
+                before = t2 if node == t3 else tour[(place - step) % size]
+            if before != t4:
+                best = max(best, (left + cost[node][before], node, before))
+        return best[0] <= cost[best[2]][t1]
 
     def _flip(self, t1: int, t2: int, t3: int, t4: int, forward: bool) -> bool:
         """Replace legs t1-t2 and t3-t4 by t2-t3 and t4-t1; return whether t4 now follows t1."""

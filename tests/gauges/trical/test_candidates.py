@@ -9,7 +9,8 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import read_only
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.kinematics.bodies import Body
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 
 
 def test_the_tool_point_is_on_the_ball_and_the_shares_are_equal(cell, pool, tool_pose):

@@ -8,7 +8,8 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.common.progress import Stages
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.dialect import load_dialect
 from planner.programs.program_files import read_back, verify
 from planner.programs.rendering import ProgramFile

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.units import Array
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import RoundBounds, ScreenedDistances
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]

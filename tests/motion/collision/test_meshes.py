@@ -7,7 +7,8 @@ from scipy.spatial import ConvexHull
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.kinematics.bodies import Body
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.meshes import excess_of_polytope, mesh_faces
 from planner.motion.collision.surroundings import describe_polytopes
 

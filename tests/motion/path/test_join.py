@@ -8,7 +8,7 @@ import pytest
 
 from planner.cell.workspace import Workspace
 from planner.common.units import Array, round_angles
-from planner.motion.collision.engines import FclWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.proof import Prover

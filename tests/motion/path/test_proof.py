@@ -8,7 +8,8 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
-from planner.motion.collision.engines import CollisionWorld, FclWorld
+from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.path.constraints import Constraints
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 
