@@ -113,12 +113,11 @@ def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, 
     from planner.instruments.centring.session import CentringBench, run_session
     from planner.instruments.centring.simulated import SimulatedArm, draw_robot
     from planner.instruments.centring.stop import stop_on_signals
+    from planner.runs.run import SIMULATED
 
     truth = draw_robot(cell, seed)
     arm = SimulatedArm(cell, truth, settings, seed)
-    session.journal.remarks = "".join(
-        f"# truth: {line}\n" for line in ("simulated, nobody measured this", *truth.lines())
-    )
+    session.journal.remarks = "".join(f"# truth: {line}\n" for line in (SIMULATED, *truth.lines()))
     at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})
     with stop_on_signals(stop):
         bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line, markup=False))

@@ -11,6 +11,11 @@ from typing import Any
 from planner.common.files import document_text, write_bytes
 
 
+def simulated_section(simulated: bool) -> dict[str, bool]:
+    """Return what a document of simulated readings says beside all else; a measured one says nothing."""
+    return {"simulated": True} if simulated else {}
+
+
 @dataclass(frozen=True)
 class Plot:
     """A chart as a picture; a notebook shows it."""
@@ -25,6 +30,9 @@ class Plot:
         """Write the picture to ``path``."""
         write_bytes(Path(path), self.png)
         return Path(path)
+
+
+NOT_MEASURED = "SIMULATED: nobody has measured this robot; nothing here is true of a real one"
 
 
 class Result(ABC):
@@ -55,6 +63,11 @@ class Result(ABC):
         """Return why the result must not be used; empty where it may."""
         return ()
 
+    @property
+    def simulated(self) -> bool:
+        """Tell whether it is made of readings that nobody measured."""
+        return False
+
     def to_json(self) -> str:
         """Return the machine-readable form as text."""
         return document_text(self.content())
@@ -66,4 +79,5 @@ class Result(ABC):
     def _repr_html_(self) -> str:
         plot = self.preview()
         picture = f'<img src="data:image/png;base64,{b64encode(plot.png).decode()}">' if plot else ""
-        return f"<pre>{escape(self.summary())}</pre>{picture}"
+        head = f"{NOT_MEASURED}\n" if self.simulated else ""
+        return f"<pre>{head}{escape(self.summary())}</pre>{picture}"

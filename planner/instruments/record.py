@@ -85,6 +85,7 @@ class CheckFile(PartialModel):
     threshold: float
     changes: tuple[CheckedChange, ...]
     notes: tuple[str, ...] = ()
+    simulated: bool = False
 
     @property
     def passed(self) -> bool:
@@ -110,6 +111,7 @@ class AccuracyFile(PartialModel):
     robot: str
     before: AccuracyFigures | None = None
     after: AccuracyFigures | None = None
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -121,8 +123,17 @@ class RecordEntry:
     document: Identification | CheckFile | AccuracyFile
 
     @property
+    def simulated(self) -> bool:
+        """Tell whether nobody measured it."""
+        return bool(self.document.simulated)
+
+    @property
     def sentence(self) -> str:
         """Return the entry in words."""
+        return f"SIMULATED: {self._finding}" if self.simulated else self._finding
+
+    @property
+    def _finding(self) -> str:
         d = self.document
         if isinstance(d, CheckFile):
             return d.outcome if d.cause is None else f"{d.outcome}: {d.cause}; {d.advice}"
@@ -159,6 +170,11 @@ class RobotRecord:
         file = read_toml(folder / "record.toml", RecordFile)
         found = sorted(p for p in (folder / "entries").glob("[0-9]*-*") if p.is_dir())
         return cls(file, tuple(_read_entry(p) for p in found))
+
+    @property
+    def simulated(self) -> bool:
+        """Tell whether nobody has measured this robot: there is none."""
+        return any(e.simulated for e in self.entries)
 
     @property
     def due(self) -> date | None:
@@ -238,7 +254,8 @@ def add_entry(record: Path, results: Path, circumstances: Circumstances, serial:
     name = next((n for n in DOCUMENTS if (results / n).is_file()), None)
     if name is None:
         raise InputError(f"{results} holds none of {', '.join(DOCUMENTS)}: add what identify, accuracy or check wrote")
-    kind, robot = DOCUMENTS[name], _read_document(results / name, DOCUMENTS[name]).robot
+    kind, document = DOCUMENTS[name], _read_document(results / name, DOCUMENTS[name])
+    robot = document.robot
     is_new = not (record / "record.toml").is_file()
     if is_new and serial is None:
         raise InputError(f"{record} is no record yet: name the robot's serial number with --serial")
@@ -248,6 +265,12 @@ def add_entry(record: Path, results: Path, circumstances: Circumstances, serial:
         raise InputError(f"{results / name} is of {robot}, but {record} is the record of {known.file.robot}")
     if serial not in (None, known.file.serial):
         raise InputError(f"{record} is the record of serial number {known.file.serial}, found {serial}")
+    if known.entries and bool(document.simulated) != known.simulated:
+        raise InputError(
+            f"{results / name} is {'simulated' if document.simulated else 'measured'}, but {record} is the record of a "
+            f"robot that is {'simulated' if known.simulated else 'real'}: keep simulated ones under serial numbers of "
+            "their own"
+        )
     if file_hash(results / name) in [e.file.document_sha256 for e in known.entries]:
         raise InputError(f"{results / name} is in the record already")
     entry = EntryFile(

@@ -62,6 +62,11 @@ class HoldOut(DocumentSection):
     hold_out: float
     within: WithinGroups | None = None
 
+    @property
+    def groups(self) -> str:
+        """Name of the groups, in the plural."""
+        return f"{self.by}es" if self.by.endswith("ch") else f"{self.by}s"
+
 
 class Stage(DocumentSection):
     """One stage of the fit and its errors.
@@ -302,7 +307,8 @@ class Identification(DocumentSection):
     """A robot identified from a run.
 
     Attributes:
-        n_samples, n_groups: of the run, and the groups that are held out together.
+        n_samples, n_groups: of the run, and the groups that are held out together; ``n_validation``: samples that took
+            no part in any fit.
         stages: in order.
         estimates: every parameter, seen or not.
         degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
@@ -316,13 +322,15 @@ class Identification(DocumentSection):
         correlation_time: how many samples are worth one.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
+        simulated: true where a run was simulated, else ``None``: nobody measured this robot.
     """
 
-    if_any = ("release",)
+    if_any = ("release", "n_validation", "simulated")
     schema_: Literal["edbb-identification/1"]
     robot: str
     n_samples: int = Field(gt=0)
     n_groups: int = 0
+    n_validation: int | None = None
     split: HoldOut = HoldOut(by="pose", hold_out=0.2)
     stages: tuple[Stage, ...] = Field(min_length=1)
     estimates: tuple[Estimate, ...]
@@ -340,6 +348,7 @@ class Identification(DocumentSection):
     frames: GaugeFrames = GaugeFrames()
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    simulated: Literal[True] | None = None
 
     @classmethod
     def read(cls, path: Path) -> Self:

@@ -12,6 +12,7 @@ import jinja2
 from planner import __version__
 from planner.cell.cell import Cell
 from planner.common.files import write_bytes, write_text
+from planner.common.result import NOT_MEASURED
 from planner.common.second_process import Beside
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
@@ -51,6 +52,7 @@ class Report:
         small_pictures: whether PNGs have a palette of few colours, a third of the size.
         identity: the robot, the gauge; the page's head names them. Its date is that of the file, told by the browser:
             a page holds none.
+        simulated: whether nobody measured what it shows, which it then says across every sheet.
     """
 
     template: str
@@ -59,10 +61,11 @@ class Report:
     view: CellView | None = None
     small_pictures: bool = False
     identity: tuple[str, ...] = ()
+    simulated: bool = False
 
-    def about(self, cell: Cell) -> "Report":
+    def about(self, cell: Cell, simulated: bool = False) -> "Report":
         """Return the page with the identity of a cell's robot and gauge."""
-        return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)))
+        return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)), simulated=simulated)
 
     @cached_property
     def pngs(self) -> dict[str, bytes]:
@@ -102,6 +105,7 @@ class Report:
             **self.content,
             identity=(f"edbb-planner {__version__}", *self.identity),
             charts={c.name: c for c in self.charts},
+            simulated=NOT_MEASURED if self.simulated else "",
             print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
             figures={name: _safe_json(text) for name, text in figures.items()},
             player_data=None if self.view is None else _safe_json(player_json(self.view)),

@@ -67,4 +67,5 @@ def report_record(record: RobotRecord) -> Report:
     }
     gauges = [e.file.circumstances.gauge for e in record.entries if e.file.circumstances.gauge]
     identity = (f"robot {record.file.robot}, serial number {record.file.serial}", *gauges[-1:])
-    return Report("record.html.j2", page, () if chart is None else (chart,), identity=identity)
+    charts = () if chart is None else (chart,)
+    return Report("record.html.j2", page, charts, identity=identity, simulated=record.simulated)

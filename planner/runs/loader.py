@@ -116,6 +116,7 @@ def _logged_run(table: RunTable, n_joints: int) -> Run:
         table.notes.get("robot"),
         (*table.warnings, *odd, *odd_cmd, *said),
         (table.source.name,),
+        "truth" in table.notes,
     )
 
 
@@ -219,6 +220,7 @@ def join_runs(runs: Sequence[Run]) -> Run:
         of_robot[0].robot if of_robot else None,
         tuple(warnings),
         tuple(file for r in runs for file in r.files),
+        any(r.simulated for r in runs),
     )
 
 

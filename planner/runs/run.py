@@ -9,6 +9,8 @@ import numpy as np
 from planner.common.units import Array, read_only
 
 IntArray = np.ndarray  # of integers
+SIMULATED = "simulated, nobody measured this"
+"""What the comment line ``# truth:`` of a simulated run begins with."""
 
 
 class Mounting(NamedTuple):
@@ -141,6 +143,7 @@ class Run:
         plan_id, robot: from the comment lines, ``None`` where not given.
         warnings: what a person should know.
         files: names that ``samples.file`` counts.
+        simulated: whether its comment lines say so.
     """
 
     name: str
@@ -155,6 +158,7 @@ class Run:
     robot: str | None = None
     warnings: tuple[str, ...] = field(default=())
     files: tuple[str, ...] = ()
+    simulated: bool = False
 
     def __len__(self) -> int:
         """Return the number of samples n."""

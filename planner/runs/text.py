@@ -23,7 +23,7 @@ else:
     pl = LazyModule("polars")
 
 MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
-NOTES = ("plan_id", "robot", "measure", "angles", "clocks")  # what comment lines may say
+NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
 
 
 @dataclass(frozen=True)

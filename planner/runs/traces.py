@@ -18,7 +18,7 @@ from planner.common.lazy_modules import LazyModule
 from planner.common.schema import StrictModel, check_pattern, read_toml
 from planner.runs.columns import NAMES, RunColumn, find_column, known_headers, spellings, split_key, units_of
 from planner.runs.loader import run_of
-from planner.runs.run import Run
+from planner.runs.run import SIMULATED, Run
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table, table_in_si
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
@@ -172,6 +172,7 @@ else:
 
 LINE_SECONDS = 2.0  # in which a sound pattern is through with any line
 PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
+TRUTH = re.compile(f"truth: ({SIMULATED})")
 
 
 def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTable:
@@ -181,8 +182,9 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
         InputError: the file does not have what the map says, or a field is no number; with line and column.
     """
     lines = read_lines(path, trace.encoding)
-    if plan := PLAN_ID.search("\n".join(lines)):
-        notes = {"plan_id": plan[1], **notes}
+    text = "\n".join(lines)
+    found = {key: m[1] for key, m in (("plan_id", PLAN_ID.search(text)), ("truth", TRUTH.search(text))) if m}
+    notes = {**found, **notes}
     read = _read_matches if trace.pattern else _read_separated
     source, frame = read(str(path), lines, trace)
     columns = [trace.column_of(name) for name in trace.names]

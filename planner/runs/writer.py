@@ -17,7 +17,7 @@ from planner.common.lazy_modules import LazyModule
 from planner.runs.columns import units_of
 from planner.runs.joint_motion import session_numbers
 from planner.runs.quantities import OFFSET, POSITION, TURNING
-from planner.runs.run import IntArray, Run
+from planner.runs.run import SIMULATED, IntArray, Run
 
 if TYPE_CHECKING:
     import polars as pl
@@ -44,15 +44,17 @@ def save_run(run: Run, path: Path) -> None:
     write_bytes(path, out.getvalue())
 
 
-def run_text(run: Run) -> str:
-    """Return ``run`` as the text of a ``.csv`` file."""
-    return "".join(f"# {key}: {value}\n" for key, value in _notes(run).items()) + table_of(run).write_csv()
+def run_text(run: Run, remarks: str = "") -> str:
+    """Return ``run`` as the text of a ``.csv`` file, with comment lines of one's own above it."""
+    lines = (f"# {key}: {value}\n" for key, value in _notes(run).items())
+    return remarks + "".join(line for line in lines if line not in remarks) + table_of(run).write_csv()
 
 
 def _notes(run: Run) -> dict[str, str]:
     """What the lines above the columns say."""
     notes = {"measure": "continuous" if run.continuous else "static"}
     notes |= {"clocks": "2"} if run.clocks == 2 else {}
+    notes |= {"truth": SIMULATED} if run.simulated else {}
     return notes | {k: v for k, v in (("plan_id", run.plan_id), ("robot", run.robot)) if v is not None}
 
 

@@ -176,8 +176,8 @@ class CommandBuilder:
 
     def _error_map(self, r: ErrorMapRequest) -> JobCommand:
         results = self._results(r.identification, "identification", "calibrated")
-        table = [i for i in results if i.name == "calibrated/expected_error.csv"]
-        if not table:
+        table = [i for i in results if i.name in ("calibrated/expected_error.csv", "calibrated/identification.json")]
+        if len(table) < 2:
             raise InputError(f"the identification {r.identification} has no expected errors")
         cell, inputs = self._cell_of_identification(r.identification)
         return JobCommand(("error-map", cell), (*table, *inputs), task=True)

@@ -57,6 +57,11 @@ def robot_entries() -> tuple[RobotEntry, ...]:
     return tuple(out)
 
 
+def robot_title(name: str) -> str:
+    """Return the title of a robot that comes with the planner; of another one its name."""
+    return next((r.title for r in robot_entries() if r.name == name and r.title), name)
+
+
 @cache
 def dialect_entries() -> tuple[DialectEntry, ...]:
     """Return the robot languages."""

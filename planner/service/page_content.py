@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from planner.common.schema import read_json
 from planner.common.units import to_mm
-from planner.model.identification_document import Finding, Identification
+from planner.instruments.record import DOCUMENTS
+from planner.model.identification_document import Finding, Identification, Release, Stage
 from planner.service.answers import Job, OutputFile
+from planner.service.context import ServiceContext
 from planner.session.document import PlanDocument
 
 GENERAL = "Corrected in programs as far as the joint angles decide; the report says with what it could be confused."
@@ -48,7 +51,7 @@ def find_action(effect: str) -> str:
 HIDDEN = ("log", "printed", "manifest.json", "timings.json")
 CAPTIONS = {  # of the pictures that reports have
     "index_curve": "Observability against the number of poses",
-    "foreseen_error": "Error to be expected against the number of poses",
+    "foresight": "Error to be expected against the number of poses",
     "funnel": "Candidates that are left after each check",
     "parameters": "How surely each parameter will be known",
     "tour": "Order of the poses",
@@ -58,9 +61,13 @@ CAPTIONS = {  # of the pictures that reports have
     "by_stage": "Error after each stage of the fit",
     "by_pose": "Error of each pose",
     "histogram": "Error before and after",
-    "error_map": "Error to be expected over the workspace",
-    "residual_joints": "What is left against the joint angles",
-    "residual_gauge": "What is left against the reading",
+    "expected_error": "Error to be expected over the workspace",
+    "residual_joints": "Error that is left against the joint angles",
+    "residual_gauge": "Error that is left against where the gauge reads",
+    "residual_approach": "Error that is left, by the side from which each joint came to the pose",
+    "residual_loads": "Error that is left against the load on each joint",
+    "residual_circumstances": "Error that is left against time, temperature and the like",
+    "correlation": "Which parameters are known only together",
 }
 
 
@@ -74,12 +81,19 @@ class Picture:
 
 @dataclass(frozen=True)
 class StageRow:
-    """One stage of a calibration."""
+    """One stage of a calibration, or the robot that is written: errors held out, and on the validation readings."""
 
     name: str
-    parameters: int
+    parameters: int | None
     rms_mm: float
     largest_mm: float
+    validation_mm: float | None
+
+    @classmethod
+    def of(cls, stage: Stage | Release, name: str, parameters: int | None) -> "StageRow":
+        """Return the row of a stage or of the released robot."""
+        seen = None if stage.validation is None else float(to_mm(stage.validation.rms))
+        return cls(name, parameters, float(to_mm(stage.held_out.rms)), float(to_mm(stage.held_out.largest)), seen)
 
 
 @dataclass(frozen=True)
@@ -95,14 +109,39 @@ class FindingText:
 
 @dataclass(frozen=True)
 class CalibrationPage:
-    """What the page of a calibration shows; lengths in mm."""
+    """What the page of a calibration shows: the last of the stages is the robot that is written; lengths in mm."""
 
     document: Identification
     stages: list[StageRow]
-    before_mm: float
-    after_mm: float
+    before: StageRow
     anywhere_mm: float
+    anywhere_before_mm: float | None
     findings: list[FindingText]
+
+    @property
+    def after(self) -> StageRow:
+        """The robot that is written."""
+        return self.stages[-1]
+
+    @property
+    def readings(self) -> str:
+        """Say which readings the errors are of, and how they were held out."""
+        d = self.document
+        folds = round(1 / d.split.hold_out)
+        aside = f" {d.n_validation} validation readings took no part in any fit." if d.n_validation else ""
+        return (
+            f"{d.n_samples} readings at {d.n_groups} {d.split.groups}, in {folds} parts; “held out” means that each "
+            f"part was predicted by a fit to the others.{aside}"
+        )
+
+
+def is_simulated(context: ServiceContext, job: Job) -> bool:
+    """Tell whether a finished job is made of readings that nobody measured."""
+    if job.kind == "simulation" or job.request.get("simulation"):
+        return True
+    documents = [context.files.path(f.sha256) for f in job.files if f.name in DOCUMENTS]
+    found = [read_json(path) for path in documents]
+    return any(isinstance(d, dict) and d.get("simulated") is True for d in found)
 
 
 def visible_files(job: Job) -> list[OutputFile]:
@@ -146,17 +185,16 @@ def read_calibration(path: Path) -> CalibrationPage:
         InputError: the file is none.
     """
     d = Identification.read(path)
-    stages = [
-        StageRow(s.name, s.parameters, float(to_mm(s.held_out.rms)), float(to_mm(s.held_out.largest))) for s in d.stages
-    ]
-    after = d.stages[-1].held_out.rms if d.release is None else d.release.held_out.rms
+    stages = [StageRow.of(s, s.name, s.parameters) for s in d.stages]
     before = next((s for s in stages if s.name == "frames"), stages[0])
+    if d.release is not None:
+        stages.append(StageRow.of(d.release, "calibrated", None))
     return CalibrationPage(
         document=d,
         stages=stages,
-        before_mm=before.rms_mm,
-        after_mm=float(to_mm(after)),
+        before=before,
         anywhere_mm=float(to_mm(d.workspace_error)),
+        anywhere_before_mm=None if d.release is None else float(to_mm(d.release.nominal_anywhere)),
         findings=[describe_finding(f) for f in d.findings],
     )
 

@@ -24,8 +24,8 @@ from planner.service.context import Context, ServiceContext
 from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import find_job, find_output
 from planner.service.job_requests import JobId, Sha256
-from planner.service.list_api import dialect_entries, robot_entries
-from planner.service.page_content import pictures, plan_facts, read_calibration, visible_files
+from planner.service.list_api import dialect_entries, robot_entries, robot_title
+from planner.service.page_content import is_simulated, pictures, plan_facts, read_calibration, visible_files
 from planner.service.problems import http_problem, request_problem
 from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, list_records
 from planner.session.document import PlanDocument, PlanHeader
@@ -135,7 +135,7 @@ def add_problem_pages(app: FastAPI) -> None:
 @PAGES.get("/")
 def show_start(context: Context) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
-    return render("start", robots=robot_entries(), records=_in_need_first(list_records(context)))
+    return render("start", robots=robot_entries(), title_of=robot_title, records=_in_need_first(list_records(context)))
 
 
 @PAGES.get("/robots/{serial}")
@@ -144,7 +144,13 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
     record = describe_record(context, find_record(context, serial))
     last = next((e.job for e in record.history[::-1] if e.kind == "calibration"), None)
     known = last is not None and any(o.name == BASELINE for o in context.jobs.outputs(last))
-    return render("robot", record=record, baseline=last if known else None)
+    return render(
+        "robot",
+        record=record,
+        model=robot_title(record.robot),
+        baseline=last if known else None,
+        simulated=record.simulated,
+    )
 
 
 @PAGES.get("/jobs")
@@ -195,7 +201,7 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
-    files, shown = visible_files(job), pictures(job)
+    files, shown, simulated = visible_files(job), pictures(job), is_simulated(context, job)
     if job.kind == "plan" and not _is_circular(context, job):
         plan = _plan(context, job) if job.state == "done" else None
         names = {p["file"] for p in plan.programs} if plan else set()
@@ -210,12 +216,14 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
             found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
         baseline = any(f.name == BASELINE for f in job.files)
         checks = _check_plans(context, id) if baseline else []
-        shown_too = {"baseline": baseline, "checks": checks, "serials": _serials(context)}
+        shown_too = {"baseline": baseline, "checks": checks, "serials": _serials(context), "simulated": simulated}
         return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
     if job.kind == "check":
         return _show_check(context, job, files)
     report = any(f.name == "report.html" for f in files)
-    return render("job", job=job, files=files, pictures=shown, report=report, serials=_serials(context))
+    return render(
+        "job", job=job, files=files, pictures=shown, report=report, serials=_serials(context), simulated=simulated
+    )
 
 
 @PAGES.get("/compare")
@@ -268,7 +276,8 @@ def _show_check(context: ServiceContext, job: Job, files: list[OutputFile]) -> H
         document = context.files.path(find_output(context, job.id, "check.json").sha256)
         check = CheckFile.model_validate(read_json(document))
     baseline = json.loads(plan.request)["identification"]
-    return render("check", job=job, files=files, check=check, baseline=baseline, serials=_serials(context))
+    said = {"baseline": baseline, "serials": _serials(context), "simulated": is_simulated(context, job)}
+    return render("check", job=job, files=files, check=check, **said)
 
 
 def _serials(context: ServiceContext) -> list[str]:

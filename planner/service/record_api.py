@@ -36,6 +36,7 @@ class RecordSummary(ServiceModel):
     advice: str
     next_check: date | None
     entries: int
+    simulated: bool = Field(description="nobody has measured this robot: there is none")
 
 
 class HistoryEntry(ServiceModel):
@@ -44,6 +45,7 @@ class HistoryEntry(ServiceModel):
     number: int
     kind: EntryKind
     result: str
+    simulated: bool
     changed: list[str]
     circumstances: Circumstances
     job: str | None = Field(description="where its files are; none of an entry that came otherwise")
@@ -123,7 +125,12 @@ def find_record(context: ServiceContext, serial: str) -> RobotRecord:
 
 def _summary(record: RobotRecord) -> dict[str, Any]:
     known = {"serial": record.file.serial, "robot": record.file.robot, "entries": len(record.entries)}
-    return known | {"state": robot_state(record), "advice": robot_advice(record), "next_check": record.due}
+    return known | {
+        "state": robot_state(record),
+        "advice": robot_advice(record),
+        "next_check": record.due,
+        "simulated": record.simulated,
+    }
 
 
 def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
@@ -134,6 +141,7 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
             number=e.number,
             kind=e.file.kind,
             result=e.sentence,
+            simulated=e.simulated,
             changed=[text for number, text in moved if number == e.number],
             circumstances=e.file.circumstances,
             job=jobs.get(e.file.document_sha256),

@@ -15,6 +15,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.units import Array, to_deg, to_mm
 from planner.instruments.circular.document import is_circular, load_circular_plan
+from planner.model.identification_document import Identification
 from planner.report.cell_view import ViewFrames, ViewPose, carrier_poses, compose_cell_view
 from planner.runs.run import Run
 from planner.service.job_requests import ServiceModel
@@ -23,12 +24,19 @@ from planner.session.course import Course
 from planner.session.document import read_plan
 from planner.session.planned_session import load_session
 
-LAYERS = (("released_mm", "calibrated"), ("geometry_mm", "geometry alone"), ("nominal_mm", "before"))
+LAYERS = (  # columns of the table, names, and the figures of the identification's release
+    ("released_mm", "calibrated", "anywhere"),
+    ("geometry_mm", "geometry alone", "geometry_anywhere"),
+    ("nominal_mm", "before", "nominal_anywhere"),
+)
 MOST_POINTS, MOST_QUANTILE = 20_000, 0.99
 
 
-def map_errors(cell: Cell, table: Path) -> SceneView:
-    """Return the view of a cell with the expected errors of ``expected_error.csv``.
+def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
+    """Return the view of a cell with the expected errors of ``expected_error.csv``, as its identification sums them up.
+
+    Each column is scaled so that its rms is the figure of ``identification.json``, which is as likely exceeded as not:
+    the mean square is larger, as a few of the robots that the run allows are far off.
 
     Raises:
         InputError: the table has no such columns.
@@ -39,20 +47,19 @@ def map_errors(cell: Cell, table: Path) -> SceneView:
     if missing:
         raise InputError(f"{table.name}: the column '{missing[0]}' is missing")
     points = np.stack([values["x_mm"], values["y_mm"], values["z_mm"]], axis=1)
-    layers = [
-        ViewLayer(name=title, values=pack_numbers(values[name]), rms=_rms(values[name]))
-        for name, title in LAYERS
-        if name in names
-    ]
-    most = float(np.quantile(values[LAYERS[0][0]], MOST_QUANTILE))
-    cloud = ViewCloud(what="error to be expected", unit="mm", points=pack_numbers(points), layers=layers, most=most)
+    found = Identification.read(document)
+    known = {"anywhere": found.workspace_error, **dict(found.release or ())}
+    layers, most = [], []
+    for name, title, figure in LAYERS:
+        if name in names and figure in known:
+            rms = float(to_mm(known[figure]))
+            error = values[name] * (rms / float(np.sqrt(np.mean(values[name] ** 2))))
+            most.append(float(np.quantile(error, MOST_QUANTILE)))
+            layers.append(ViewLayer(name=title, values=pack_numbers(error), rms=rms))
+    cloud = ViewCloud(what="error to be expected", unit="mm", points=pack_numbers(points), layers=layers, most=most[0])
     view = check_view(cell).view
     low, high = (f(np.vstack([points, view.low_mm, view.high_mm]), axis=0) for f in (np.min, np.max))
     return view.model_copy(update={"cloud": cloud, "low_mm": tuple(low.tolist()), "high_mm": tuple(high.tolist())})
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 SERIES = 600  # samples shown
@@ -74,6 +81,7 @@ class RunCheck(ServiceModel):
     kind: str
     plan_id: str | None
     robot: str | None
+    simulated: bool
     duration_s: float | None
     at: list[float] = Field(description="time [s], or number of the sample where there is no clock")
     series: list[RunSeries]
@@ -93,6 +101,7 @@ def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
         kind="continuous" if first.continuous else "poses at rest",
         plan_id=first.plan_id,
         robot=first.robot,
+        simulated=any(r.simulated for r in runs),
         duration_s=None if s.t is None else float(s.t.max() - s.t.min()),
         at=[float(v) for v in at],
         series=_series(first, shown),
@@ -209,7 +218,9 @@ def _map_errors(reference: str) -> BaseModel:
     from planner import load_cell
     from planner.service.tasks import map_errors
 
-    return map_errors(load_cell(reference), Path("calibrated/expected_error.csv"))
+    return map_errors(
+        load_cell(reference), *(Path("calibrated", n) for n in ("expected_error.csv", "identification.json"))
+    )
 
 
 def _check_run(words: list[str]) -> BaseModel:

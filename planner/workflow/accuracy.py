@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
-from planner.common.result import Result
+from planner.common.result import Result, simulated_section
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import UM
 from planner.instruments.accuracy.precision import (
@@ -58,8 +58,15 @@ class AccuracyCheck(Result):
         """Return what ``accuracy.json`` says."""
         robot, found = self.cell.robot.name, self.found
         if isinstance(found, Validation):
-            return validation_content(robot, found)
-        return precision_content(robot, found.run.name, found.repeats, found.master, found.notes)
+            content = validation_content(robot, found)
+        else:
+            content = precision_content(robot, found.run.name, found.repeats, found.master, found.notes)
+        return content | simulated_section(self.simulated)
+
+    @property
+    def simulated(self) -> bool:
+        """Tell whether it is made of readings that nobody measured."""
+        return self.found.run.simulated
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
@@ -73,7 +80,7 @@ class AccuracyCheck(Result):
                 report = report_validation(title, found)
             else:
                 report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
-            report = report.about(self.cell)
+            report = report.about(self.cell, self.simulated)
             write_text(draft / "report.html", report.html())
             write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
             return move_all(draft, Path(folder))

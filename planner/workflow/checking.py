@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import document_text, write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Result
+from planner.common.result import Result, simulated_section
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
@@ -56,6 +56,7 @@ class CheckResult(Result):
 
     cell: Cell
     verdict: CheckVerdict
+    simulated: bool = False
 
     def summary(self) -> str:
         """Return the verdict, what to do, and why."""
@@ -63,7 +64,7 @@ class CheckResult(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``check.json`` says."""
-        return verdict_content(self.verdict, self.cell.robot.name)
+        return {**verdict_content(self.verdict, self.cell.robot.name), **simulated_section(self.simulated)}
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``check.json``, ``report.html`` and its picture."""
@@ -71,7 +72,7 @@ class CheckResult(Result):
 
         with draft_folder(Path(folder)) as draft:
             write_text(draft / "check.json", self.to_json())
-            report_check(self.cell.robot.name, self.verdict).about(self.cell).write(draft)
+            report_check(self.cell.robot.name, self.verdict).about(self.cell, self.simulated).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
@@ -147,4 +148,4 @@ def check(
         check_unit(measured, where)
     with stages.stage("judging"):
         limit = None if limit_mm is None else limit_mm * MM
-        return CheckResult(where, evaluate_check(known, where, measured, limit))
+        return CheckResult(where, evaluate_check(known, where, measured, limit), measured.simulated)

@@ -1,7 +1,7 @@
 """Runs of circles, with and without load: from their logs to figures, and their folders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Result
+from planner.common.result import Result, simulated_section
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import UM
 from planner.identification.run_setup import drop_unreadable
@@ -32,6 +32,7 @@ class CircularTestResult(Result):
     test: CircularTest
     cell: Cell
     stages: Stages = field(default_factory=Stages)
+    simulated: bool = False
 
     def summary(self) -> str:
         """Return the circular deviations, reversals and centres."""
@@ -48,7 +49,7 @@ class CircularTestResult(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``circular.json`` says."""
-        return circular_test_content(self.test)
+        return {**circular_test_content(self.test), **simulated_section(self.simulated)}
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``circular.json``, ``report.html`` and its pictures."""
@@ -56,7 +57,7 @@ class CircularTestResult(Result):
 
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "circular.json", self.to_json())
-            report_circular_test(self.test).about(self.cell).write(draft)
+            report_circular_test(self.test).about(self.cell, self.simulated).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
@@ -80,7 +81,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
     with stages.stage("reading"):
         run = load_runs(runs, cell.robot.n_joints)
     with stages.stage("evaluation"):
-        return CircularTestResult(evaluate_circles(cell, file, run), cell, stages)
+        return CircularTestResult(evaluate_circles(cell, file, run), cell, stages, run.simulated)
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class LoadedTestEvaluation(Result):
     cell: Cell
     joint: JointFit | None = None
     stages: Stages = field(default_factory=Stages)
+    simulated: bool = False
 
     def summary(self) -> str:
         """Return the compliances, by the circles and by one fit with runs without load."""
@@ -113,7 +115,7 @@ class LoadedTestEvaluation(Result):
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``loaded.json`` says."""
-        return loaded_content(self.found, self.joint)
+        return {**loaded_content(self.found, self.joint), **simulated_section(self.simulated)}
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -132,10 +134,10 @@ class LoadedTestEvaluation(Result):
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "loaded.json", self.to_json())
             write_text(draft / "curves.csv", curves_csv(self.found))
-            write_text(draft / "averaged.csv", run_text(averaged_run(self.found)))
+            write_text(draft / "averaged.csv", run_text(replace(averaged_run(self.found), simulated=self.simulated)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
-            report_loaded(self.found, self.joint).about(self.cell).write(draft)
+            report_loaded(self.found, self.joint).about(self.cell, self.simulated).write(draft)
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
@@ -179,6 +181,7 @@ def evaluate_loaded(
     with stages.stage("evaluation"):
         found = evaluate(run, where, other, overshoot)
         if free is None:
-            return LoadedTestEvaluation(found, where, stages=stages)
-        joint = fit_jointly(where, free, averaged_run(found), averages_noise(found))
-        return LoadedTestEvaluation(found, where, joint, stages)
+            return LoadedTestEvaluation(found, where, None, stages, run.simulated)
+        averaged = replace(averaged_run(found), simulated=run.simulated)
+        joint = fit_jointly(where, free, averaged, averages_noise(found))
+        return LoadedTestEvaluation(found, where, joint, stages, run.simulated or free.simulated)

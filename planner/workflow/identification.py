@@ -59,7 +59,7 @@ class CalibrationResult(Result):
         leads = [] if found.release is None else [_workspace_text(found.release, found.workspace_error)]
         lines = [
             *leads,
-            f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {_plural(found.split.by)}, "
+            f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split.groups}, "
             f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
             f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
             + (f"{'validation: mean':>20}" if _has_validation(found) else ""),
@@ -85,6 +85,11 @@ class CalibrationResult(Result):
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
 
     @property
+    def simulated(self) -> bool:
+        """Tell whether it is made of readings that nobody measured."""
+        return bool(self.calibration.simulated)
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """Return why the robot must not be used."""
         why = self.calibration.problems
@@ -102,7 +107,7 @@ class CalibrationResult(Result):
         with draft_folder(folder) as draft, self.stages.stage("report"):
             write_text(draft / "identification.json", self.to_json())
             write_text(draft / "residuals.csv", residuals_csv(found))
-            report_calibration(found).about(self.cell).write(draft)
+            report_calibration(found).about(self.cell, self.simulated).write(draft)
             if not found.problems:
                 self.write_robot(draft)
             return move_all(draft, folder)
@@ -260,10 +265,6 @@ def _workspace_text(r: Release, anywhere: float) -> str:
 def _release_text(r: Release) -> str:
     what = "posterior mean of geometry and effects" if r.basis == "posterior" else "geometry alone"
     return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
-
-
-def _plural(group: str) -> str:
-    return f"{group}es" if group.endswith("ch") else f"{group}s"
 
 
 def _has_validation(found: Calibration) -> bool:

@@ -222,7 +222,7 @@ class SimulationResult(Result):
 
     def text(self) -> str:
         """Return the run as CSV, with what is true of it in comments."""
-        return self.run.comments() + run_text(self.run)
+        return run_text(self.run, self.run.comments())
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write the run into a file, as CSV or Parquet by the name's ending."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.common.files import document_text, write_text
-from planner.common.result import Result
+from planner.common.result import Result, simulated_section
 from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
@@ -24,7 +24,7 @@ class RecordResult(Result):
         """Return the history in lines."""
         known = self.record
         due = "" if known.due is None else f", next check due {known.due.isoformat()}"
-        lines = [f"{known.file.serial} ({known.file.robot}): {len(known.entries)} entries{due}"]
+        lines = [f"{known.file.serial} ({known.file.robot}): {_count(known)}{due}"]
         moved = list(known.differences())
         for e in known.entries:
             lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.sentence}")
@@ -42,10 +42,15 @@ class RecordResult(Result):
             "entries": [
                 {"number": e.number, "kind": e.file.kind, "result": e.sentence}
                 | e.file.circumstances.model_dump(mode="json")
-                | {"document_sha256": e.file.document_sha256}
+                | {"document_sha256": e.file.document_sha256, **simulated_section(e.simulated)}
                 for e in known.entries
             ],
         }
+
+    @property
+    def simulated(self) -> bool:
+        """Tell whether it is made of readings that nobody measured."""
+        return self.record.simulated
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``history.json``, ``history.csv``, ``opcua.json`` and the report."""
@@ -68,6 +73,11 @@ class RecordResult(Result):
         """Say how the robot is looked at again."""
         due = "" if self.record.due is None else f", due {self.record.due.isoformat()}"
         return f"edbb plan-check CELL --baseline CALIBRATED -o check plans the next check{due}"
+
+
+def _count(record: RobotRecord) -> str:
+    number = len(record.entries)
+    return "1 entry" if number == 1 else f"{number} entries"
 
 
 def record(

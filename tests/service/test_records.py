@@ -1,16 +1,17 @@
 """Records of robots in the service: what jobs have found is added, shown, exported, and read by the command line."""
 
+import hashlib
 import io
 import json
 import zipfile
 
 import pytest
 
-from planner.common.files import document_text
+from planner.common.files import data_folder, document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.record import RobotRecord
-from planner.service.job_store import JobOutput
+from planner.service.job_store import JobCommand, JobOutput
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged
@@ -18,24 +19,29 @@ from tests.instruments.check.test_record import calibration
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP, Store
 
-CALIBRATED, SOUND, CHANGED = "a" * 24, "b" * 24, "c" * 24
+CALIBRATED, SOUND, CHANGED, SIMULATED = "a" * 24, "b" * 24, "c" * 24, "f" * 24
 
 
-def finish(store, id, kind, request, name, content):
-    data = document_text(content).encode()
-    store.jobs.submit(id, kind, "run.csv", json.dumps(request, separators=(",", ":")), CHEAP)
-    done = [JobOutput(name, store.files.add(data), len(data))]
+IDENTIFY = JobCommand(("identify", "run.csv", "--cell", "kuka-kr6-r700/edbb"))
+ROBOT = data_folder("robots") / "kuka-kr6-r700/robot.toml"
+
+
+def finish(store, id, kind, request, name, content, command=CHEAP):
+    store.jobs.submit(id, kind, "run.csv", json.dumps(request, separators=(",", ":")), command)
+    written = ((name, document_text(content).encode()), ("robot.toml", ROBOT.read_bytes()))
+    done = [JobOutput(n, store.files.add(data), len(data)) for n, data in written]
     assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
 
 
 def fill(folder):
     """Jobs as they end: a calibration, the plan of a check, a check of the sound robot, one after an axis slipped."""
     store, plan = Store(folder), "d" * 24
-    finish(store, CALIBRATED, "identification", {"plan": "e" * 24}, "identification.json", calibration(0.01))
+    finish(store, CALIBRATED, "identification", {"plan": "e" * 24}, "identification.json", calibration(0.01), IDENTIFY)
     finish(store, plan, "check-plan", {"identification": CALIBRATED, "poses": 10}, "plan.json", {})
     for id, verdict in ((SOUND, judged()), (CHANGED, judged(theta3=0.03 * DEG))):
         finish(store, id, "check", {"check_plan": plan}, "check.json", verdict_content(verdict, NAME))
-    finish(store, "f" * 24, "identification", {"simulation": plan}, "identification.json", calibration(0.02))
+    drawn = calibration(0.02) | {"simulated": True}
+    finish(store, SIMULATED, "identification", {"simulation": plan}, "identification.json", drawn, IDENTIFY)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +69,11 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert last["beyond_chance"][0] < 0 < last["beyond_chance"][1]
     again = add(client, CHANGED, "2031-03-01")
     assert (again.status_code, len(again.json()["history"])) == (201, 3), "the same again changes nothing"
-    assert "simulated" in add(client, "f" * 24, "2031-03-02").json()["detail"]
+    assert "simulated" in add(client, SIMULATED, "2031-03-02").json()["detail"]
+    assert add(client, SIMULATED, "2031-03-02", "SIM-1").json()["simulated"]
+    for path in ("/robots/SIM-1", f"/jobs/{SIMULATED}"):
+        assert "Nobody has measured this robot" in client.get(path).text, path
+    assert "Nobody has measured this robot" not in client.get(f"/jobs/{CALIBRATED}").text
     assert add(client, "d" * 24, "2031-03-02").status_code == 422
     assert add(client, SOUND, "2031-03-02", "../x").status_code in (404, 405, 422)
     page = client.get("/robots/KR6-0815").text
@@ -72,6 +82,12 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert "KR6-0815" in client.get("/").text
     assert "Failed: changed" in client.get(f"/jobs/{CHANGED}").text
     assert "Passed: unchanged" in client.get(f"/jobs/{SOUND}").text
+    sheet = client.get(f"/jobs/{CALIBRATED}/certificate").text
+    held = hashlib.sha256(document_text(calibration(0.01)).encode()).hexdigest()
+    for known in ("KR6-0815", "2031-01-01", "&lt;b&gt;W", "D-K-15", "KUKA KR 6 R700", held):
+        assert known in sheet, known
+    assert "no certificate" not in sheet
+    assert "Simulated: no certificate" in client.get(f"/jobs/{SIMULATED}/certificate").text
 
     ua = client.get("/api/records/KR6-0815/opcua").json()["Prognosis"]
     assert (ua["Calibrated"], ua["DateOfCalibration"]) == (False, "2031-01-01T00:00:00Z")

@@ -18,6 +18,7 @@ from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
 from planner.session.document import read_plan
 from planner.workflow.plan_reading import simulate_plan
+from planner.workflow.plan_results import SimulationResult
 from tests.simulation.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file
 
@@ -207,6 +208,20 @@ def test_what_is_told_can_be_given_back(tmp_path):
     assert np.abs(again.readings.length - run.readings.length).max() < 1e-12
     assert all(line.startswith("# truth: ") for line in run.comments().splitlines())
     assert len(run.comments().splitlines()) == len(run.truth) + 1
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_simulated_run_is_known_as_one_however_it_is_written(tmp_path, ending):
+    first, second = (tmp_path / f"{n}.{ending}" for n in ("first", "second"))
+    run = simulate_plan(plan_folder(tmp_path))
+    SimulationResult(run).write(first)
+    read = load_run(first)
+    assert read.simulated
+    save_run(read, second)
+    assert load_run(second).simulated
+    save_run(replace(read, simulated=False), second)
+    assert not load_run(second).simulated
+    assert SimulationResult(run).text().count("nobody measured") == 1
 
 
 @pytest.mark.parametrize(

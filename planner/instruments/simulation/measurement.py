@@ -11,7 +11,7 @@ from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.instruments.simulation.truth import Truth
 from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Run, Samples
+from planner.runs.run import SIMULATED, Run, Samples
 from planner.session.course import Course, is_continuous
 from planner.session.document import PlanDocument, PoseRecord
 
@@ -34,7 +34,7 @@ class SimulatedRun(Run):
 
     def comments(self) -> str:
         """Return the comment lines that tell a person so, and what was read beside the poses."""
-        truth = [f"truth: {line}" for line in ("simulated, nobody measured this", *self.truth)]
+        truth = [f"truth: {line}" for line in (SIMULATED, *self.truth)]
         return "".join(f"# {line}\n" for line in (*truth, *self.beside.lines()))
 
 
@@ -97,6 +97,7 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
         continuous=moving,
         plan_id=plan_id,
         robot=cell.robot.name,
+        simulated=True,
         warnings=gauge.range_warnings(readings),
         truth=truth.lines(),
         beside=cell.gauge.reference_readings(cell, np.random.default_rng([seed, 2])),

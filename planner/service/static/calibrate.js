@@ -24,8 +24,8 @@ async function check() {
   const job = await post("/api/run-checks", { runs, simulation, ...place() });
   if (job.state !== "done") await finished(job.id);
   const found = await get(`/api/jobs/${job.id}/result`);
-  say(message, `${found.samples} samples, ${found.kind}.`);
-  const facts = [["samples", String(found.samples)], ["kind", found.kind], ["sessions", String(found.sessions)],
+  say(message, found.simulated ? "This run is simulated: nobody has measured this robot." : `${found.samples} samples, ${found.kind}.`, found.simulated);
+  const facts = [["samples", String(found.samples)], ["kind", found.simulated ? `${found.kind}, simulated` : found.kind], ["sessions", String(found.sessions)],
     ["plan", found.plan_id ?? "the log does not say"]];
   if (found.duration_s !== null) facts.push(["duration", `${(found.duration_s / 60).toFixed(1)} min`]);
   found.warnings.forEach((w) => facts.push(["to know", w]));

@@ -8,7 +8,7 @@ watchJob();
 
 function showLegend(view, shown) {
   const { what, unit, layers, most } = view.cloud, choice = find("#layer");
-  choice.append(...layers.map((l, k) => make("option", { value: k }, `${l.name}: ${l.rms.toPrecision(3)} ${unit} rms`)));
+  choice.append(...layers.map((l, k) => make("option", { value: k }, `${l.name}: ${l.rms.toFixed(4)} ${unit} rms`)));
   choice.addEventListener("change", () => shown.colour(Number(choice.value)));
   find("#scale-text").textContent = `${what}: from 0 (blue) to ${most.toPrecision(2)} ${unit} and more (red)`;
   find("#map-choice").hidden = false;

@@ -10,7 +10,7 @@ from planner.common.files import document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
-from planner.report.record_report import drift_chart, record_rows
+from planner.report.record_report import drift_chart, record_rows, report_record
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged
@@ -61,6 +61,19 @@ def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
     joint3 = next(s for s in zeros.series if s.name == "joint 3")
     assert abs(joint3.y[1]) > 0.1 > abs(joint3.y[0])
     assert evidence.series[0].y[0] < 0 < evidence.series[0].y[1]
+
+
+def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path):
+    day = Circumstances(date=date(2026, 6, 1))
+    drawn = results(tmp_path / "drawn", "identification.json", calibration(0.02) | {"simulated": True})
+    with pytest.raises(InputError, match="record of a robot that is real"):
+        add_entry(record, drawn, day, None)
+    known = add_entry(tmp_path / "other", drawn, day, "SIM-1")
+    assert known.simulated
+    assert record_rows(known)[0][3].startswith("SIMULATED: ")
+    assert "nobody has measured this robot" in report_record(known).html()
+    shown = edbb("record", tmp_path / "other")
+    assert "SIMULATED" in (shown.stdout + shown.stderr).splitlines()[0]
 
 
 def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
