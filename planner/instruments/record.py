@@ -147,10 +147,10 @@ class RecordEntry:
 
 @dataclass(frozen=True)
 class AxisDrift:
-    """The zero of one axis by every check, as motion of the tool if it alone had moved [mm]; nan: not known."""
+    """The zero of one axis by every check, as motion of the tool if it alone had moved, and σ [mm]; nan: not known."""
 
     name: str
-    motions_mm: tuple[float, ...]
+    motions: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -207,11 +207,11 @@ class RobotRecord:
     @property
     def drifts(self) -> tuple[AxisDrift, ...]:
         """Return the zeros of all axes by all checks."""
-        lines: dict[str, list[float]] = {}
+        lines: dict[str, list[tuple[float, float]]] = {}
         for k, (_, check) in enumerate(self.checks):
             for c in (c for c in check.changes if c.change.startswith("zero of ")):
                 motion = float(np.copysign(c.motion_mm, sum(c.values.values())))
-                lines.setdefault(c.change, [float("nan")] * len(self.checks))[k] = motion
+                lines.setdefault(c.change, [(float("nan"),) * 2] * len(self.checks))[k] = (motion, c.std_mm)
         return tuple(AxisDrift(n.removeprefix("zero of "), tuple(v)) for n, v in sorted(lines.items()))
 
     def differences(self) -> Iterator[tuple[int, str]]:

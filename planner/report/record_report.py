@@ -19,15 +19,17 @@ def drift_chart(record: RobotRecord) -> Chart | None:
     first = record.entries[0].file.circumstances.date
     days = np.array([float((when - first).days) for when, _ in checks])
     series = tuple(
-        Series(d.name if mark == "line" else "", days, np.array(d.motions_mm), JOINTS[k % len(JOINTS)], mark)
+        Series(d.name if mark == "line" else "", days, np.array(d.motions)[:, 0], JOINTS[k % len(JOINTS)], mark)
         for k, d in enumerate(record.drifts)
         for mark in MARKS
     )
     sure = np.array([c.decades for _, c in checks])
     alarm = Series("", days, sure, RED, "points")
     panels = (
-        Panel("", "days", "motion of the tool (mm)", series),
-        Panel("", "days", "decades beyond chance", (alarm,), (ReferenceLine(0.0, "alarm"),)),
+        Panel("", "days since the first entry", "motion of the tool (mm)", series),
+        Panel(
+            "", "days since the first entry", "powers of ten beyond chance", (alarm,), (ReferenceLine(0.0, "alarm"),)
+        ),
     )
     caption = (
         "By the checks, against the calibration before. Above: the zero of each axis, as if it alone had moved. Below: "

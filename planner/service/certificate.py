@@ -8,7 +8,6 @@ from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
 from planner.common.schema import PartialModel, read_json, read_toml, validate
 from planner.common.units import to_mm
-from planner.instruments.record import Circumstances
 from planner.kinematics.robot_reader import RobotDescription
 from planner.model.identification_document import Metrics
 from planner.service.answers import Job
@@ -16,6 +15,8 @@ from planner.service.context import ServiceContext
 from planner.service.job_api import find_output
 from planner.service.list_api import robot_title
 from planner.service.page_content import CalibrationPage, is_simulated, read_calibration
+from planner.service.record_api import find_recorded
+from planner.service.record_store import RecordedEntry
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
@@ -72,26 +73,13 @@ class FileHash:
 
 
 @dataclass(frozen=True)
-class RecordedCalibration:
-    """What the record of the robot says of the calibration; nothing where it is in none."""
-
-    serial: str = ""
-    circumstances: Circumstances | None = None
-
-    def field(self, name: str) -> str:
-        """Return one of the circumstances as text."""
-        value = None if self.circumstances is None else getattr(self.circumstances, name)
-        return "" if value is None else str(value)
-
-
-@dataclass(frozen=True)
 class CalibrationCertificate:
     """What the sheet says beside the fields that a person fills in."""
 
     found: CalibrationPage
     model: str
     simulated: bool
-    recorded: RecordedCalibration
+    recorded: RecordedEntry
     gauge: str
     plan_id: str
     fitted: int
@@ -124,7 +112,7 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
         found=found,
         model=robot_title(found.document.robot),
         simulated=is_simulated(context, job),
-        recorded=_find_recorded(context, job),
+        recorded=find_recorded(context, job.id),
         gauge=_gauge(cell),
         plan_id=plan_id,
         fitted=sum(e.identifiable for e in found.document.estimates),
@@ -146,14 +134,6 @@ def find_validation(context: ServiceContext, calibration: str) -> ValidationFile
     path = context.files.path(find_output(context, mine.id, "accuracy.json").sha256)
     found = validate(read_json(path), ValidationFile, str(path))
     return found if found.after is not None else None
-
-
-def _find_recorded(context: ServiceContext, job: Job) -> RecordedCalibration:
-    """The latest entry of a record that this calibration is."""
-    document = find_output(context, job.id, "identification.json").sha256
-    entries = ((r, e.file) for r in context.records.list_records() for e in r.entries)
-    mine = [RecordedCalibration(r.file.serial, f.circumstances) for r, f in entries if f.document_sha256 == document]
-    return mine[-1] if mine else RecordedCalibration()
 
 
 def _results(found: CalibrationPage) -> list[CertifiedError]:

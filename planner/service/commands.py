@@ -126,23 +126,23 @@ class CommandBuilder:
         return JobCommand(("fixture-view", cell, str(r.fixture), *map(str, r.position_mm)), tuple(inputs), task=True)
 
     def _plan_view(self, r: PlanViewRequest) -> JobCommand:
-        return JobCommand(("plan-view",), tuple(self._results(r.plan, "plan", "plan")), task=True)
+        return JobCommand(("plan-view",), tuple(self._planned(r.plan)), task=True)
 
     def _simulation(self, r: SimulationRequest) -> JobCommand:
-        inputs = self._results(r.plan, "plan", "plan")
+        inputs = self._planned(r.plan)
         words = ["simulate", "plan/plan.json", "-o", "out/run.csv", "--seed", str(r.seed)]
         if r.truth:
             words, inputs = [*words, "--truth", r.truth.name], [*inputs, self._file(r.truth)]
         return JobCommand(tuple(words), tuple(inputs))
 
     def _export(self, r: ExportRequest) -> JobCommand:
-        inputs = self._results(r.plan, "plan", "plan")
+        inputs = self._planned(r.plan)
         suffix = load_dialect(r.dialect).extensions[0]
         return JobCommand(
             ("export", "plan/plan.json", "--dialect", r.dialect, "-o", f"out/program{suffix}"), tuple(inputs)
         )
 
-    def _measured_files(self, r: MeasuredRequest) -> tuple[list[str], list[str], list[JobInput]]:
+    def _measured_files(self, r: MeasuredRequest, also: str = "") -> tuple[list[str], list[str], list[JobInput]]:
         """Runs, then the options of cell and plan, then all files."""
         inputs = [self._file(f) for f in (*r.runs, *(r.files if r.cell is None else ()))]
         runs = [f.name for f in r.runs]
@@ -151,7 +151,7 @@ class CommandBuilder:
             runs.append("simulated/run.csv")
         options = []
         if r.plan:
-            inputs += self._results(r.plan, "plan", "plan")
+            inputs += self._results(r.plan, "plan", "plan", also)
             options += ["--plan", "plan/plan.json"]
         if r.cell is None:
             options += ["--cell", "plan/cell.toml"]
@@ -161,7 +161,7 @@ class CommandBuilder:
         return runs, options, inputs
 
     def _run_check(self, r: RunCheckRequest) -> JobCommand:
-        runs, options, inputs = self._measured_files(r)
+        runs, options, inputs = self._measured_files(r, "check-plan")
         return JobCommand(("run-check", *options, *runs), tuple(inputs), task=True)
 
     def _identification(self, r: IdentificationRequest) -> JobCommand:
@@ -231,16 +231,19 @@ class CommandBuilder:
             raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
         return JobInput(file.name, file.id)
 
-    def _results(self, job: str, kind: str, folder: str) -> list[JobInput]:
-        """The files of a finished job that others need, in a folder."""
+    def _planned(self, job: str) -> list[JobInput]:
+        return self._results(job, "plan", "plan", "check-plan")
+
+    def _results(self, job: str, kind: str, folder: str, also: str = "") -> list[JobInput]:
+        """The files of a finished job of a kind, or of one that does as well, that others need, in a folder."""
         try:
             found = self._jobs.get(job)
         except KeyError:
             raise UnknownJobError(f"there is no job {job}") from None
-        if found.kind != kind:
+        if found.kind not in (kind, also):
             raise InputError(f"job {job} is a {found.kind}; a {kind} is needed")
         if found.state != "done":
-            raise UnfinishedJobError(f"the {kind} {job} has no result yet: it is {found.state}")
+            raise UnfinishedJobError(f"the {found.kind} {job} has no result yet: it is {found.state}")
         outputs = self._jobs.outputs(job)
         return [JobInput(f"{folder}/{o.name}", o.sha256) for o in outputs if not o.name.startswith(NOT_NEEDED)]
 

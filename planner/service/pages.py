@@ -3,6 +3,7 @@
 import hmac
 import json
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,7 @@ from planner.cell.file import CellFile
 from planner.cell.reading import shipped_cells
 from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
-from planner.instruments.record import CheckFile
+from planner.instruments.record import CheckedChange, CheckFile
 from planner.service.answers import Job, OutputFile, describe_job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
@@ -27,7 +28,7 @@ from planner.service.job_requests import JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries, robot_title
 from planner.service.page_content import is_simulated, pictures, plan_facts, read_calibration, visible_files
 from planner.service.problems import http_problem, request_problem
-from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, list_records
+from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, find_recorded, list_records
 from planner.session.document import PlanDocument, PlanHeader
 
 
@@ -216,14 +217,13 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
             found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
         baseline = any(f.name == BASELINE for f in job.files)
         checks = _check_plans(context, id) if baseline else []
-        shown_too = {"baseline": baseline, "checks": checks, "serials": _serials(context), "simulated": simulated}
+        shown_too = {"baseline": baseline, "checks": checks, "simulated": simulated, **_record_form(context, job)}
         return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
     if job.kind == "check":
         return _show_check(context, job, files)
     report = any(f.name == "report.html" for f in files)
-    return render(
-        "job", job=job, files=files, pictures=shown, report=report, serials=_serials(context), simulated=simulated
-    )
+    shown_too = {"report": report, "simulated": simulated, **_record_form(context, job)}
+    return render("job", job=job, files=files, pictures=shown, **shown_too)
 
 
 @PAGES.get("/compare")
@@ -265,7 +265,12 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
 @PAGES.get("/calibrate")
 def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
-    rows = [{"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"} for p in _plans(context)]
+    checks = [describe_job(j, []) for j in context.jobs.list_jobs("check-plan") if j.state == "done"]
+    rows = [
+        {"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"}
+        | {"plan_id": _plan_id(context, p), "baseline": p.request.get("identification", "")}
+        for p in (*_plans(context), *checks)
+    ]
     return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
 
 
@@ -275,13 +280,23 @@ def _show_check(context: ServiceContext, job: Job, files: list[OutputFile]) -> H
     if job.state == "done":
         document = context.files.path(find_output(context, job.id, "check.json").sha256)
         check = CheckFile.model_validate(read_json(document))
+        check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
     baseline = json.loads(plan.request)["identification"]
-    said = {"baseline": baseline, "serials": _serials(context), "simulated": is_simulated(context, job)}
+    said = {"baseline": baseline, "simulated": is_simulated(context, job), **_record_form(context, job, baseline)}
     return render("check", job=job, files=files, check=check, **said)
 
 
-def _serials(context: ServiceContext) -> list[str]:
-    return [r.file.serial for r in context.records.list_records()]
+def _change_order(change: CheckedChange) -> tuple[int, str]:
+    """Zeros joint by joint, then gears, then the rest."""
+    kinds = ("zero of", "gear of")
+    return next((k for k, kind in enumerate(kinds) if change.change.startswith(kind)), len(kinds)), change.change
+
+
+def _record_form(context: ServiceContext, job: Job, calibration: str | None = None) -> dict[str, object]:
+    """What the form shows: where the result is in a record already, and what the record of its calibration knows."""
+    known, before = context.records.list_records(), calibration or job.request.get("model") or job.id
+    found = {"own": find_recorded(context, job.id), "recorded": find_recorded(context, before)}
+    return found | {"serials": [r.file.serial for r in known]}
 
 
 def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
@@ -291,6 +306,16 @@ def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
 def _plans(context: ServiceContext) -> list[Job]:
     """The finished plans, the latest first."""
     return [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
+
+
+def _plan_id(context: ServiceContext, job: Job) -> str:
+    return _read_plan_id(context.files.path(find_output(context, job.id, "plan.json").sha256))
+
+
+@cache
+def _read_plan_id(path: Path) -> str:
+    """Content-addressed, so read once."""
+    return PlanHeader.model_validate(read_json(path)).plan_id
 
 
 def _check_plans(context: ServiceContext, identification: str) -> list[dict[str, object]]:

@@ -13,12 +13,12 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from planner.instruments.opcua import OpcUaRecord, map_to_opcua
-from planner.instruments.record import Circumstances, EntryKind, RobotRecord
+from planner.instruments.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import find_job
 from planner.service.job_requests import JobId, ServiceModel
 from planner.service.problems import Problem
-from planner.service.record_store import RobotState, robot_advice, robot_state
+from planner.service.record_store import RecordedEntry, RobotState, robot_advice, robot_state
 
 RECORDS = APIRouter(prefix="/api", tags=["records"])
 MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
@@ -56,13 +56,14 @@ class DriftLine(ServiceModel):
 
     name: str
     values: list[float | None]
+    std: list[float | None]
 
 
 class RecordHistory(RecordSummary):
     """The history of a robot: entries, the oldest first, and by its checks the drift."""
 
     history: list[HistoryEntry]
-    check_days: list[int] = Field(description="days of the checks since the first entry")
+    check_days: list[date] = Field(description="days of the checks")
     drift_mm: list[DriftLine] = Field(description="zero of each axis, as motion of the tool if it alone had moved")
     beyond_chance: list[float] = Field(description="decades; above zero something has changed")
 
@@ -123,6 +124,11 @@ def find_record(context: ServiceContext, serial: str) -> RobotRecord:
         raise HTTPException(404, f"there is no record of a robot {serial}") from None
 
 
+def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
+    """Return the entry of a record that the result of a job is."""
+    return context.records.find_entry({o.sha256 for o in context.jobs.outputs(job) if o.name in DOCUMENTS})
+
+
 def _summary(record: RobotRecord) -> dict[str, Any]:
     known = {"serial": record.file.serial, "robot": record.file.robot, "entries": len(record.entries)}
     return known | {
@@ -148,14 +154,18 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
         )
         for e in record.entries
     ]
-    first = history[0].circumstances.date if history else None
     return RecordHistory(
         **_summary(record),
         history=history,
-        check_days=[(when - first).days for when, _ in record.checks] if first else [],
-        drift_mm=[DriftLine(name=d.name, values=[_finite(v) for v in d.motions_mm]) for d in record.drifts],
+        check_days=[when for when, _ in record.checks],
+        drift_mm=[_drift_line(d) for d in record.drifts],
         beyond_chance=[check.decades for _, check in record.checks],
     )
+
+
+def _drift_line(drift: AxisDrift) -> DriftLine:
+    values, std = ([_finite(v) for v in column] for column in zip(*drift.motions, strict=True))
+    return DriftLine(name=drift.name, values=values, std=std)
 
 
 def _finite(value: float) -> float | None:

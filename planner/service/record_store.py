@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Literal
@@ -16,6 +17,19 @@ from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore
 
 RobotState = Literal["good", "check due", "changed", "not calibrated"]
+
+
+@dataclass(frozen=True)
+class RecordedEntry:
+    """What the record of a robot says of a result that was added to it; empty where it is in none."""
+
+    serial: str = ""
+    circumstances: Circumstances | None = None
+
+    def field(self, name: str) -> str:
+        """Return one of the circumstances as text."""
+        value = None if self.circumstances is None else getattr(self.circumstances, name)
+        return "" if value is None else str(value)
 
 
 class RecordStore:
@@ -55,11 +69,17 @@ class RecordStore:
         """Return all records by serial number."""
         return [self.read(p.parent.name) for p in sorted(self._folder.glob("*/record.toml"))]
 
+    def find_entry(self, documents: set[str]) -> RecordedEntry:
+        """Return the latest entry whose document has one of these SHA-256."""
+        entries = ((r.file.serial, e.file) for r in self.list_records() for e in r.entries)
+        mine = [RecordedEntry(s, e.circumstances) for s, e in entries if e.document_sha256 in documents]
+        return mine[-1] if mine else RecordedEntry()
+
     def add(self, serial: str, job: JobRecord, circumstances: Circumstances) -> RobotRecord:
         """Add what a job has found to the record of a robot, which is made where there is none; once only.
 
         Raises:
-            InputError: the job has nothing for a record, or is of another model of robot, or simulated beside real ones.
+            InputError: the job has nothing for a record, or is of another model, or simulated beside real ones.
         """
         with self._alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
             for output in self._jobs.outputs(job.id):

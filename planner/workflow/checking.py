@@ -22,7 +22,7 @@ from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
 from planner.session.planning import plan_session
 from planner.session.pose_sources import pose_session
-from planner.workflow.plan_results import PlanResult
+from planner.workflow.plan_results import FORECAST, PlanResult, evaluation_command
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import write_plan
 
@@ -42,12 +42,11 @@ class CheckPlanResult(PlanResult):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write what every plan has, and ``shows.json``."""
-        return write_plan(self.plan, Path(folder), self.stages, {"shows.json": document_text(self.forecast.content())})
+        return write_plan(self.plan, Path(folder), self.stages, {FORECAST: document_text(self.forecast.content())})
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is measured and judged."""
-        plan = folder / "plan.json"
-        return f"run the program and log it; then edbb check run.csv --plan {plan} --baseline FOLDER -o checked"
+        return f"run the program and log it; then {evaluation_command('run.csv', folder / 'plan.json', False)}"
 
 
 @dataclass(frozen=True)

@@ -254,8 +254,13 @@ def _left_out(dropped: Sequence[DroppedParameter]) -> list[str]:
     return [f"  left out    {len(dropped)} parameters that cannot be seen: {names} (why: report.html)"]
 
 
+FORECAST = "shows.json"  # beside the plan of a check
+
+
 def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:
-    """Return the command that evaluates the run of a plan of poses; those that validate alone judge a robot."""
+    """Return the command that evaluates the run of a plan of poses: a check, a calibration, or validation alone."""
+    if (plan.parent / FORECAST).is_file():
+        return f"edbb check {run} --plan {plan} --baseline CALIBRATED -o checked"
     where = f"{run} --cell {plan.parent / 'cell.toml'} --plan {plan}"
     return f"edbb identify {where} -o calibrated" if calibrates else f"edbb accuracy {where} -o accuracy"
 

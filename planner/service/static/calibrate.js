@@ -9,17 +9,35 @@ function place() {
   return plan ? { plan } : { cell: find("#cell").value };
 }
 
+const baseline = () => find("#plan").selectedOptions[0].dataset.baseline ?? "";
+
 function update() {
-  const plan = find("#plan").value;
+  const plan = find("#plan").value, check = baseline();
   find("#cell-choice").hidden = plan !== "";
+  find("#check-choice").hidden = check === "";
+  find("#trace-choice").hidden = check !== "";
+  find("#baseline").href = `/jobs/${check}`;
   find("#simulate").disabled = plan === "";
-  find("#identify").disabled = !runs.length && !simulation;
+  find("#identify").disabled = (!runs.length && !simulation) || (!plan && !find("#cell").value);
+  find("#identify").textContent = check ? "3. Judge the check" : "3. Identify the robot";
+}
+
+// Choose the plan that a log names, or else a cell of its robot: they stand at its head, in Parquet at its end.
+async function choosePlan(file) {
+  const text = (await Promise.all([file.slice(0, 65536), file.slice(-65536)].map((part) => part.text()))).join("\n");
+  const plan = text.match(/plan_id\W+([0-9a-f]{12})\b/)?.[1], robot = text.match(/^# robot: ([a-z0-9-]+)/m)?.[1];
+  const mine = [...find("#plan").options].find((o) => plan && o.dataset.plan === plan);
+  const cell = [...find("#cell").options].find((o) => o.value.startsWith(`${robot}/`));
+  if (mine) find("#plan").value = mine.value;
+  else if (plan) find("#plan").value = "";
+  if (!mine && cell && !find("#cell").value) find("#cell").value = cell.value;
 }
 
 async function check() {
   update();
   find("#run-view").hidden = true;
   if (!runs.length && !simulation) return;
+  if (!find("#plan").value && !find("#cell").value) { say(message, "Its plan is not known here: choose the cell."); return; }
   say(message, "Reading the log …");
   const job = await post("/api/run-checks", { runs, simulation, ...place() });
   if (job.state !== "done") await finished(job.id);
@@ -46,6 +64,7 @@ async function take(files) {
   runs = [];
   simulation = null;
   sent.hidden = false;
+  if (files.length) await choosePlan(files[0]);
   for (const file of files) {
     say(message, `Sending ${file.name} …`);
     runs.push(await upload("runs", file, (share) => { sent.value = share; }));
@@ -69,9 +88,21 @@ find("#simulate").addEventListener("click", () => attempt(async () => {
   await check();
 }));
 
+async function judge() {
+  const limit = find("#check-limit").value;
+  let run = runs[0];
+  if (simulation) {
+    const file = (await get(`/api/jobs/${simulation}`)).files.find((f) => f.name === "run.csv");
+    run = { id: file.sha256, name: file.name };
+  }
+  const job = await post("/api/checks", { check_plan: find("#plan").value, run, ...(limit && { limit_mm: Number(limit) }) });
+  location.href = `/jobs/${job.id}`;
+}
+
 find("#run-form").addEventListener("submit", (event) => {
   event.preventDefault();
   attempt(async () => {
+    if (baseline()) { await judge(); return; }
     const job = await post("/api/identifications", { runs, simulation, ...place(), no_trace: !find("#trace").checked });
     location.href = `/jobs/${job.id}`;
   });

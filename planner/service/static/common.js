@@ -78,4 +78,10 @@ export function showFacts(list, facts) {
   list.replaceChildren(...facts.flatMap(([what, value]) => [make("dt", {}, what), make("dd", {}, value)]));
 }
 
+// What only serves a page; a person looks for the others.
+const HELPERS = ["plan-view", "fixture-view", "error-map", "cell-check", "run-check", "simulation", "export"];
+export const isResult = (job) => !HELPERS.includes(job.kind);
+
+export const timeText = (iso) => `${iso.slice(0, 16).replace("T", " ")} UTC`;
+
 export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;

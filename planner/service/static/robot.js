@@ -1,11 +1,13 @@
 import { find, get } from "/static/common.js";
 import { lineChart } from "/static/linechart.js";
 
+const DAY = 86400000;
 const record = await get(`/api/records/${encodeURIComponent(document.body.dataset.serial)}`);
 if (record.check_days.length) {
-  const draw = (title, series) => lineChart(title, "days since the first entry", record.check_days, series);
+  const days = record.check_days.map((day) => Date.parse(day) / DAY);
+  const draw = (title, series) => lineChart(title, "day of the check", days, series, (t) => new Date(t * DAY).toISOString().slice(0, 10));
   find("#drift").append(
-    draw("Zero of each axis as motion of the tool, mm", record.drift_mm),
-    draw("Decades beyond chance: above 0 something has changed", [
-      { name: "by the checks", values: record.beyond_chance }, { name: "alarm", values: record.beyond_chance.map(() => 0) }]));
+    draw("Zero of each axis since the calibration, as motion of the tool in mm if it alone had moved; bars: two standard deviations.", record.drift_mm),
+    draw("How much rarer than an alarm allows chance gives such readings, in powers of ten: above 0 something has changed.", [
+      { name: "check", values: record.beyond_chance }, { name: "alarm", values: record.beyond_chance.map(() => 0), limit: true }]));
 }

@@ -1,4 +1,4 @@
-import { find, finished, get, make, post, say, upload } from "/static/common.js";
+import { find, finished, get, isResult, make, post, say, upload } from "/static/common.js";
 
 const message = find("#cell-message");
 
@@ -23,7 +23,7 @@ find("#cell-form").addEventListener("submit", async (event) => {
   try { await checkCell([...find("#cell-file").files]); } catch (problem) { say(message, problem.message, true); }
 });
 
-const jobs = (await get("/api/jobs?most=60")).filter((j) => !j.kind.endsWith("-view") && !j.kind.endsWith("-check"));
+const jobs = (await get("/api/jobs?most=300")).filter(isResult);
 find("#lately-none").hidden = jobs.length > 0;
 find("#lately-list").append(...jobs.slice(0, 8).map((j) => make("li", {},
   make("a", { href: `/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));
