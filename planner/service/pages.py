@@ -29,6 +29,7 @@ from planner.service.list_api import dialect_entries, robot_entries, robot_title
 from planner.service.page_content import is_simulated, pictures, plan_facts, read_calibration, visible_files
 from planner.service.problems import http_problem, request_problem
 from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, find_recorded, list_records
+from planner.service.record_store import RecordedEntry
 from planner.session.document import PlanDocument, PlanHeader
 
 
@@ -202,7 +203,7 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
-    files, shown, simulated = visible_files(job), pictures(job), is_simulated(context, job)
+    files, shown = visible_files(job), pictures(job)
     if job.kind == "plan" and not _is_circular(context, job):
         plan = _plan(context, job) if job.state == "done" else None
         names = {p["file"] for p in plan.programs} if plan else set()
@@ -217,12 +218,12 @@ def show_job(id: JobId, context: Context) -> HTMLResponse:
             found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
         baseline = any(f.name == BASELINE for f in job.files)
         checks = _check_plans(context, id) if baseline else []
-        shown_too = {"baseline": baseline, "checks": checks, "simulated": simulated, **_record_form(context, job)}
+        shown_too = {"baseline": baseline, "checks": checks, **_record_form(context, job)}
         return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
     if job.kind == "check":
         return _show_check(context, job, files)
     report = any(f.name == "report.html" for f in files)
-    shown_too = {"report": report, "simulated": simulated, **_record_form(context, job)}
+    shown_too = {"report": report, **_record_form(context, job)}
     return render("job", job=job, files=files, pictures=shown, **shown_too)
 
 
@@ -282,8 +283,8 @@ def _show_check(context: ServiceContext, job: Job, files: list[OutputFile]) -> H
         check = CheckFile.model_validate(read_json(document))
         check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
     baseline = json.loads(plan.request)["identification"]
-    said = {"baseline": baseline, "simulated": is_simulated(context, job), **_record_form(context, job, baseline)}
-    return render("check", job=job, files=files, check=check, **said)
+    form = _record_form(context, job, baseline)
+    return render("check", job=job, files=files, check=check, baseline=baseline, **form)
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:
@@ -294,9 +295,12 @@ def _change_order(change: CheckedChange) -> tuple[int, str]:
 
 def _record_form(context: ServiceContext, job: Job, calibration: str | None = None) -> dict[str, object]:
     """What the form shows: where the result is in a record already, and what the record of its calibration knows."""
-    known, before = context.records.list_records(), calibration or job.request.get("model") or job.id
-    found = {"own": find_recorded(context, job.id), "recorded": find_recorded(context, before)}
-    return found | {"serials": [r.file.serial for r in known]}
+    before, simulated = calibration or job.request.get("model") or job.id, is_simulated(context, job)
+    own, recorded = find_recorded(context, job.id), find_recorded(context, before)
+    if recorded.simulated != simulated:
+        recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
+    serials = [r.file.serial for r in context.records.list_records() if r.simulated == simulated]
+    return {"own": own, "recorded": recorded, "serials": serials, "simulated": simulated}
 
 
 def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:

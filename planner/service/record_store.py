@@ -25,6 +25,7 @@ class RecordedEntry:
 
     serial: str = ""
     circumstances: Circumstances | None = None
+    simulated: bool = False
 
     def field(self, name: str) -> str:
         """Return one of the circumstances as text."""
@@ -71,9 +72,10 @@ class RecordStore:
 
     def find_entry(self, documents: set[str]) -> RecordedEntry:
         """Return the latest entry whose document has one of these SHA-256."""
-        entries = ((r.file.serial, e.file) for r in self.list_records() for e in r.entries)
-        mine = [RecordedEntry(s, e.circumstances) for s, e in entries if e.document_sha256 in documents]
-        return mine[-1] if mine else RecordedEntry()
+        entries = ((r, e.file) for r in self.list_records() for e in r.entries)
+        mine = [(r, e) for r, e in entries if e.document_sha256 in documents]
+        known = [RecordedEntry(r.file.serial, e.circumstances, r.simulated) for r, e in mine]
+        return known[-1] if known else RecordedEntry()
 
     def add(self, serial: str, job: JobRecord, circumstances: Circumstances) -> RobotRecord:
         """Add what a job has found to the record of a robot, which is made where there is none; once only.

@@ -71,6 +71,10 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert (again.status_code, len(again.json()["history"])) == (201, 3), "the same again changes nothing"
     assert "simulated" in add(client, SIMULATED, "2031-03-02").json()["detail"]
     assert add(client, SIMULATED, "2031-03-02", "SIM-1").json()["simulated"]
+    assert client.post("/api/simulations", json={"plan": "d" * 24}).status_code == 202, "a check's plan"
+    run = client.post("/api/runs", params={"name": "run.csv"}, content=b"q1_deg").json()["id"]
+    refused = client.post("/api/identifications", json={"plan": "d" * 24, "runs": [{"id": run, "name": "run.csv"}]})
+    assert "is a check-plan; a plan is needed" in refused.json()["detail"]
     for path in ("/robots/SIM-1", f"/jobs/{SIMULATED}"):
         assert "Nobody has measured this robot" in client.get(path).text, path
     assert "Nobody has measured this robot" not in client.get(f"/jobs/{CALIBRATED}").text
@@ -82,6 +86,7 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert "KR6-0815" in client.get("/").text
     assert "Failed: changed" in client.get(f"/jobs/{CHANGED}").text
     assert "Passed: unchanged" in client.get(f"/jobs/{SOUND}").text
+    assert 'It is in the record of <a href="/robots/KR6-0815">' in client.get(f"/jobs/{SOUND}").text
     sheet = client.get(f"/jobs/{CALIBRATED}/certificate").text
     held = hashlib.sha256(document_text(calibration(0.01)).encode()).hexdigest()
     for known in ("KR6-0815", "2031-01-01", "&lt;b&gt;W", "D-K-15", "KUKA KR 6 R700", held):

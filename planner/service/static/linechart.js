@@ -4,7 +4,7 @@ import { make } from "/static/common.js";
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7a5c00", "#3c6e9e", "#555555"];
 const FEW = 40; // values that are marked one by one
 const ROOM = 84; // of a name below the axis
-const [WIDTH, HEIGHT, LEFT, TOP, BOTTOM] = [640, 260, 62, 10, 40];
+const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [640, 260, 62, 20, 10, 40];
 
 function svg(tag, attributes, text = "") {
   const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -30,18 +30,18 @@ export function lineChart(title, across, at, series, label = null) {
   if (low === high) { low -= 1; high += 1; }
   const spare = label ? Math.max(1, 0.06 * (at[at.length - 1] - at[0])) : 0;
   const first = at[0] - spare, last = at[at.length - 1] === at[0] && !spare ? at[0] + 1 : at[at.length - 1] + spare;
-  const x = (t) => LEFT + (WIDTH - LEFT - 8) * (t - first) / (last - first);
+  const x = (t) => LEFT + (WIDTH - LEFT - RIGHT) * (t - first) / (last - first);
   const y = (v) => HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * (v - low) / (high - low);
   const chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${title} over ${across}, from ${low.toFixed(1)} to ${high.toFixed(1)}` });
   for (const v of ticks(low, high)) {
-    chart.append(svg("line", { x1: LEFT, x2: WIDTH - 8, y1: y(v), y2: y(v), stroke: v === 0 ? "#76828d" : "#dde3e8" }));
+    chart.append(svg("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: y(v), y2: y(v), stroke: v === 0 ? "#76828d" : "#dde3e8" }));
     chart.append(svg("text", { x: LEFT - 6, y: y(v) + 4, "text-anchor": "end", "font-size": 13, fill: "#4b5763" }, String(v)));
   }
   for (const t of label ? named(at, x) : ticks(first, last)) chart.append(svg("text", { x: x(t), y: HEIGHT - 20, "text-anchor": "middle", "font-size": 13, fill: "#4b5763" }, label ? label(t) : String(t)));
   chart.append(svg("text", { x: WIDTH / 2, y: HEIGHT - 3, "text-anchor": "middle", "font-size": 13, fill: "#4b5763" }, across));
   series.forEach((s, k) => {
     const stroke = COLOURS[k % COLOURS.length];
-    if (s.limit) { chart.append(svg("line", { x1: LEFT, x2: WIDTH - 8, y1: y(s.values[0]), y2: y(s.values[0]), stroke, "stroke-width": 2, "stroke-dasharray": "7 5" })); return; }
+    if (s.limit) { chart.append(svg("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: y(s.values[0]), y2: y(s.values[0]), stroke, "stroke-width": 2, "stroke-dasharray": "7 5" })); return; }
     const aside = s.std ? 9 * (k - (series.length - 1) / 2) : 0; // bars stand beside each other
     const path = s.values.map((v, i) => v === null ? "" : `${i && s.values[i - 1] !== null ? "L" : "M"}${(x(at[i]) + aside).toFixed(1)} ${y(v).toFixed(1)}`).join("");
     chart.append(svg("path", { d: path, fill: "none", stroke, "stroke-width": 1.4 }));

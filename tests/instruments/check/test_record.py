@@ -11,6 +11,7 @@ from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 from planner.report.record_report import drift_chart, record_rows, report_record
+from planner.workflow.plan_results import FORECAST, evaluation_command
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged
@@ -74,6 +75,13 @@ def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path
     assert "nobody has measured this robot" in report_record(known).html()
     shown = edbb("record", tmp_path / "other")
     assert "SIMULATED" in (shown.stdout + shown.stderr).splitlines()[0]
+
+
+def test_the_run_of_a_checks_plan_is_judged_not_identified(tmp_path):
+    plan = tmp_path / "plan.json"
+    assert evaluation_command("run.csv", plan, True).startswith("edbb identify run.csv")
+    (tmp_path / FORECAST).touch()
+    assert evaluation_command("run.csv", plan, True).startswith("edbb check run.csv --plan")
 
 
 def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
