@@ -126,17 +126,17 @@ class CommandBuilder:
         return JobCommand(("fixture-view", cell, str(r.fixture), *map(str, r.position_mm)), tuple(inputs), task=True)
 
     def _plan_view(self, r: PlanViewRequest) -> JobCommand:
-        return JobCommand(("plan-view",), tuple(self._planned(r.plan)), task=True)
+        return JobCommand(("plan-view",), tuple(self._plan_files(r.plan)), task=True)
 
     def _simulation(self, r: SimulationRequest) -> JobCommand:
-        inputs = self._planned(r.plan)
+        inputs = self._plan_files(r.plan)
         words = ["simulate", "plan/plan.json", "-o", "out/run.csv", "--seed", str(r.seed)]
         if r.truth:
             words, inputs = [*words, "--truth", r.truth.name], [*inputs, self._file(r.truth)]
         return JobCommand(tuple(words), tuple(inputs))
 
     def _export(self, r: ExportRequest) -> JobCommand:
-        inputs = self._planned(r.plan)
+        inputs = self._plan_files(r.plan)
         suffix = load_dialect(r.dialect).extensions[0]
         return JobCommand(
             ("export", "plan/plan.json", "--dialect", r.dialect, "-o", f"out/program{suffix}"), tuple(inputs)
@@ -231,7 +231,7 @@ class CommandBuilder:
             raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
         return JobInput(file.name, file.id)
 
-    def _planned(self, job: str) -> list[JobInput]:
+    def _plan_files(self, job: str) -> list[JobInput]:
         return self._results(job, "plan", "plan", "check-plan")
 
     def _results(self, job: str, kind: str, folder: str, also: str = "") -> list[JobInput]:
