@@ -23,6 +23,7 @@ from planner.session.movable_cell import cell_files
 FILE_VERBS = ("simulate", "export", "import", "compensate")  # -o names a file
 OUTPUT = ("-o", "--output")
 NOT_SENT = ("report.html", "residuals.csv", "timings.json", MANIFEST)
+MOST_TITLE = 120  # letters
 LARGEST = 200 << 20  # of a file beside one that is named
 PATIENCE = 60.0  # seconds without an answer
 TRIES = 20  # of a connection that breaks, a second apart
@@ -158,7 +159,8 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
     with Screen() as progress:
         progress("sending", 0, 0)
         sent = [{"id": server.send(data, Path(name).name), "name": name} for name, data in command.files.items()]
-        job = server.ask("/api/commands", {"words": command.words, "files": sent})
+        asked = {"words": command.words, "files": sent, "title": name_command(words)}
+        job = server.ask("/api/commands", asked)
         for event in server.follow(str(job["id"])):
             if "stage" in event:
                 progress(str(event["stage"]), int(str(event.get("done", 0))), int(str(event.get("of", 0))))
@@ -176,6 +178,12 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
         errors.print(f"edbb: {dict(ended)['problem']}", markup=False)
     code = ended["exit_code"]
     return int(str(code)) if code is not None else 1
+
+
+def name_command(words: Sequence[str]) -> str:
+    """Return of what a command is, as pages say it: the word after its verb, of a path the file and its folder."""
+    what = words[1] if len(words) > 1 else words[0]
+    return "/".join(Path(what).parts[-2:])[-MOST_TITLE:]
 
 
 def list_of_dicts(value: object) -> list[dict[str, object]]:

@@ -13,13 +13,13 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile, PlacedFile
+from planner.cell.file import CellFile, PlacedFile, place_text
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody, PlannedVisit
+from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionGuide
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
-from planner.gauges.balls import BallGauge, artifact_frame, check_names
+from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names
 from planner.kinematics.bodies import Body
 from planner.kinematics.inverse_kinematics import shift_point
 from planner.kinematics.robot import Robot
@@ -72,6 +72,20 @@ class BallSocket(BallGauge):
             raise InputError(f"{path}: a plate needs at least one socket, a [[balls]] table with name and position_mm")
         check_names(path, file)
         return super().placed_section(path, file)
+
+    @classmethod
+    def session_guide(cls, file: CellFile) -> SessionGuide:
+        """The ball on the tool is led into a socket at every pose."""
+        size = f"the {2 * file.balls[0].radius_mm:g} mm ball" if file.balls else "the ball"
+        tool = f" with its centre at {place_text(file.tool.map_mm)} of the flange" if file.tool else ""
+        keys = validate(file.gauge.own, SocketKeys, "[gauge]")
+        return SessionGuide(
+            (artifact_step(file, "Plate and its sockets", "sockets"),),
+            (CellStep("Fit the ball", f"Where the program pauses: fit {size} to the tool{tool}, wipe it clean."),),
+            "the name of the socket (ball)",
+            f"At each pose it waits {keys.wait_mm:g} mm above a socket: lead the ball in by hand or by jogging until "
+            "it rests, log that row, then let the program go on.",
+        )
 
     def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """The ball is fitted to the tool."""

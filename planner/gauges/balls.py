@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from planner.cell.cell import Ball, Cell
-from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge_types import GaugeBody
+from planner.cell.file import CellFile, PlacedFile, place_text
+from planner.cell.gauge_types import CellStep, GaugeBody
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
@@ -23,6 +23,16 @@ from planner.runs.run import Mounting, Readings, Run, Samples
 INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
 NEWTON_STEPS = 8
 SHAFT_LENGTH = 30e-3  # [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
+
+
+def artifact_step(file: CellFile, title: str, seats: str) -> CellStep:
+    """Return the step that sets the artifact up; ``seats``: what it carries."""
+    there, names = file.artifact, ", ".join(b.name for b in file.balls)
+    where = f" at {place_text(there.position_mm)} of the base frame, to about {there.prior_mm:g} mm," if there else ""
+    return CellStep(
+        title,
+        f"It stands{where} and is clamped: nothing moves it until the log is saved. Wipe the {seats} {names} clean.",
+    )
 
 
 @dataclass(frozen=True)

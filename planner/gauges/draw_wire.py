@@ -32,6 +32,10 @@ class DrawWire(LengthGauge):
     travel_name: ClassVar[str] = "way without the wire"
     bare: ClassVar[str] = ", without the wire"
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
+    fixture_text: ClassVar[str] = "The encoder's eyelet at place"
+    tool_text: ClassVar[str] = "The eye for the wire's end lies"
+    clean_text: ClassVar[str] = "The wire runs out and in freely, and touches nothing on its way."
+    attach_text: ClassVar[str] = "lead the wire slowly to the tool and hook it in; never let it snap back."
     usual_body: ClassVar[Mapping[str, float]] = {
         "radius_mm": EYELET,
         "rod_radius_mm": WIRE,

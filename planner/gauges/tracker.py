@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile, PlacedFile
+from planner.cell.file import CellFile, PlacedFile, place_text
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody
+from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide
 from planner.cell.places import nests_frame
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
@@ -74,6 +74,34 @@ class Tracker(FrameGauge):
     def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
         """The tracker has to see the reflector."""
         return "", "put the reflector into its nest and let the tracker find it"
+
+    @classmethod
+    def session_guide(cls, file: CellFile) -> SessionGuide:
+        """The tracker and its reflector are set up; the tracker sees the reflector at every pose."""
+        where = f" near {place_text(file.tracker.position_mm)} of the base frame" if file.tracker else ""
+        on_tool = f" at {place_text(file.tool.map_mm)} of the flange" if file.tool else ""
+        steps = [
+            CellStep(
+                "Set up the tracker",
+                f"It stands{where}, warmed up and checked as its maker says; nothing moves it until the log is saved.",
+            ),
+            CellStep("Nest on the tool", f"The reflector's nest sits{on_tool}, tight and clean; the reflector fits."),
+        ]
+        if file.tracker and file.tracker.nests:
+            names = ", ".join(n.name for n in file.tracker.nests)
+            steps.append(
+                CellStep(
+                    "Read the nests that tie the frames",
+                    f"Put the reflector into the nests {names}, one after the other. Each becomes a line above the "
+                    "columns of the log: # nest_mm: NAME, x, y, z",
+                )
+            )
+        seen = CellStep(
+            "Put the reflector into the nest on the tool",
+            "Where the program pauses: lock the beam on it; it stays locked until the last pose.",
+        )
+        stay = "Stay beside it: where the beam breaks, stop the program, lock it on again and go on from there."
+        return SessionGuide(tuple(steps), (seen,), f"the reflector's position ({cls.columns})", stay)
 
     def describe(self, cell: Cell) -> str:
         """Say where it stands."""

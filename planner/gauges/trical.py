@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from planner.cell.cell import Cell, IndicatorHead
-from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
+from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile, place_text
 from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge_types import CellStep, SessionGuide
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
-from planner.gauges.balls import BallGauge, check_names
+from planner.gauges.balls import BallGauge, artifact_step, check_names
 from planner.kinematics.inverse_kinematics import retract_tool
 from planner.kinematics.robot import Robot
 
@@ -38,6 +39,26 @@ class TriCalHead(BallGauge):
         placed = super().placed_section(path, file)
         _check_trical(path, file)
         return placed
+
+    @classmethod
+    def session_guide(cls, file: CellFile) -> SessionGuide:
+        """The indicators are mastered before and after; the robot is centred on each ball until all show that again."""
+        head = file.gauge.head
+        size = f"the {head.master_mm:g} mm ball" if head else "the master ball"
+        shown = f"{head.master_mm / 2 - file.balls[0].radius_mm:.3f} mm" if head and file.balls else "zero"
+        tool = f" Its tool point lies at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
+        mastered = f"Where the program pauses, the head's opening upwards: lay {size} into its socket,"
+        return SessionGuide(
+            (
+                artifact_step(file, "Artifact and its balls", "balls"),
+                CellStep("Head of indicators", f"All three move freely and are connected.{tool}"),
+            ),
+            (CellStep("Master the indicators", f"{mastered} set all three indicators to {shown}, take the ball out."),),
+            "the name of the ball (ball); edbb centre writes all of it by itself",
+            "At each ball edbb centre drives the robot until all three indicators show what they showed at the master "
+            "ball; without it, jog there by hand and note the joint angles. Keep the stop at hand.",
+            (CellStep("Master again", "Lay the master ball in once more and note the indicators: have they drifted?"),),
+        )
 
     def starts_among(self, q: Array) -> Array | None:
         """The indicators are mastered with the head's opening upwards."""

@@ -9,6 +9,7 @@ __all__ = [
     "chart",
     "check_report",
     "circular_report",
+    "formatting",
     "loaded_report",
     "matplotlib_backend",
     "overview",

@@ -130,7 +130,11 @@ def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
         ("Unsorted", both.unsorted_t, both.unsorted_q),
         ("Sorted", both.sorted_t, both.sorted_q),
     ):
-        labels = (f"{name}: {duration_text(float(t[-1]))}", "time by the cost of the legs (s)", "joint angle (deg)")
+        labels = (
+            f"{name}: legs of {duration_text(float(t[-1]))}",
+            "time by the cost of the legs (s)",
+            "joint angle (deg)",
+        )
         panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
     caption = (
         "The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest "

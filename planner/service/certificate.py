@@ -101,7 +101,7 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
     document = context.files.path(find_output(context, job.id, "identification.json").sha256)
     found = read_calibration(document)
     inputs = {i.name: i.sha256 for i in record.command.inputs}
-    plan = inputs.get("plan/plan.json")
+    plan = inputs.get(str(record.command.option("--plan")))
     plan_id = "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
     hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
     hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
@@ -117,7 +117,7 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
         plan_id=plan_id,
         fitted=sum(e.identifiable for e in found.document.estimates),
         results=_results(found),
-        validation=find_validation(context, job.id),
+        validation=find_validation(context, {f.name: f.sha256 for f in job.files}["robot.toml"]),
         repeatability_mm=scatter,
         measured_rp_mm=rp,
         hashes=[h for h in hashes if not h.name.endswith("trajectory.csv")],
@@ -125,10 +125,10 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
     )
 
 
-def find_validation(context: ServiceContext, calibration: str) -> ValidationFile | None:
-    """Return the latest run of a tracker by which a calibration was judged; ``None`` where there is none."""
+def find_validation(context: ServiceContext, robot_sha256: str) -> ValidationFile | None:
+    """Return the latest run of a tracker by which a calibrated robot was judged; ``None`` where there is none."""
     done = (j for j in context.jobs.list_jobs("validation") if j.state == "done")
-    mine = next((j for j in done if json.loads(j.request).get("model") == calibration), None)
+    mine = next((j for j in done if robot_sha256 in j.command.inputs_of("--model").values()), None)
     if mine is None:
         return None
     path = context.files.path(find_output(context, mine.id, "accuracy.json").sha256)

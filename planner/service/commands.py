@@ -80,7 +80,7 @@ class CommandBuilder:
         if twice:
             raise InputError(f"two files of the request are called '{twice}'; give them names of their own")
         return self._jobs.submit(
-            job_id(request, command), request.kind, self._title(request), request.model_dump_json(), command
+            job_id(request, command), request.job_kind, self._title(request), request.model_dump_json(), command
         )
 
     def _title(self, request: JobRequest) -> str:
@@ -88,9 +88,10 @@ class CommandBuilder:
             sent = None if "/" in request.cell else self._uploads.find(request.cell)
             return sent.name if sent else request.cell
         if isinstance(request, MeasuredRequest):
-            return ", ".join(r.name for r in request.runs) or "simulated run"
+            simulated = f"simulated run of {self._jobs.get(request.simulation).title}" if request.simulation else ""
+            return ", ".join(r.name for r in request.runs) or simulated
         if isinstance(request, CommandRequest):
-            return " ".join(request.words)[:TITLE]
+            return request.title or " ".join(request.words)[:TITLE]
         if isinstance(request, CompensationRequest):
             return request.program.name
         if isinstance(request, CheckRequest):
@@ -185,7 +186,7 @@ class CommandBuilder:
     def _cell_of_identification(self, job: str) -> tuple[str, tuple[JobInput, ...]]:
         """The word for the cell that was identified in, and the files that lay there."""
         done = self._jobs.get(job).command
-        return done.words[done.words.index("--cell") + 1], done.inputs
+        return str(done.option("--cell")), done.inputs
 
     def _check_plan(self, r: CheckPlanRequest) -> JobCommand:
         known = self._results(r.identification, "identification", "calibrated")
@@ -196,11 +197,11 @@ class CommandBuilder:
 
     def _check(self, r: CheckRequest) -> JobCommand:
         planned = self._results(r.check_plan, "check-plan", "check")
-        baseline = json.loads(self._jobs.get(r.check_plan).request)["identification"]
+        known = self._jobs.get(r.check_plan).command.inputs_of("--baseline")
         words = ["check", r.run.name, "--plan", "check/plan.json", "--baseline", "calibrated", "-o", "out", JSON]
         words += [] if r.limit_mm is None else ["--limit-mm", str(r.limit_mm)]
-        known = self._results(baseline, "identification", "calibrated")
-        return JobCommand(tuple(words), (self._file(r.run), *planned, *known))
+        baseline = (JobInput(f"calibrated/{name}", sha256) for name, sha256 in known.items())
+        return JobCommand(tuple(words), (self._file(r.run), *planned, *baseline))
 
     def _validation(self, r: ValidationRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r)
@@ -250,7 +251,8 @@ class CommandBuilder:
 
 def job_id(request: JobRequest, command: JobCommand) -> str:
     """Return the identifier of a job: a hash of what it is asked for and of its files."""
-    content = [request.kind, json.loads(request.model_dump_json()), [[i.name, i.sha256] for i in command.inputs]]
+    asked = json.loads(request.model_dump_json(exclude={"title"}))
+    content = [request.kind, asked, [[i.name, i.sha256] for i in command.inputs]]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
 
 

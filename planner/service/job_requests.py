@@ -33,6 +33,10 @@ Verb = Literal[
     "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
     "circular", "loaded", "loaded-places", "plan-both", "robots", "dialects",
 ]  # fmt: skip
+KINDS_OF_VERBS = {  # commands whose folder holds what a job of another kind makes, by the same names
+    "plan": "plan", "study": "study", "export": "export", "simulate": "simulation", "identify": "identification",
+    "compensate": "compensation", "accuracy": "validation", "plan-check": "check-plan", "check": "check",
+}  # fmt: skip
 Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
 
 
@@ -66,6 +70,11 @@ class JobRequest(ServiceModel):
 
     kind: ClassVar[str]
 
+    @property
+    def job_kind(self) -> str:
+        """What the job is to a person, whoever started it."""
+        return self.kind
+
 
 class CellRequest(JobRequest):
     """Something that starts from a cell."""
@@ -80,6 +89,12 @@ class CommandRequest(JobRequest):
     kind: ClassVar[str] = "command"
     words: Annotated[list[Word], Field(min_length=1, max_length=100)]
     files: Annotated[list[FileInFolder], Field(max_length=500)] = []
+    title: Annotated[str, Field(max_length=120, pattern=r"^[^\x00-\x1f]*$", description="of what the job is")] = ""
+
+    @property
+    def job_kind(self) -> str:
+        """A plan is a plan: its folder holds what one asked for here does."""
+        return KINDS_OF_VERBS.get(self.words[0], self.kind)
 
     @model_validator(mode="after")
     def _known_verb(self) -> Self:

@@ -67,6 +67,21 @@ class JobCommand:
     task: bool = False
     results: str = "out"
 
+    def option(self, name: str) -> str | None:
+        """Return the word of an option, ``None`` where it is not given."""
+        words = (w.partition("=") for w in self.words)
+        after = dict(zip(self.words, self.words[1:], strict=False)).get(name)
+        return next((value for key, equals, value in words if equals and key == name), after)
+
+    def inputs_of(self, option: str) -> dict[str, str]:
+        """Return the inputs that an option names, hash by name: its file, or what lies in its folder."""
+        place = f"{self.option(option)}"
+        return {
+            i.name.rpartition("/")[2] if i.name == place else i.name[len(place) + 1 :]: i.sha256
+            for i in self.inputs
+            if i.name == place or i.name.startswith(f"{place}/")
+        }
+
 
 @model(frozen=True)
 class JobOutput:
@@ -278,6 +293,15 @@ class JobStore:
         """Return the files of a job that has ended."""
         rows = self._db.connection.execute("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", (id,))
         return [JobOutput(r["name"], r["sha256"], r["size"]) for r in rows]
+
+    def writer(self, sha256: str | None, kind: str) -> JobRecord | None:
+        """Return the latest job of a kind that has written a file of this content."""
+        row = self._db.connection.execute(
+            "SELECT jobs.* FROM outputs JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"
+            " ORDER BY created DESC LIMIT 1",
+            (sha256, kind),
+        ).fetchone()
+        return None if row is None else _record(row)
 
     def jobs_by_output(self) -> dict[str, str]:
         """Return which job has written a JSON document, by the document's hash."""

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from planner.common.schema import read_json
+from planner.common.schema import PartialModel, read_json
 from planner.common.units import to_mm
+from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
 from planner.model.identification_document import Finding, Identification, Release, Stage
+from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
 from planner.session.document import PlanDocument
@@ -77,6 +79,29 @@ class Picture:
 
     url: str
     caption: str
+
+
+class ForeseenChange(PartialModel):
+    """A change, and the least motion of the tool [mm] from which a check shows it; none where it never does."""
+
+    change: str
+    detectable_mm: float | None
+
+
+class CheckForecastFile(PartialModel):
+    """What the page of a planned check needs of ``shows.json``."""
+
+    false_alarm: float
+    power: float
+    changes: tuple[ForeseenChange, ...]
+
+
+ROLES = {  # of poses: what is done there, and why
+    "calibrate": ("poses to calibrate", ""),
+    "repeat": ("measured again", ", for the repeatability"),
+    "validate": ("poses to validate", ", at random, kept out of the fit: they show how good it is"),
+    "mount": ("stops for the gauge", ", where it is made ready and taken off"),
+}
 
 
 @dataclass(frozen=True)
@@ -157,25 +182,34 @@ def pictures(job: Job) -> list[Picture]:
     return sorted(shown, key=lambda p: order.index(p.caption) if p.caption in order else len(order))
 
 
-def plan_facts(plan: PlanDocument) -> list[tuple[str, str]]:
+AnyPlan = PlanDocument | CircularDocument
+
+
+def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
     """Return what a person asks of a plan first."""
-    seen, path = plan.observability, plan.path
-    calibrate = len(plan.ids("calibrate"))
-    rows = [
-        ("poses", f"{len(plan.poses)}, {calibrate} to calibrate" if calibrate else f"{len(plan.poses)} to validate"),
-        ("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot"),
-    ]
+    if isinstance(plan, CircularDocument):
+        rows = [("circles", str(len(plan.circles)))]
+    else:
+        roles = ROLES | ({"calibrate": ("poses", ", to tell what has changed")} if is_check else {})
+        rows = [(what, f"{n}{why}") for role, (what, why) in roles.items() if (n := len(plan.ids(role)))]
+        rows += [] if is_check else _foreseen(plan)
+    if plan.trajectory is not None:
+        rows.append(("driving", f"{duration_text(plan.trajectory.duration_s)}, with the stops"))
+    if plan.path.get("clearance_mm") is not None:
+        rows.append(("clearance", f"{_digits(plan.path['clearance_mm'])} mm, proven along the whole path"))
+    return [*rows, ("plan", plan.plan_id)]
+
+
+def _foreseen(plan: PlanDocument) -> list[tuple[str, str]]:
+    """What the poses will tell."""
+    seen = plan.observability
+    rows = [("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot")]
     if seen.get("index"):
-        rows.append(
-            (str(seen["index"]), f"{_digits(seen.get(seen['index']))}, proven bound {_digits(seen.get('bound'))}")
-        )
+        value, bound = _digits(seen.get(seen["index"])), _digits(seen.get("bound"))
+        rows.append((f"index {seen['index']}", f"{value}; no choice of as many poses has better than {bound}"))
     if plan.foresight.get("left_mm") is not None:
         rows.append(("error foreseen", f"{_digits(plan.foresight['left_mm'])} mm"))
-    if plan.trajectory is not None:
-        rows.append(("driving", f"{plan.trajectory.duration_s / 60:.0f} min"))
-    if path.get("clearance_mm") is not None:
-        rows.append(("clearance", f"{_digits(path['clearance_mm'])} mm, proven along the whole path"))
-    return [*rows, ("plan", plan.plan_id), *(("to know", n) for n in plan.notes)]
+    return rows
 
 
 def read_calibration(path: Path) -> CalibrationPage:

@@ -3,6 +3,7 @@
 import hmac
 import json
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Annotated
@@ -18,86 +19,51 @@ from planner.cell.file import CellFile
 from planner.cell.reading import shipped_cells
 from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
+from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
-from planner.service.answers import Job, OutputFile, describe_job
+from planner.report.formatting import duration_text
+from planner.service.answers import Job, describe_job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.guards import COOKIE, is_secure, session_cookie
-from planner.service.job_api import find_job, find_output
+from planner.service.job_api import RESULTS, find_job, find_output
 from planner.service.job_requests import JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries, robot_title
-from planner.service.page_content import is_simulated, pictures, plan_facts, read_calibration, visible_files
+from planner.service.page_content import (
+    AnyPlan,
+    CheckForecastFile,
+    is_simulated,
+    pictures,
+    plan_facts,
+    read_calibration,
+    visible_files,
+)
 from planner.service.problems import http_problem, request_problem
 from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, find_recorded, list_records
 from planner.service.record_store import RecordedEntry
+from planner.service.session_steps import session_steps
 from planner.session.document import PlanDocument, PlanHeader
+
+PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
 
 
 @dataclass(frozen=True)
-class SessionStep:
-    """One step, and the files that it needs."""
+class OwnCell:
+    """A cell that was sent: its identifier, what it is called, and the files that it names, as JSON."""
 
+    id: str
     title: str
-    text: str
-    files: tuple[OutputFile, ...] = ()
+    files: str
 
 
-def session_steps(plan: PlanDocument, cell: CellFile, files: list[OutputFile]) -> list[SessionStep]:
-    """Return the steps from an empty cell to a saved log, in order."""
-    minutes = f"{plan.trajectory.duration_s / 60:.0f} minutes" if plan.trajectory else "a while"
-    return [
-        SessionStep(
-            "Clear the cell",
-            "Nobody and nothing stands within reach that the cell file does not name. Keep the stop at hand.",
-        ),
-        SessionStep("Switch off what corrects", "Accuracy options of the controller are off."),
-        SessionStep(
-            "Bring the program to the controller",
-            f"It bears the plan {plan.plan_id} in its first lines.",
-            _programs(plan, files),
-        ),
-        SessionStep("Fixture and tool", _places(cell)),
-        SessionStep("Warm up", "Drive for half an hour as in work, so that the robot is as warm as when it works."),
-        SessionStep(
-            "Drive to the start slowly",
-            "Run the first move at low override and watch: the way from where the robot stands to home is not planned.",
-        ),
-        *_attach(cell),
-        SessionStep("Start the log", _log_text(cell)),
-        SessionStep("Run the program", f"It drives for {minutes} through {len(plan.poses)} poses. Stay beside it."),
-        SessionStep("Save the log", f"As CSV, with the line '# plan_id: {plan.plan_id}' above the columns."),
-    ]
+@dataclass(frozen=True)
+class PlanChoice:
+    """A plan whose log may be dropped; ``baseline``: the job that calibrated what a check is held against."""
 
-
-def _programs(plan: PlanDocument, files: list[OutputFile]) -> tuple[OutputFile, ...]:
-    """The programs of the plan, with the files that go with them."""
-    stems = {Path(p["file"]).stem for p in plan.programs}
-    return tuple(f for f in files if any(f.name.startswith(s) for s in stems))
-
-
-def _places(cell: CellFile) -> str:
-    where = "; ".join(f"{f.name or 'A'} at {_numbers(f.position_mm)} mm" for f in cell.fixtures)
-    fixture = f"Fixture {where} in the base frame, to about 1 mm. " if where else ""
-    tool = f"Measured point at {_numbers(cell.tool.map_mm)} mm in the flange. " if cell.tool else ""
-    return f"{fixture}{tool}Balls and magnets are clean, everything is tight."
-
-
-def _attach(cell: CellFile) -> list[SessionStep]:
-    if not cell.fixtures:
-        return []
-    zero = "Set it to zero as the program asks." if cell.gauge.zero == "free" else "Check its known zero."
-    return [SessionStep("Attach the gauge", f"Where the program pauses: put both balls into their cups. {zero}")]
-
-
-def _log_text(cell: CellFile) -> str:
-    reading = "the gauge's length" if cell.fixtures else "the gauge's reading"
-    return (
-        f"One row a {'pose' if cell.motion.measure == 'static' else 'sample'}: time, joint angles as read, {reading}."
-    )
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return ", ".join(f"{v:g}" for v in values)
+    job: Job
+    plan_id: str
+    is_check: bool
+    baseline: str | None
 
 
 FOLDER = Path(__file__).parent
@@ -203,37 +169,68 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
-    files, shown = visible_files(job), pictures(job)
-    if job.kind == "plan" and not _is_circular(context, job):
-        plan = _plan(context, job) if job.state == "done" else None
-        names = {p["file"] for p in plan.programs} if plan else set()
-        programs = [f for f in files if f.name in names]
-        facts = plan_facts(plan) if plan else []
-        others = [o for o in _plans(context) if o.id != id]
-        also = {"dialects": dialect_entries(), "others": others}
-        return render("plan", job=job, files=files, pictures=shown, facts=facts, programs=programs, **also)
+    if job.state == "done" and RESULTS.get(job.kind, "") not in {f.name for f in job.files}:
+        return _show_any(context, job)
+    if job.kind in PLANS:
+        return _show_plan(context, job)
     if job.kind == "identification":
-        found = None
-        if job.state == "done":
-            found = read_calibration(context.files.path(find_output(context, id, "identification.json").sha256))
-        baseline = any(f.name == BASELINE for f in job.files)
-        checks = _check_plans(context, id) if baseline else []
-        shown_too = {"baseline": baseline, "checks": checks, **_record_form(context, job)}
-        return render("calibration", job=job, files=files, pictures=shown, found=found, **shown_too)
-    if job.kind == "check":
-        return _show_check(context, job, files)
+        return _show_calibration(context, job)
+    return _show_check(context, job) if job.kind == "check" else _show_any(context, job)
+
+
+def _show_any(context: ServiceContext, job: Job) -> HTMLResponse:
+    files = visible_files(job)
     report = any(f.name == "report.html" for f in files)
-    shown_too = {"report": report, **_record_form(context, job)}
-    return render("job", job=job, files=files, pictures=shown, **shown_too)
+    shown = {"report": report, **_record_form(context, job)}
+    return render("job", job=job, files=files, pictures=pictures(job), **shown)
+
+
+def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
+    """A plan, of a check too: what it is for, where it drives, and the files to take along."""
+    plan = _plan(context, job) if job.state == "done" else None
+    names = {p["file"] for p in plan.programs} if plan else set()
+    files = visible_files(job)
+    check = None
+    if job.kind == "check-plan" and plan:
+        forecast = context.files.path(find_output(context, job.id, "shows.json").sha256)
+        check = CheckForecastFile.model_validate(read_json(forecast))
+    return render(
+        "plan",
+        job=job,
+        files=[f for f in files if f.name not in names],
+        programs=[f for f in files if f.name in names],
+        pictures=pictures(job),
+        facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
+        notes=plan.notes if plan else (),
+        is_circular=isinstance(plan, CircularDocument),
+        check=check,
+        baseline=_calibration(context, job.id) if check else None,
+        dialects=dialect_entries(),
+        others=[o for o in _plans(context, job.kind) if o.id != job.id],
+    )
+
+
+def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
+    found, outputs = None, {f.name: f.sha256 for f in job.files}
+    if job.state == "done":
+        found = read_calibration(context.files.path(outputs["identification.json"]))
+    baseline = BASELINE in outputs
+    checks = [c for c in _plans(context, "check-plan") if _calibration(context, c.id) == job.id] if baseline else []
+    shown = {"files": visible_files(job), "pictures": pictures(job), **_record_form(context, job)}
+    return render("calibration", job=job, found=found, baseline=baseline, checks=checks, **shown)
 
 
 @PAGES.get("/compare")
 def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse:
     """Two finished plans side by side: their figures, and their charts in pairs."""
     jobs = [_job(context, id) for id in (first, second)]
-    if any(j.kind != "plan" or j.state != "done" or _is_circular(context, j) for j in jobs):
-        return render("problem", 404, detail="Only two finished plans of poses can be compared.")
-    facts = [plan_facts(_plan(context, j)) for j in jobs]
+    if any(j.kind not in PLANS or j.state != "done" for j in jobs):
+        return render("problem", 404, detail="Only two finished plans can be compared.")
+    plans = [_plan(context, j) for j in jobs]
+    facts = [
+        [*plan_facts(p, j.kind == "check-plan"), *(("to know", n) for n in p.notes)]
+        for p, j in zip(plans, jobs, strict=True)
+    ]
     names = list(dict.fromkeys(what for each in facts for what, _ in each))
     rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
     charts = [{p.caption: p for p in pictures(j)} for j in jobs]
@@ -245,12 +242,12 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
 def show_session(id: JobId, context: Context) -> HTMLResponse:
     """What to do at the cell, as a checklist."""
     job = _job(context, id)
-    if job.kind != "plan" or job.state != "done" or _is_circular(context, job):
-        return render("problem", 404, detail="Only a finished plan of poses has a session.")
+    if job.kind not in PLANS or job.state != "done":
+        return render("problem", 404, detail="Only a finished plan has a session.")
     plan = _plan(context, job)
     cell = read_toml(context.files.path(find_output(context, id, "cell.toml").sha256), CellFile)
-    minutes = round(plan.trajectory.duration_s / 60) if plan.trajectory else 0
-    return render("session", job=job, plan=plan, minutes=minutes, steps=session_steps(plan, cell, job.files))
+    lasts = duration_text(plan.trajectory.duration_s) if plan.trajectory else ""
+    return render("session", job=job, plan=plan, lasts=lasts, steps=session_steps(plan, cell, job.files))
 
 
 @PAGES.get("/jobs/{id}/certificate")
@@ -266,25 +263,31 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
 @PAGES.get("/calibrate")
 def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
-    checks = [describe_job(j, []) for j in context.jobs.list_jobs("check-plan") if j.state == "done"]
+    planned = [(p, _plan_header(context, p)) for kind in PLANS for p in _plans(context, kind)]
     rows = [
-        {"id": p.id, "title": p.title, "created": f"{p.created:%Y-%m-%d %H:%M} UTC"}
-        | {"plan_id": _plan_id(context, p), "baseline": p.request.get("identification", "")}
-        for p in (*_plans(context), *checks)
+        PlanChoice(p, h.plan_id, p.kind == "check-plan", _calibration(context, p.id)) for p, h in planned if not h.kind
     ]
-    return render("calibrate", plans=rows, chosen=plan, cells=shipped_cells())
+    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=shipped_cells())
 
 
-def _show_check(context: ServiceContext, job: Job, files: list[OutputFile]) -> HTMLResponse:
+def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
     """A check: passed or failed, and what to do."""
-    check, plan = None, find_job(context, job.request["check_plan"])
+    check = None
     if job.state == "done":
         document = context.files.path(find_output(context, job.id, "check.json").sha256)
         check = CheckFile.model_validate(read_json(document))
         check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
-    baseline = json.loads(plan.request)["identification"]
+    baseline = _calibration(context, job.id)
     form = _record_form(context, job, baseline)
-    return render("check", job=job, files=files, check=check, baseline=baseline, **form)
+    return render("check", job=job, files=visible_files(job), check=check, baseline=baseline, **form)
+
+
+def _calibration(context: ServiceContext, id: str) -> str | None:
+    """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
+    command = find_job(context, id).command
+    known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
+    made = context.jobs.writer(known, "identification")
+    return made.id if made else None
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:
@@ -295,7 +298,7 @@ def _change_order(change: CheckedChange) -> tuple[int, str]:
 
 def _record_form(context: ServiceContext, job: Job, calibration: str | None = None) -> dict[str, object]:
     """What the form shows: where the result is in a record already, and what the record of its calibration knows."""
-    before, simulated = calibration or job.request.get("model") or job.id, is_simulated(context, job)
+    before, simulated = calibration or _calibration(context, job.id) or job.id, is_simulated(context, job)
     own, recorded = find_recorded(context, job.id), find_recorded(context, before)
     if recorded.simulated != simulated:
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
@@ -307,26 +310,31 @@ def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
     return sorted(records, key=lambda r: (r.state == "good", str(r.next_check), r.serial))
 
 
-def _plans(context: ServiceContext) -> list[Job]:
+def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:
     """The finished plans, the latest first."""
-    return [describe_job(j, []) for j in context.jobs.list_jobs("plan") if j.state == "done"]
+    done = (describe_job(j, context.jobs.outputs(j.id)) for j in context.jobs.list_jobs(kind) if j.state == "done")
+    return [j for j in done if any(f.name == RESULTS[kind] for f in j.files)]
 
 
-def _plan_id(context: ServiceContext, job: Job) -> str:
-    return _read_plan_id(context.files.path(find_output(context, job.id, "plan.json").sha256))
+def _plan_header(context: ServiceContext, job: Job) -> PlanHeader:
+    return _read_header(context.files.path(find_output(context, job.id, "plan.json").sha256))
 
 
 @cache
-def _read_plan_id(path: Path) -> str:
+def _read_header(path: Path) -> PlanHeader:
     """Content-addressed, so read once."""
-    return PlanHeader.model_validate(read_json(path)).plan_id
+    return PlanHeader.model_validate(read_json(path))
 
 
-def _check_plans(context: ServiceContext, identification: str) -> list[dict[str, object]]:
-    """The finished plans of checks against a calibration."""
-    jobs = [describe_job(j, []) for j in context.jobs.list_jobs("check-plan") if j.state == "done"]
-    mine = [j for j in jobs if j.request["identification"] == identification]
-    return [{"id": j.id, "poses": j.request["poses"], "created": f"{j.created:%Y-%m-%d %H:%M} UTC"} for j in mine]
+def _own_cells(context: ServiceContext) -> list[OwnCell]:
+    """The cells that were sent and could be read, the latest first, with the files that they name."""
+    checked: dict[str, OwnCell] = {}
+    for job in context.jobs.list_jobs("cell-check"):
+        request = json.loads(job.request)
+        if job.state == "done" and "/" not in request["cell"]:
+            title = f"{job.title}, {datetime.fromtimestamp(job.created, UTC):%Y-%m-%d %H:%M} UTC"
+            checked.setdefault(request["cell"], OwnCell(request["cell"], title, json.dumps(request["files"])))
+    return list(checked.values())
 
 
 def _job(context: ServiceContext, id: str) -> Job:
@@ -334,17 +342,7 @@ def _job(context: ServiceContext, id: str) -> Job:
     return describe_job(job, context.jobs.outputs(id) if job.ended else [])
 
 
-def _is_circular(context: ServiceContext, job: Job) -> bool:
-    return job.state == "done" and _header(context, job).kind == "circular"
-
-
-def _header(context: ServiceContext, job: Job) -> PlanHeader:
-    return PlanHeader.model_validate(_content(context, job))
-
-
-def _plan(context: ServiceContext, job: Job) -> PlanDocument:
-    return PlanDocument.model_validate(_content(context, job))
-
-
-def _content(context: ServiceContext, job: Job) -> object:
-    return read_json(context.files.path(find_output(context, job.id, "plan.json").sha256))
+def _plan(context: ServiceContext, job: Job) -> AnyPlan:
+    content = read_json(context.files.path(find_output(context, job.id, "plan.json").sha256))
+    header = PlanHeader.model_validate(content)
+    return (CircularDocument if header.kind == "circular" else PlanDocument).model_validate(content)

@@ -9,10 +9,11 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.service.certificate import RMS_OF_REPEATABILITY, find_validation
-from planner.service.job_store import JobOutput
+from planner.service.job_requests import CommandRequest
+from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.page_content import GENERAL, find_action
-from planner.service.pages import session_steps
 from planner.service.serving import build_context
+from planner.service.session_steps import session_steps
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
 from tests.service.conftest import client_of, ended, settings, upload
@@ -60,8 +61,19 @@ def test_cells_of_every_gauge_are_seen(cell):
     assert bool(seen.fixtures) == (cell == "so101/wire")
 
 
-def test_the_steps_at_the_cell_say_what_the_cell_says():
-    cell = load_cell("ur10/edbb")
+OWN_WORDS = {  # what the checklist of each gauge speaks of
+    "ur10/edbb": ("bar", "cup"),
+    "abb-irb6700/ldbb": ("bar", "load"),
+    "kuka-kr6-r700/tracker": ("reflector", "nest_mm"),
+    "kuka-kr6-r700/trical": ("indicators", "38.1 mm"),
+    "ur5e/sockets": ("sockets", "25.4 mm"),
+    "so101/wire": ("wire", "eyelet"),
+}
+
+
+@pytest.mark.parametrize("name", OWN_WORDS)
+def test_the_steps_at_the_cell_speak_of_its_gauge_and_no_other(name):
+    cell = load_cell(name)
     plan = PlanDocument.model_validate(
         {
             "schema": "edbb-plan/1",
@@ -69,40 +81,49 @@ def test_the_steps_at_the_cell_say_what_the_cell_says():
             "drives": [{"fixture": "A", "travel": [], "waypoints": []}],
         }
     )
-    steps = session_steps(plan, cell.file, [])
-    text = " ".join(s.text for s in steps)
+    text = " ".join(f"{s.title} {s.text}" for s in session_steps(plan, cell.file, []))
     assert "0123456789ab" in text
-    assert "Attach the gauge" in [s.title for s in steps]
-    assert ", ".join(f"{v:g}" for v in cell.file.fixtures[0].position_mm) in text
+    placed = (*cell.file.fixtures[:1], cell.file.tracker, cell.file.artifact)
+    assert any(", ".join(f"{v:g}" for v in p.position_mm) in text for p in placed if p)
+    others = {w for n, words in OWN_WORDS.items() if n != name for w in words} - set(OWN_WORDS[name])
+    assert all(re.search(rf"\b{w}\b", text) for w in OWN_WORDS[name])
+    assert not [w for w in others if re.search(rf"\b{w}\b", text) and (w, name) != ("cup", "abb-irb6700/ldbb")]
 
 
 def test_two_plans_stand_side_by_side(tmp_path):
+    """One asked for at a page, the other by a command."""
     store, ids = Store(tmp_path), ["a" * 24, "b" * 24]
-    for id, minutes in zip(ids, (7, 12), strict=True):
+    asked = CommandRequest(words=["plan", "ur10/edbb", "-o", "out"])
+    for id, minutes, kind in zip(ids, (7, 12), ("plan", asked.job_kind), strict=True):
         plan = {"schema": "edbb-plan/1", "plan_id": id[:12], "poses": [], "notes": [f"note {minutes}"]}
         data = json.dumps(plan).encode()
-        store.jobs.submit(id, "plan", f"cell {minutes}", "{}", CHEAP)
+        store.jobs.submit(id, kind, f"cell {minutes}", "{}", CHEAP)
         done = [JobOutput("plan.json", store.files.add(data), len(data))]
         assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
     with client_of(tmp_path) as client:
         page = client.get("/compare", params={"first": ids[0], "second": ids[1]}).text
         assert re.findall(r"note (\d+)", page) == ["7", "12"]
         assert "cell 7" in page
-        assert f'value="{ids[1]}"' in client.get(f"/jobs/{ids[0]}").text
+        for id, other in (ids, ids[::-1]):
+            page = client.get(f"/jobs/{id}").text
+            assert f'value="{other}"' in page
+            assert f"/jobs/{id}/session" in page
+            assert f'value="{id}"' in client.get("/calibrate").text
         assert client.get("/compare", params={"first": ids[0], "second": "c" * 24}).status_code == 404
 
 
 def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):
     context, store = build_context(settings(tmp_path)), Store(tmp_path)
-    for id, model, ap in (("a" * 24, "c" * 24, 0.2), ("b" * 24, "d" * 24, 0.3)):
+    for id, model, ap in (("a" * 24, "c" * 64, 0.2), ("b" * 24, "d" * 64, 0.3)):
         figures = {"mean_mm": 0.1, "max_mm": 0.4}
         after = figures | {"iso9283": {"poses": 5, "visits": [30, 30], "AP_mm": ap, "RP_mm": 0.05}}
         data = json.dumps({"run": "v.csv", "before": figures, "after": after}).encode()
-        store.jobs.submit(id, "validation", "v.csv", json.dumps({"model": model}), CHEAP)
+        judges = JobCommand(("accuracy", "v.csv", "--model", "a1/robot.toml"), (JobInput("a1/robot.toml", model),))
+        store.jobs.submit(id, "validation", "v.csv", "{}", judges)
         done = [JobOutput("accuracy.json", store.files.add(data), len(data))]
         assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
-    assert find_validation(context, "c" * 24).after.iso9283.AP_mm == 0.2
-    assert find_validation(context, "e" * 24) is None
+    assert find_validation(context, "c" * 64).after.iso9283.AP_mm == 0.2
+    assert find_validation(context, "e" * 64) is None
 
 
 @pytest.mark.parametrize("effect", ["gear ripple", "joint compliance", "backlash", "session step"])

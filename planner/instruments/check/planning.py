@@ -15,7 +15,6 @@ from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import all_indices, index_value
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_bound import certify_bound
-from planner.design.selection.index_curves import BackgroundCurve
 from planner.identification.baseline import Baseline
 from planner.instruments.check.changes import Change, change_columns, possible_changes
 from planner.instruments.check.evaluation import build_detector
@@ -126,24 +125,23 @@ class CheckChooser:
 
     def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by what they tell of changes; the index over the axes' zeros only judges them."""
-        pool, count = session.pool.samples, self.count
+        pool = session.pool.samples
         with stages.stage("selection"):
             baseline = self.baseline.for_samples(pool)
             changes = possible_changes(session.cell, baseline.model.setup, with_play=False)
             changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), TRIED)))[1]
-            chosen = choose_check_poses(baseline, changes, pool, count)
-            choice, rows = _judge_by_index(session, baseline, changes, chosen)
+            chosen = choose_check_poses(baseline, changes, pool, self.count)
+            choice = _judge_by_index(session, baseline, changes, chosen)
         session.notes.append(
             f"the poses tell changes since the calibration; {session.index} of the axes' zeros judges them"
         )
-        sizes = [n for n in (count, 2 * count, 3 * count) if rows.shape[2] < n <= len(pool)]
-        return Selection(choice, BackgroundCurve(rows, sizes, session.index, session.options.seed, choice.certificate))
+        return Selection(choice)
 
 
 def _judge_by_index(
     session: PoseSession, baseline: Baseline, changes: tuple[Change, ...], chosen: Positions
-) -> tuple[PoseChoice, Array]:
-    """Return the chosen poses with their index on the axes' zeros, and the rows of all candidates."""
+) -> PoseChoice:
+    """Return the chosen poses with their index on the axes' zeros."""
     samples, size, index = session.pool.samples, session.cell.robot.priors.angle, session.index
     zeros = (replace(p, name=c.name, prior=size) for c in changes if c.kind == "zero" for p in c.parameters)
     model = Model(baseline.model.setup, tuple(zeros))
@@ -157,4 +155,4 @@ def _judge_by_index(
     value = index_value(index, final)
     indices = all_indices(final), all_indices(final, model.prior)
     ball = session.pool.take(chosen).ball
-    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices, ball), rows
+    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices, ball)

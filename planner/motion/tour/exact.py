@@ -32,11 +32,10 @@ _VIOLATION = 1e-3  # an inequality must be missed by this much to be worth a row
 
 @dataclass(frozen=True)
 class Outcome:
-    """A tour, the proven lower bound [units of cost] and how many nodes of the search tree were opened."""
+    """A tour, and the proven lower bound [units of cost]."""
 
     tour: list[int]
     bound: int
-    nodes: int
 
 
 def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
@@ -62,7 +61,7 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | Non
         tour, length = search.tour, instance.length(search.tour)
     limit = _NODE_LIMIT if nodes is None else nodes
     if bound >= length or limit == 0:
-        return Outcome(tour, min(bound, length), 0)
+        return Outcome(tour, min(bound, length))
     useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
     return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
 
@@ -202,13 +201,13 @@ def _search_tree(
         nodes += max(int(info.mip_node_count), 1)
         optimal = status == highspy.HighsModelStatus.kOptimal
         if status == highspy.HighsModelStatus.kInfeasible or (optimal and info.objective_function_value > length - 0.5):
-            return Outcome(tour, length, nodes)
+            return Outcome(tour, length)
         parts = _parts(x > 0.5)
         if optimal and len(parts) == 1:
             shorter = _cycle(x)
-            return Outcome(shorter, instance.length(shorter), nodes)
+            return Outcome(shorter, instance.length(shorter))
         if not optimal or nodes >= limit:
-            return Outcome(tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5)))), nodes)
+            return Outcome(tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5)))))
         program.add_sets(parts)
 
 

@@ -5,18 +5,18 @@ const message = find("#run-message"), sent = find("#sent"), drop = find("#drop")
 let runs = [], simulation = null;
 
 function place() {
-  const plan = find("#plan").value;
-  return plan ? { plan } : { cell: find("#cell").value };
+  const plan = find("#plan").value, cell = find("#cell");
+  return plan ? { plan } : { cell: cell.value, files: JSON.parse(cell.selectedOptions[0].dataset.files ?? "[]") };
 }
 
-const baseline = () => find("#plan").selectedOptions[0].dataset.baseline ?? "";
+const isCheck = () => "check" in find("#plan").selectedOptions[0].dataset;
 
 function update() {
-  const plan = find("#plan").value, check = baseline();
+  const plan = find("#plan").value, check = isCheck(), { baseline } = find("#plan").selectedOptions[0].dataset;
   find("#cell-choice").hidden = plan !== "";
-  find("#check-choice").hidden = check === "";
-  find("#trace-choice").hidden = check !== "";
-  find("#baseline").href = `/jobs/${check}`;
+  find("#check-choice").hidden = !check;
+  find("#trace-choice").hidden = check;
+  if (baseline) find("#baseline").href = `/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
   find("#simulate").disabled = plan === "";
   find("#identify").disabled = (!runs.length && !simulation) || (!plan && !find("#cell").value);
   find("#identify").textContent = check ? "3. Judge the check" : "3. Identify the robot";
@@ -102,7 +102,7 @@ async function judge() {
 find("#run-form").addEventListener("submit", (event) => {
   event.preventDefault();
   attempt(async () => {
-    if (baseline()) { await judge(); return; }
+    if (isCheck()) { await judge(); return; }
     const job = await post("/api/identifications", { runs, simulation, ...place(), no_trace: !find("#trace").checked });
     location.href = `/jobs/${job.id}`;
   });

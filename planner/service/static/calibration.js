@@ -47,20 +47,11 @@ if (state === "done") {
   });
 }
 
-// Submit a job and go to its page; what is wrong is said here.
-function onSubmit(form, route, body) {
-  find(form)?.addEventListener("submit", async (event) => {
-    event.preventDefault();
-    const message = find("#check-message");
-    try {
-      say(message, "Sending …");
-      location.href = `/jobs/${(await post(`/api/${route}`, await body())).id}`;
-    } catch (problem) { say(message, problem.message, true); }
-  });
-}
-
-onSubmit("#check-plan-form", "check-plans", () => ({ identification: job, poses: Number(find("#check-poses").value) }));
-onSubmit("#check-form", "checks", async () => {
-  const run = await upload("runs", find("#check-run").files[0]), limit = find("#check-limit").value;
-  return { check_plan: find("#check-plan").value, run, ...(limit && { limit_mm: Number(limit) }) };
+find("#check-plan-form")?.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const message = find("#check-message");
+  try {
+    say(message, "Sending …");
+    location.href = `/jobs/${(await post("/api/check-plans", { identification: job, poses: Number(find("#check-poses").value) })).id}`;
+  } catch (problem) { say(message, problem.message, true); }
 });

@@ -6,7 +6,7 @@ const { job, state } = document.body.dataset;
 watchJob();
 
 if (state === "done") {
-  find("#export-form").addEventListener("submit", async (event) => {
+  find("#export-form")?.addEventListener("submit", async (event) => {
     event.preventDefault();
     const message = find("#export-message");
     say(message, "Writing …");

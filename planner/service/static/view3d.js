@@ -4,6 +4,7 @@ import { Orbit } from "/static/orbit.js";
 import { make } from "/static/common.js";
 
 const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
+const MANY = 100; // poses: more of them hide the robot, and so does their path
 const LINES = { "measuring path": "#3c3c3c", "way to the start": "#8c8c8c" };
 
 const SCALE = ["#2c3e8f", "#2a78b8", "#35a7a0", "#8cc665", "#f2c53d", "#e8743b", "#b4232c"];
@@ -93,8 +94,9 @@ export class CellView {
   addLine(line) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(unpack(line.points, Float32Array), 3));
-    const colour = LINES[line.name] ?? "#3c3c3c";
-    this.scene.add(this.layer(line.name, colour, new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: colour }))));
+    const colour = LINES[line.name] ?? "#3c3c3c", faint = this.view.spots.length > MANY;
+    const material = new THREE.LineBasicMaterial({ color: colour, transparent: faint, opacity: faint ? 0.15 : 1 });
+    this.scene.add(this.layer(line.name, colour, new THREE.Line(geometry, material)));
   }
 
   addSpots() {
@@ -105,6 +107,7 @@ export class CellView {
         new THREE.SphereGeometry(11, 12, 8), new THREE.MeshStandardMaterial({ color: colour }), spots.length);
       const matrix = new THREE.Matrix4();
       spots.forEach((s, k) => mesh.setMatrixAt(k, matrix.makeTranslation(...s.position_mm)));
+      mesh.visible = role !== "validate" || spots.length <= MANY; // its switch shows them
       this.scene.add(this.layer(`${role} (${spots.length})`, colour, mesh));
     }
   }
@@ -168,7 +171,7 @@ export class CellView {
 
   layerSwitches() {
     return [...this.layers].map(([name, { colour, nodes }]) => {
-      const box = make("input", { type: "checkbox", checked: true });
+      const box = make("input", { type: "checkbox", checked: nodes[0].visible });
       box.addEventListener("change", () => {
         nodes.forEach((n) => { n.visible = box.checked; });
         this.draw();
