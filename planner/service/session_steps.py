@@ -24,7 +24,7 @@ def session_steps(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> lis
     guide = gauge_class(cell).session_guide(cell)
     lasts = f"for {duration_text(plan.trajectory.duration_s)} " if plan.trajectory else ""
     if isinstance(plan, CircularDocument):
-        what, row = f"{len(plan.circles)} circles", "sample"
+        what, row = f"the circles ({len(plan.circles)}) as often as the program says", "sample"
     else:
         what, row = f"{len(plan.poses)} poses", "pose" if cell.motion.measure == "static" else "sample"
     return [

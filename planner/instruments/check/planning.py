@@ -132,9 +132,7 @@ class CheckChooser:
             changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), TRIED)))[1]
             chosen = choose_check_poses(baseline, changes, pool, self.count)
             choice = _judge_by_index(session, baseline, changes, chosen)
-        session.notes.append(
-            f"the poses tell changes since the calibration; {session.index} of the axes' zeros judges them"
-        )
+        session.notes.append("these poses tell what has changed since the calibration; they do not calibrate")
         return Selection(choice)
 
 
