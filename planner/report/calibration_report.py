@@ -68,7 +68,7 @@ def _about(c: Calibration) -> str:
     if c.run.readings.ball is not None:
         read = "a point in balls or sockets"
     plan = f" · plan {c.run.plan_id}" if c.run.plan_id else ""
-    return f"measured run “{c.run.name}” · {kind}, {read}{plan}"
+    return f"{'simulated' if c.simulated else 'measured'} run “{c.run.name}” · {kind}, {read}{plan}"
 
 
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:

@@ -135,5 +135,6 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     page.click("text=Certificate")
     page.wait_for_selector("#expanded")
     check_page(page, "certificate")
+    assert "no certificate" in page.inner_text("h1")
     page.goto(f"/compare?first={plan}&second={plan}")
     check_page(page, "two plans")
