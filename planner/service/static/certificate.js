@@ -17,9 +17,7 @@ function add() {
 
 for (const input of inputs) {
   input.value = kept[input.id] || input.defaultValue;
-  input.classList.toggle("filled", input.value !== "");
   input.addEventListener("input", () => {
-    input.classList.toggle("filled", input.value !== "");
     kept[input.id] = input.value;
     localStorage.setItem(key, JSON.stringify(kept));
     add();

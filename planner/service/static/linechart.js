@@ -4,7 +4,7 @@ import { make } from "/static/common.js";
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7a5c00", "#3c6e9e", "#555555"];
 const FEW = 40; // values that are marked one by one
 const ROOM = 84; // of a name below the axis
-const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [640, 260, 62, 20, 10, 40];
+const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [Math.min(640, innerWidth - 40), 260, 62, 20, 10, 40]; // letters stay readable on a phone
 
 function svg(tag, attributes, text = "") {
   const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -28,7 +28,7 @@ export function lineChart(title, across, at, series, label = null) {
   const values = series.flatMap(reach);
   let low = Math.min(...values), high = Math.max(...values);
   if (low === high) { low -= 1; high += 1; }
-  const spare = label ? Math.max(1, 0.06 * (at[at.length - 1] - at[0])) : 0;
+  const spare = label ? Math.max(1, 0.12 * (at[at.length - 1] - at[0])) : 0;
   const first = at[0] - spare, last = at[at.length - 1] === at[0] && !spare ? at[0] + 1 : at[at.length - 1] + spare;
   const x = (t) => LEFT + (WIDTH - LEFT - RIGHT) * (t - first) / (last - first);
   const y = (v) => HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * (v - low) / (high - low);

@@ -6,6 +6,9 @@ const FIELDS = { operator: "#operator", tool: "#tool", gauge: "#gauge", certific
 export function offerRecord(job) {
   const form = find("#record-form");
   if (!form) return;
+  find("#serial").addEventListener("input", (e) => {
+    e.target.setCustomValidity(e.target.validity.patternMismatch ? e.target.title : "");
+  });
   find("#date").value = new Date().toISOString().slice(0, 10);
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
