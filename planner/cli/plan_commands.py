@@ -24,6 +24,7 @@ from planner.cli.time_left import PLAN, STUDY
 from planner.common.choices import Aim, IndexName
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
+from planner.report.standby import stand_by
 
 if TYPE_CHECKING:
     from planner.studies import cell_study, sweep
@@ -63,24 +64,25 @@ def plan_command(
     as_json: Json = False,
 ) -> None:
     """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    result = give(
-        lambda stages: planning.plan(
-            cell,
-            poses=poses,
-            index=index,
-            seed=seed,
-            dialect=dialect or (),
-            tsp=tsp,
-            separate=separate,
-            fixtures=fixtures,
-            aim=aim,
-            time_limit=time_limit,
-            progress=stages.say,
-        ),
-        output,
-        as_json,
-        PLAN,
-    )
+    with stand_by():
+        result = give(
+            lambda stages: planning.plan(
+                cell,
+                poses=poses,
+                index=index,
+                seed=seed,
+                dialect=dialect or (),
+                tsp=tsp,
+                separate=separate,
+                fixtures=fixtures,
+                aim=aim,
+                time_limit=time_limit,
+                progress=stages.say,
+            ),
+            output,
+            as_json,
+            PLAN,
+        )
     if result.cut_short:
         raise typer.Exit(PARTLY_DONE)
 

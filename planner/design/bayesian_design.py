@@ -7,7 +7,7 @@ Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -232,10 +232,46 @@ class BayesianDesign:
         return _error_left(self.unknown.white(samples), self.unknown.weight_per_prior)
 
 
+class BackgroundDesign:
+    """The chosen poses, while their bound and what other numbers would give are computed by other processes.
+
+    Attributes:
+        chosen: positions in the pool, (n,) int.
+    """
+
+    def __init__(
+        self,
+        chosen: np.ndarray,
+        limits: Beside[tuple[float, float]],
+        others: Beside[dict[int, float]],
+        design: Callable[[tuple[float, float], dict[int, float]], BayesianDesign],
+    ) -> None:
+        self.chosen, self._limits, self._others, self._design = chosen, limits, others, design
+
+    def result(self) -> BayesianDesign:
+        """Wait for the whole design; to be called once."""
+        return self._design(self._limits.result(), self._others.result())
+
+    def __enter__(self) -> Self:
+        """Return it."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the processes if the caller failed."""
+        if kind is not None:
+            self._limits.stop()
+            self._others.stop()
+
+
+def select_bayesian_poses(cell: Cell, pool: PoseSet, poses: int | None) -> BayesianDesign:
+    """:func:`choose_bayesian_poses`, the whole of it."""
+    return choose_bayesian_poses(cell, pool, poses).result()
+
+
 @on_one_thread
-def select_bayesian_poses(
+def choose_bayesian_poses(
     cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | None = None
-) -> BayesianDesign:
+) -> BackgroundDesign:
     """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
 
     Raises:
@@ -257,17 +293,15 @@ def select_bayesian_poses(
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     after = errors_after(white[chosen], weight)
-    bound = bound_tool_error(white, weight, chosen)
-    forecasts = {len(chosen): float(after[-1])} | others.result()
-    return BayesianDesign(
-        unknown,
-        considered[chosen],
-        after,
-        bound=bound,
-        left=float(after[-1]),
-        floor=_error_left(white, weight),
-        forecasts=tuple(PoseNumberForecast(n, e) for n, e in sorted(forecasts.items())),
-    )
+    limits = Beside(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
+
+    def design(limits: tuple[float, float], forecasts: dict[int, float]) -> BayesianDesign:
+        forecasts = {len(chosen): float(after[-1])} | forecasts
+        numbers = tuple(PoseNumberForecast(n, e) for n, e in sorted(forecasts.items()))
+        bound, floor = limits
+        return BayesianDesign(unknown, considered[chosen], after, bound, float(after[-1]), floor, numbers)
+
+    return BackgroundDesign(considered[chosen], limits, others, design)
 
 
 def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:

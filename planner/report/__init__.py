@@ -18,4 +18,5 @@ __all__ = [
     "plan_data",
     "plan_report",
     "record_report",
+    "standby",
 ]

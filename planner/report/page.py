@@ -1,5 +1,6 @@
 """Reports: one page that needs nothing else, and a PNG of each of its charts."""
 
+import pickle
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from planner.report.cell_view_rendering import player_json, view_json
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
 from planner.report.plotly_backend import chart_json
+from planner.report.standby import Pictures, drawing_process
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
@@ -68,9 +70,12 @@ class Report:
         return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)), simulated=simulated)
 
     @cached_property
-    def pngs(self) -> dict[str, bytes]:
+    def pngs(self) -> Pictures:
         """Every picture for print, name → bytes."""
-        drawn = {name: png for part in self._drawing for name, png in part.result().items()}
+        if process := drawing_process():
+            drawn = process.result(self._to_draw)
+        else:
+            drawn = {name: png for part in self._drawing for name, png in part.result().items()}
         return {name: drawn[name] for name in self._picture_names}
 
     @property
@@ -79,21 +84,24 @@ class Report:
 
     def draw_beside(self) -> None:
         """Begin to draw the pictures beside what follows."""
-        _ = self._drawing
+        if process := drawing_process():
+            process.begin(self._to_draw)
+        else:
+            _ = self._drawing
 
     @cached_property
-    def _drawing(self) -> tuple[Beside[dict[str, bytes]], ...]:
+    def _to_draw(self) -> bytes:
+        return pickle.dumps((self.charts, self.view, self.small_pictures))
+
+    @cached_property
+    def _drawing(self) -> tuple[Beside[Pictures], ...]:
         names = self._picture_names
         parts = 2 if len(names) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
         return tuple(Beside(partial(self._draw, names[k::parts])) for k in range(parts))
 
-    def _draw(self, names: Sequence[str]) -> dict[str, bytes]:
-        # imported where it draws: matplotlib takes the other processor most of a second
-        from planner.report.cell_view_print import view_png
-        from planner.report.matplotlib_backend import chart_png
-
-        view = {"view": view_png(self.view)} if self.view is not None and "view" in names else {}
-        return view | {c.name: chart_png(c, self.small_pictures) for c in self.charts if c.name in names}
+    def _draw(self, names: Sequence[str]) -> Pictures:
+        charts = [c for c in self.charts if c.name in names]
+        return draw_pictures(charts, self.view if "view" in names else None, self.small_pictures)
 
     def html(self) -> str:
         """Return the page."""
@@ -133,3 +141,12 @@ class Report:
 def _safe_json(json_text: str) -> str:
     """Make JSON safe inside a script element: a name from a file cannot end it."""
     return json_text.replace("<", "\\u003c")
+
+
+def draw_pictures(charts: Sequence[Chart], view: CellView | None, small: bool) -> Pictures:
+    """Return the PNGs of charts and of the cell in space, by name."""
+    # imported where it draws: matplotlib takes the other processor most of a second
+    from planner.report.cell_view_print import view_png
+    from planner.report.matplotlib_backend import chart_png
+
+    return ({} if view is None else {"view": view_png(view)}) | {c.name: chart_png(c, small) for c in charts}

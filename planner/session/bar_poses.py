@@ -6,7 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.progress import Stages
 from planner.common.time_limit import REFINEMENT, ROADMAP, must_stop
 from planner.common.units import Array
-from planner.design.bayesian_design import select_bayesian_poses
+from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
@@ -76,7 +76,7 @@ class BarPoses(PoseSession):
         cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
         if self.tracing:
             with stages.stage("foresight") as progress:
-                ahead = select_bayesian_poses(cell, pool, poses, progress)
+                ahead = choose_bayesian_poses(cell, pool, poses, progress)
             with stages.stage("selection"):
                 return Selection(judge_poses(cell, pool, ahead.chosen, index, self.near), foreseen=ahead)
         with stages.stage("selection"):

@@ -1,6 +1,7 @@
 """``plan_session()``: from a cell to a robot program, stage by stage, whatever is measured."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,7 +16,7 @@ from planner.common.progress import Stages
 from planner.common.second_process import Beside
 from planner.common.time_limit import TimeIsOverError, current_limit
 from planner.common.units import Array
-from planner.design.bayesian_design import BayesianDesign
+from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
@@ -44,13 +45,13 @@ class Selection:
         choice: the poses.
         curve: the index against their number, still being computed, where the index chose the poses.
         discriminating: where they tell the findings of an identification from their rivals.
-        foreseen: where they were chosen by the error that is left once hidden effects are traced.
+        foreseen: where they were chosen by the error that is left once hidden effects are traced; still being computed.
     """
 
     choice: PoseChoice
     curve: BackgroundCurve | None = None
     discriminating: DiscriminatingChoice | None = None
-    foreseen: BayesianDesign | None = None
+    foreseen: BackgroundDesign | None = None
 
 
 P = TypeVar("P", bound=SessionPlan)
@@ -69,8 +70,12 @@ class Session(Protocol[P]):
 
 
 @on_one_thread
-def plan_session(session: Session[P], options: PlanOptions, stages: Stages) -> P:
+def plan_session(
+    session: Session[P], options: PlanOptions, stages: Stages, driven: Callable[[P], object] | None = None
+) -> P:
     """Plan a measuring session: everything that is driven, its id, its programs.
+
+    ``driven`` is called with the plan that lacks id and programs yet.
 
     Raises:
         InputError: the cell or an option is wrong.
@@ -79,6 +84,8 @@ def plan_session(session: Session[P], options: PlanOptions, stages: Stages) -> P
     dialects = options.known_dialects(session.cell)
     bare = session.drive(stages)
     with stages.stage("programs"):
+        if driven:
+            driven(bare)
         limit = current_limit()
         bare = replace(bare, notes=(*bare.notes, *(limit.notes if limit else ())))
         return with_programs(replace(bare, plan_id=content_hash(session.record(bare), bare.cell)), dialects)
@@ -116,11 +123,12 @@ class PoseSession(ABC):
         """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
         chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
-        with chosen.curve or nullcontext():
+        with chosen.curve or nullcontext(), chosen.foreseen or nullcontext():
             choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), stages)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
-        cell, ahead, parted = self.cell, chosen.foreseen, chosen.discriminating
+            ahead = chosen.foreseen.result() if chosen.foreseen else None
+        cell, parted = self.cell, chosen.discriminating
         told = discrimination_as_driven(cell, parted, drives) if parted else None
         notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, told, choice, drives)]
         if ahead:

@@ -1,6 +1,7 @@
 """Starting a session at a later pose: proven ways from the mount pose into the path, and the stretches left out."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -73,6 +74,9 @@ def cut_stretches(
     """
     m = _points_one_way(path)
     ways = entry_ways(cell, mounting, path.q[:m], shortcuts)
+    legs = sorted({leg for way in ways for leg in pairwise(way)})
+    ends = np.array(legs, dtype=int).ravel()  # every second of the moves between them is a leg
+    moves = dict(zip(legs, even_moves(cell, path.q[ends], path.visit[ends], mounting)[::2], strict=True))
     out: list[Instruction] = [StretchBegin(first)]
     number = first - 1
     for point, item in written:
@@ -80,8 +84,8 @@ def cut_stretches(
             number += 1
             if number > first:
                 there = ways[min(point, 2 * m - 2 - point)]
-                moves = tuple(even_moves(cell, path.q[there], path.visit[there], mounting))
-                out += [StretchEnd(), Entry(number, degrees(path.q[0]), moves), StretchBegin(number)]
+                way = tuple(moves[leg] for leg in pairwise(there))
+                out += [StretchEnd(), Entry(number, degrees(path.q[0]), way), StretchBegin(number)]
             later = path.visit[point + 1 :]
             pose = int(later[later >= 0][0])
             if isinstance(item, JointMove) and pose != number:

@@ -7,11 +7,13 @@ or the reflector is put in.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
+from planner.common.second_process import Beside
 from planner.common.units import Array
 from planner.design.candidates.balls import FirstContact
 from planner.motion.path.connection import connect_poses
@@ -100,14 +102,16 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     points = add_blends(constraints, path, rests, ids)
     separate = ball_motions(constraints, path, stops)
     measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.mounting), separate)
-    travelling = release_way(place.travelling, travel)
+    step = max(measuring.path.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
+    reading = reading_limits(cell, place.mounting, bar=True)
+    task = partial(check_limits, measuring.path.trajectory, axis_limits(cell, bar=True), step, reading)
+    with Beside(task) as checking:
+        travelling = release_way(place.travelling, travel)
+        shortcuts = prove_shortcuts(constraints, points.q, points.visit)
     if not constraints.bar:  # the ways to the balls are in it since it was first judged
         path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
-    shortcuts = prove_shortcuts(constraints, points.q, points.visit)
     course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path, shortcuts)
-    step = max(course.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
-    reading = reading_limits(cell, place.mounting, bar=True)
-    limits = check_limits(course.trajectory, axis_limits(cell, bar=True), step, reading)
+    limits = checking.result()
     verdicts = measuring.verdicts + travelling.verdicts
     return Drive(course=course, verdicts=verdicts, visits=visits, tour=tour, path=path, limits=limits)
 

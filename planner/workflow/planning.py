@@ -9,8 +9,9 @@ from planner.common.choices import Aim
 from planner.common.progress import Progress, Stages, no_progress
 from planner.common.time_limit import TimeLimit, limit_time
 from planner.design.free_parameters import check_effects
-from planner.instruments.circular.planning import plan_circles
 from planner.motion.tour.solve import Method
+from planner.report.plan_report import report_plan
+from planner.report.standby import begin_standing_by, drawing_process
 from planner.session.options import PlanOptions, check_circle_options
 from planner.session.plan_types import Plan
 from planner.session.planning import plan_session
@@ -53,6 +54,7 @@ def plan(
         InputError: the cell or an argument is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
+    begin_standing_by()
     file = None if separate is None else Path(separate)
     options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim)
     stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))
@@ -63,6 +65,8 @@ def plan(
                 return PlanResult(plan_cell(chosen, options, stages), stages, limit.notes if limit else ())
             except PathNotProvenError as cut:
                 return PosesResult(cut.poses, (*(limit.notes if limit else ()), str(cut)))
+        from planner.instruments.circular.planning import plan_circles  # needless for poses, and slow to load
+
         check_circle_options(chosen, options)
         return CircularPlanResult(plan_circles(chosen, options, stages), stages, limit.notes if limit else ())
 
@@ -75,4 +79,10 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    return plan_session(pose_session(cell, options), options, stages)
+    return plan_session(pose_session(cell, options), options, stages, _begin_drawing)
+
+
+def _begin_drawing(plan: Plan) -> None:
+    """Let a process that stands by draw the pictures while the programs are written."""
+    if drawing_process():
+        report_plan(plan).draw_beside()

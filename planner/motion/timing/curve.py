@@ -160,22 +160,31 @@ class PathCurve:
     def derivatives(self, s: Array, piece: Index | None = None) -> tuple[Array, Array, Array, Array]:
         """Return q [rad], dq/ds, d²q/ds² and d³q/ds³, (n, N) each, at s (n,), on these pieces (n,) or those of s."""
         k = self.piece(s) if piece is None else piece
-        span, first = self.span[k], self.rate_in[k]
-        gain = self.rate_out[k] - first
-        tau = np.clip((s - self.start[k]) / span, 0.0, 1.0)
-        area, step, step1, step2 = smoothstep(tau)
-        sigma = np.clip(span * (first * tau + gain * area), 0.0, 1.0)
-        sigma1, sigma2, sigma3 = first + gain * step, gain * step1 / span, gain * step2 / span**2
-        area, beta, beta1, beta2 = smoothstep(sigma)
-        back, forth = self.inward[k], self.outward[k]
-        q = self.centre[k] + (2.0 * area)[:, None] * forth - (2.0 * smoothstep(1.0 - sigma)[0])[:, None] * back
-        swing = forth - back
+        q, (sigma, sigma1, sigma2, sigma3) = self._travel(s, k)
+        _, beta, beta1, beta2 = smoothstep(sigma)
+        back = self.inward[k]
+        swing = self.outward[k] - back
         tangent = back + beta[:, None] * swing
         d1 = (2.0 * sigma1)[:, None] * tangent
         d2 = (2.0 * sigma2)[:, None] * tangent + (2.0 * beta1 * sigma1**2)[:, None] * swing
         jerk = 2.0 * (beta2 * sigma1**3 + 3.0 * beta1 * sigma1 * sigma2)
         d3 = (2.0 * sigma3)[:, None] * tangent + jerk[:, None] * swing
         return q, d1, d2, d3
+
+    def points(self, s: Array, piece: Index) -> Array:
+        """Return q [rad] alone, (n, N), of what :meth:`derivatives` returns."""
+        return self._travel(s, piece)[0]
+
+    def _travel(self, s: Array, k: Index) -> tuple[Array, tuple[Array, Array, Array, Array]]:
+        """Return q (n, N) [rad] at s (n,) on the pieces k (n,), and what each piece is through, σ and dσ/ds …, (n,)."""
+        span, first = self.span[k], self.rate_in[k]
+        gain = self.rate_out[k] - first
+        tau = np.clip((s - self.start[k]) / span, 0.0, 1.0)
+        area, step, step1, step2 = smoothstep(tau)
+        sigma = np.clip(span * (first * tau + gain * area), 0.0, 1.0)
+        there, left = (2.0 * smoothstep(x)[0] for x in (sigma, 1.0 - sigma))
+        q = self.centre[k] + there[:, None] * self.outward[k] - left[:, None] * self.inward[k]
+        return q, (sigma, first + gain * step, gain * step1 / span, gain * step2 / span**2)
 
 
 def build_curve(corners: Corners) -> PathCurve:

@@ -82,7 +82,7 @@ class Trajectory:
     def angles(self, t: ArrayLike) -> Array:
         """Return the joint angles at times t (n,) [s], (n, N) [rad]; quicker than all of :meth:`at`."""
         s, *_, end = self.phases.at(np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.phases.duration))
-        return self.curve.derivatives(s, np.minimum(self.curve.piece(s), self.curve.last_piece(end)))[0]
+        return self.curve.points(s, np.minimum(self.curve.piece(s), self.curve.last_piece(end)))
 
     def sample(self, dt: float) -> MotionSamples:
         """Return the state every ``dt`` [s] from 0, and at the end."""
