@@ -14,7 +14,6 @@ from planner.design.bayesian_design import (
     OTHER_NUMBERS,
     PASSES,
     BayesianPosterior,
-    bound_tool_error,
     describe_bayesian_design,
     describe_numbers_of_poses,
     errors_after,
@@ -24,6 +23,7 @@ from planner.design.bayesian_design import (
 from planner.design.candidates.pool import draw_candidates
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
+from planner.design.tool_error_bound import bound_tool_error
 from planner.session.mount import with_mounts
 from planner.session.options import PlanOptions
 from planner.session.tour_cost import session_minutes
