@@ -18,7 +18,7 @@ from rich.progress import Progress as Bar
 from planner.cli.time_left import TimeLeft
 from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
-from planner.common.result import NOT_MEASURED, Result
+from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
 
 PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
@@ -86,8 +86,7 @@ def give(
         written = f"\n  written to  {output}: {files}" if files else ""
         step = "" if output is None or result.problems else result.next_step(output)
         then = f"\n  next        {step}" if step else ""
-        head = f"{NOT_MEASURED}\n" if result.simulated else ""
-        errors.print(head + result.summary() + written + then, markup=False)
+        errors.print(result.full_summary() + written + then, markup=False)
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result

@@ -68,6 +68,10 @@ class Result(ABC):
         """Tell whether it is made of readings that nobody measured."""
         return False
 
+    def full_summary(self) -> str:
+        """Return the summary; where nobody measured, that comes first."""
+        return f"{NOT_MEASURED}\n{self.summary()}" if self.simulated else self.summary()
+
     def to_json(self) -> str:
         """Return the machine-readable form as text."""
         return document_text(self.content())
@@ -79,5 +83,4 @@ class Result(ABC):
     def _repr_html_(self) -> str:
         plot = self.preview()
         picture = f'<img src="data:image/png;base64,{b64encode(plot.png).decode()}">' if plot else ""
-        head = f"{NOT_MEASURED}\n" if self.simulated else ""
-        return f"<pre>{head}{escape(self.summary())}</pre>{picture}"
+        return f"<pre>{escape(self.full_summary())}</pre>{picture}"

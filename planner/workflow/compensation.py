@@ -14,6 +14,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.reading import read_bytes
 from planner.common.result import Result
+from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
 from planner.compensation.program_error import ProgramError, program_error
@@ -36,11 +37,13 @@ class CompensationResult(Result):
         file: the text and what was done.
         expected: how good the robot is expected to be at its targets, or why that is not known.
         left_out: which effects of the robot targets cannot be corrected for.
+        simulated: whether nobody measured the robot that it is corrected for.
     """
 
     file: CompensatedFile
     expected: ProgramError | str
     left_out: str | None = None
+    simulated: bool = False
 
     def summary(self) -> str:
         """Return what was done."""
@@ -103,7 +106,15 @@ def compensate(
     data = "" if frames is None else _text(Path(frames))
     given = ToolAndBase(_frame("--tool", tool), _frame("--base", base), data, uncorrected)
     done = compensate_file(Path(targets), robot.nominal, calibrated, dialect=dialect, frames=given, strict=strict)
-    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence)
+    simulated = _is_simulated(Path(model)) if isinstance(model, Path | str) else model.simulated
+    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence, simulated)
+
+
+def _is_simulated(model: Path) -> bool:
+    """Tell whether the identification beside a calibrated robot says that nobody measured it."""
+    beside = model.parent / "identification.json"
+    content = read_json(beside) if beside.is_file() else None
+    return isinstance(content, dict) and content.get("simulated") is True
 
 
 def _read_model(model: "CalibrationResult | Path | str") -> tuple[Robot, ExpectedError | str]:

@@ -289,13 +289,17 @@ def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
     def compensate(body, *more):
         path.write_text(krl(*body))
         out.unlink(missing_ok=True)
-        return edbb("compensate", path, "--model", tmp_path / "robot.toml", "-o", out, *more).returncode, out.exists()
+        done = edbb("compensate", path, "--model", tmp_path / "robot.toml", "-o", out, *more)
+        assert ("SIMULATED" in done.stderr) == (tmp_path / "identification.json").exists()
+        return done.returncode, out.exists()
 
     assert compensate([GOOD]) == (0, True)
     assert compensate([GOOD, "PTP XELSE"]) == (5, True)
     assert compensate([GOOD, "PTP XELSE"], "--strict") == (2, False)
     assert compensate(["PTP XELSE"]) == (2, False)
     assert compensate([*NULL, "PTP {X 5000,Y 0,Z 0,A 0,B 90,C 0,S 2,T 2}"]) == (3, False)
+    (tmp_path / "identification.json").write_text('{"simulated": true}')
+    assert compensate([GOOD]) == (0, True)
 
 
 @pytest.mark.parametrize("name", ["kuka-kr6-r700", "abb-irb120"])
