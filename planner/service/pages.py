@@ -227,12 +227,10 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
     if any(j.kind not in PLANS or j.state != "done" for j in jobs):
         return render("problem", 404, detail="Only two finished plans can be compared.")
     plans = [_plan(context, j) for j in jobs]
-    facts = [
-        [*plan_facts(p, j.kind == "check-plan"), *(("to know", n) for n in p.notes)]
-        for p, j in zip(plans, jobs, strict=True)
-    ]
+    facts = [plan_facts(p, j.kind == "check-plan") for p, j in zip(plans, jobs, strict=True)]
     names = list(dict.fromkeys(what for each in facts for what, _ in each))
     rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
+    rows.append(("to know", [list(p.notes) for p in plans]))
     charts = [{p.caption: p for p in pictures(j)} for j in jobs]
     pairs = [[c[caption] for c in charts] for caption in charts[0] if caption in charts[1]]
     return render("compare", plans=jobs, rows=rows, pictures=pairs)

@@ -112,6 +112,40 @@ def test_two_plans_stand_side_by_side(tmp_path):
         assert client.get("/compare", params={"first": ids[0], "second": "c" * 24}).status_code == 404
 
 
+def test_the_page_of_a_planned_check_is_whole(tmp_path):
+    """Asked for by a command: it finds its calibration by content, shows what the check shows, and leads on."""
+    store, known, plan = Store(tmp_path), "a" * 24, "b" * 24
+    calibration = store.files.add(b"{}")
+    pose = {"id": 0, "q_deg": [0] * 6, "role": "calibrate"}
+    programs = [{"dialect": "krl", "file": "CHECK.src"}]
+    changes = [{"change": "zero of joint 1", "detectable_mm": 0.031}]
+    documents = {
+        "plan.json": {"schema": "edbb-plan/1", "plan_id": plan[:12], "poses": [pose], "programs": programs},
+        "shows.json": {
+            "false_alarm": 0.01,
+            "power": 0.9,
+            "changes": [{"change": "zero of joint 1", "detectable_mm": 0.031}],
+        },
+    }
+    content = {name: json.dumps(d).encode() for name, d in documents.items()}
+    content |= {"CHECK.src": b"DEF", "cell.toml": load_cell("ur10/edbb").path.read_bytes()}
+    outputs = [JobOutput(n, store.files.add(data), len(data)) for n, data in content.items()]
+    words = JobCommand(("plan-check", "x", "--baseline", "a1"), (JobInput("a1/identification.json", calibration),))
+    for id, kind, command, made in (
+        (known, "identification", CHEAP, [JobOutput("identification.json", calibration, 2)]),
+        (plan, CommandRequest(words=list(words.words)).job_kind, words, outputs),
+    ):
+        store.jobs.submit(id, kind, kind, "{}", command)
+        assert store.jobs.finish(store.jobs.take(2), "done", made, 0, None)
+    with client_of(tmp_path) as client:
+        page = client.get(f"/jobs/{plan}").text
+        assert re.search(r"zero of joint 1</th><td[^>]*>0\.031 mm", page)
+        assert page.count(">CHECK.src<") == 1
+        for link in (f"/jobs/{known}", f"/jobs/{plan}/session", f"/calibrate?plan={plan}"):
+            assert f'href="{link}"' in page
+        assert "nobody" in client.get(f"/jobs/{plan}/session").text.lower()
+
+
 def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):
     context, store = build_context(settings(tmp_path)), Store(tmp_path)
     for id, model, ap in (("a" * 24, "c" * 64, 0.2), ("b" * 24, "d" * 64, 0.3)):
