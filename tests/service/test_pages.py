@@ -121,11 +121,7 @@ def test_the_page_of_a_planned_check_is_whole(tmp_path):
     changes = [{"change": "zero of joint 1", "detectable_mm": 0.031}]
     documents = {
         "plan.json": {"schema": "edbb-plan/1", "plan_id": plan[:12], "poses": [pose], "programs": programs},
-        "shows.json": {
-            "false_alarm": 0.01,
-            "power": 0.9,
-            "changes": [{"change": "zero of joint 1", "detectable_mm": 0.031}],
-        },
+        "shows.json": {"false_alarm": 0.01, "power": 0.9, "changes": changes},
     }
     content = {name: json.dumps(d).encode() for name, d in documents.items()}
     content |= {"CHECK.src": b"DEF", "cell.toml": load_cell("ur10/edbb").path.read_bytes()}
