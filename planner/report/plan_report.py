@@ -9,6 +9,7 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
+from planner.instruments.check.results import SHOWN_RATES, CheckForecast
 from planner.report.cell_view import build_cell_view
 from planner.report.page import Report, Row
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
@@ -16,17 +17,20 @@ from planner.session.plan_types import Drive, Plan
 from planner.session.tour_cost import cost_name
 
 
-def report_plan(plan: Plan) -> Report:
-    """Return the page of a plan and its pictures."""
+def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
+    """Return the page of a plan and its pictures; of a check ``forecast`` is what it shows."""
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
-    overview = (plan_charts.funnel_chart(plan), plan_charts.parameter_chart(forecasts))
+    overview = [plan_charts.funnel_chart(plan)]
+    overview += [plan_charts.parameter_chart(forecasts)] if forecast is None else []
     ahead = [plan_charts.foreseen_error_chart(plan.foresight)] if plan.foresight else []
     ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
     content = {
         "plan": plan,
         "about": _about(plan.cell),
-        "facts": _facts(plan),
-        "certificate": text.certificate_text(plan),
+        "facts": _facts(plan) if forecast is None else _check_facts(plan),
+        "certificate": text.certificate_text(plan) if forecast is None else (),
+        "forecast": forecast,
+        "shown_rates": SHOWN_RATES,
         "separation": text.separation_text(plan.separation) if plan.separation else "",
         "drives": drives,
         "forecasts": [_forecast(f) for f in forecasts],
@@ -43,7 +47,7 @@ def _about(cell: Cell) -> str:
 
 def _facts(plan: Plan) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
-    choice, cell, drives = plan.choice, plan.cell, plan.drives
+    choice, drives = plan.choice, plan.drives
     rule, bound = INDEX_RULES[choice.index], plan.certificate
     roles = [v.role for d in drives for v in d.visits]
     extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
@@ -53,8 +57,6 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     gap = max(rule.gap(choice.value, bound.value), 0.0)
     beyond = f"at most {text.percent_text(gap)} from the bound" if plan.by_index else "did not choose the poses"
     sets = f"for any {bound.poses}" if bound.poses else "for any number"
-    driving = sum(d.trajectory.duration_s for d in drives)
-    both = cell.motion.both_ways and cell.motion.measure == "continuous"
     return (
         ("poses", str(len(choice.q)), what_for),
         *_foreseen(plan),
@@ -65,9 +67,23 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
             text.bound_text(bound.value, rule.maximise),
             f"{'proven' if bound.verified else 'not proven'} {sets} candidates",
         ),
-        ("driving", text.duration_text(driving), f"{'both ways, ' if both else ''}{cell.motion.measure}"),
-        text.clearance_fact([v for d in drives for v in d.verdicts]),
+        *_drive_facts(plan),
     )
+
+
+def _drive_facts(plan: Plan) -> tuple[Row, ...]:
+    """How long it drives, and how far from everything."""
+    driving, motion = sum(d.trajectory.duration_s for d in plan.drives), plan.cell.motion
+    both = "both ways, " if motion.both_ways and motion.measure == "continuous" else ""
+    return (
+        ("driving", text.duration_text(driving), f"{both}{motion.measure}"),
+        text.clearance_fact([v for d in plan.drives for v in d.verdicts]),
+    )
+
+
+def _check_facts(plan: Plan) -> tuple[Row, ...]:
+    """The same numbers of a check, which no index has chosen."""
+    return (("poses", str(len(plan.choice.q)), "to tell what has changed"), *_drive_facts(plan))
 
 
 def _foreseen(plan: Plan) -> tuple[Row, ...]:

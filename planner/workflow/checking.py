@@ -8,7 +8,7 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import document_text, write_text
+from planner.common.files import write_text
 from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import Result, simulated_section
 from planner.common.result_folder import draft_folder, move_all
@@ -22,7 +22,7 @@ from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
 from planner.session.planning import plan_session
 from planner.session.pose_sources import pose_session
-from planner.workflow.plan_results import FORECAST, PlanResult, evaluation_command
+from planner.workflow.plan_results import PlanResult, evaluation_command
 from planner.workflow.unit_checks import check_unit
 from planner.workflow.writing import write_plan
 
@@ -42,7 +42,7 @@ class CheckPlanResult(PlanResult):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write what every plan has, and ``shows.json``."""
-        return write_plan(self.plan, Path(folder), self.stages, {FORECAST: document_text(self.forecast.content())})
+        return write_plan(self.plan, Path(folder), self.stages, self.forecast)
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is measured and judged."""

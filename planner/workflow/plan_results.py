@@ -25,7 +25,7 @@ from planner.session.plan_record import plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.session.tour_cost import cost_name
 from planner.session.unproven_poses import UnprovenPoses
-from planner.workflow.writing import plan_content, write_cell, write_plan, write_program_as
+from planner.workflow.writing import FORECAST, plan_content, write_cell, write_plan, write_program_as
 
 
 @dataclass(frozen=True)
@@ -252,9 +252,6 @@ def _left_out(dropped: Sequence[DroppedParameter]) -> list[str]:
         return [f"  left out    {d.name}: {d.because}" for d in dropped]
     names = ", ".join(d.name for d in dropped)
     return [f"  left out    {len(dropped)} parameters that cannot be seen: {names} (why: report.html)"]
-
-
-FORECAST = "shows.json"  # beside the plan of a check
 
 
 def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:

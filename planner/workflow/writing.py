@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +15,7 @@ from planner.common.files import check_writing, document_text, write_bytes, writ
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
 from planner.common.result_folder import draft_folder, move_all
+from planner.instruments.check.results import CheckForecast
 from planner.instruments.circular.document import circular_document
 from planner.instruments.circular.plan import CircularPlan
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
@@ -34,26 +33,27 @@ if TYPE_CHECKING:
 else:
     pl = LazyModule("polars")
 
+FORECAST = "shows.json"  # of a check, beside its plan
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
 def write_plan(
-    plan: Plan | CircularPlan, folder: Path, stages: Stages, more: Mapping[str, str] = MappingProxyType({})
+    plan: Plan | CircularPlan, folder: Path, stages: Stages, forecast: CheckForecast | None = None
 ) -> list[Path]:
     """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
 
-    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was. ``more``: name
-    and text of further files.
+    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was. Of a check
+    ``forecast`` is written too, as ``shows.json``.
     """
     with draft_folder(folder) as draft:
         with stages.stage("report"):
-            page = _report(plan)
+            page = _report(plan, forecast)
             page.draw_beside()
             for file in (file for _, files in plan.programs for file in files):
                 write_text(draft / file.name, file.text, file.encoding)
             write_text(draft / "trajectory.csv", trajectory_csv(plan))
-            for name, text in more.items():
-                write_text(draft / name, text)
+            if forecast is not None:
+                write_text(draft / FORECAST, document_text(forecast.content()))
             write_cell(plan.cell, draft)
             page.write(draft)
             write_text(draft / "plan.json", document_text(plan_content(plan)))
@@ -66,12 +66,12 @@ def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:
     return (circular_document(plan) if isinstance(plan, CircularPlan) else plan_document(plan)).content()
 
 
-def _report(plan: Plan | CircularPlan) -> Report:
+def _report(plan: Plan | CircularPlan, forecast: CheckForecast | None) -> Report:
     # matplotlib and plotly: other commands start quicker without
     from planner.report.circular_report import report_circular_plan
     from planner.report.plan_report import report_plan
 
-    page = report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan)
+    page = report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan, forecast)
     return page.about(plan.cell)
 
 

@@ -13,6 +13,7 @@ from planner.instruments.check.evaluation import ANYTHING, CheckVerdict, JudgedC
 from planner.runs.run import Samples
 
 DIGITS = 4
+SHOWN_RATES = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
 RATES = {"false_alarm": FALSE_ALARM, "power": POWER}
 
 
@@ -39,12 +40,14 @@ class CheckForecast:
         changes += [{"change": c.name, "detectable_mm": None} for c in self.hidden]
         return {"schema": "edbb-check-forecast/1", **RATES, "changes": changes}
 
+    def rows(self) -> list[tuple[str, str]]:
+        """Return every change that shows, and from which motion of the tool on, in mm."""
+        return [(c.name, f"{to_mm(d):.3f}") for c, d in zip(self.changes, self.detectable, strict=True)]
+
     def lines(self) -> list[str]:
         """Return the same in words."""
-        rates = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
-        each = zip(self.changes, self.detectable, strict=True)
-        return [f"  shows       {c.name}: from {to_mm(d):.3f} mm of the tool" for c, d in each] + [
-            f"  rates       {rates}",
+        return [f"  shows       {name}: from {least} mm of the tool" for name, least in self.rows()] + [
+            f"  rates       {SHOWN_RATES}",
             *([f"  note        {hidden_text(self.hidden)}"] if self.hidden else []),
         ]
 
