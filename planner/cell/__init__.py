@@ -9,6 +9,7 @@ __all__ = [
     "gauge_types",
     "places",
     "reading",
+    "session_guide",
     "setup",
     "workspace",
 ]

@@ -46,11 +46,6 @@ class BallFile(OptionalKeys):
     LATER: ClassVar[tuple[str, ...]] = ("radius_mm", "stem_to_mm", "stem_radius_mm", "axis")
 
 
-def place_text(position_mm: Vector) -> str:
-    """Say a place as a cell file does."""
-    return f"[{', '.join(f'{v:g}' for v in position_mm)}] mm"
-
-
 class PlacedFile(StrictModel):
     """Where something stands in the base frame, and how well that is known before measuring (one sigma)."""
 

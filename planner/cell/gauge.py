@@ -13,16 +13,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge_types import (
-    CellStep,
-    FilterStage,
-    GaugeBody,
-    JointSamples,
-    PlannedVisit,
-    PointTravel,
-    RecordedPose,
-    SessionGuide,
-)
+from planner.cell.gauge_types import FilterStage, GaugeBody, JointSamples, PlannedVisit, PointTravel, RecordedPose
+from planner.cell.session_guide import SessionGuide
 from planner.common.errors import InputError
 from planner.common.schema import validate
 from planner.common.sequences import sobol_points
@@ -277,8 +269,7 @@ class Gauge(ABC):
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:
         """Return what a person at the cell does with it."""
-        ready = CellStep("Make the gauge ready", "Where the program pauses: make the gauge ready to read.")
-        return SessionGuide((), (ready,), f"the gauge's reading ({cls.columns})")
+        return SessionGuide(f"the gauge's reading ({cls.columns})")
 
     def describe(self, cell: "Cell") -> str:
         """Say what stands where, for the heading of a report."""

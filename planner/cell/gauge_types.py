@@ -29,33 +29,6 @@ class GaugeBody:
     tip: bool = False
 
 
-@dataclass(frozen=True)
-class CellStep:
-    """One step of a person at the cell."""
-
-    title: str
-    text: str
-
-
-@dataclass(frozen=True)
-class SessionGuide:
-    """What a person at the cell does with a gauge.
-
-    Attributes:
-        before: steps before the robot drives.
-        at_start: steps where the program pauses, before the first reading.
-        logged: what a row of the log holds beside time and joint angles.
-        at_poses: what is done while the program runs.
-        after: steps after the last pose.
-    """
-
-    before: tuple[CellStep, ...]
-    at_start: tuple[CellStep, ...]
-    logged: str
-    at_poses: str = "Stay beside it."
-    after: tuple[CellStep, ...] = ()
-
-
 class RecordedPose(Protocol):
     """What a plan's file says of a pose."""
 

@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile, PlacedFile, place_text
+from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionGuide
+from planner.cell.gauge_types import GaugeBody, PlannedVisit
+from planner.cell.session_guide import CellStep, SessionGuide, place_text
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
@@ -80,9 +81,9 @@ class BallSocket(BallGauge):
         tool = f" with its centre at {place_text(file.tool.map_mm)} of the flange" if file.tool else ""
         keys = validate(file.gauge.own, SocketKeys, "[gauge]")
         return SessionGuide(
+            "the name of the socket (ball)",
             (artifact_step(file, "Plate and its sockets", "sockets"),),
             (CellStep("Fit the ball", f"Where the program pauses: fit {size} to the tool{tool}, wipe it clean."),),
-            "the name of the socket (ball)",
             f"At each pose it waits {keys.wait_mm:g} mm above a socket: lead the ball in by hand or by jogging until "
             "it rests, log that row, then let the program go on.",
         )

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.cell import Cell, Fixture
-from planner.cell.file import CellFile, place_text
+from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, RecordedPose, SessionGuide
+from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose
 from planner.cell.places import read_fixtures
+from planner.cell.session_guide import SessionGuide
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
@@ -24,6 +25,7 @@ from planner.effects.excitation import Excitation
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
 from planner.effects.geometry import tool_parameters
 from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+from planner.gauges.bar_checklist import LOADED, BarChecklist
 from planner.gauges.lines import LineGauge
 from planner.gauges.placement.lengths import place_lengths
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
@@ -98,11 +100,7 @@ class LengthGauge(LineGauge):
     travel_name: ClassVar[str] = "way without the bar"
     bare: ClassVar[str] = ", without the bar"
     removal: ClassVar[str] = "take the bar off"
-    fixture_text: ClassVar[str] = "The magnet cup of fixture"  # what a checklist sets up at a fixture, and at the tool
-    tool_text: ClassVar[str] = "The tool's magnet cup holds the ball's centre"
-    clean_text: ClassVar[str] = "Balls and cups are wiped clean, everything is tight."
-    attach_text: ClassVar[str] = "put one ball of the bar into the fixture's cup, the other into the tool's."
-    load_text: ClassVar[str] = ""
+    checklist: ClassVar[BarChecklist] = BarChecklist()
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -144,21 +142,7 @@ class LengthGauge(LineGauge):
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:
         """It is held between fixture and tool while it reads."""
-        places = [
-            f"{cls.fixture_text} {f.name} stands at {place_text(f.position_mm)} of the base frame, to about "
-            f"{f.prior_mm:g} mm."
-            for f in file.fixtures
-        ]
-        tool = f"{cls.tool_text} at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
-        zero = "Set it to zero as the program asks." if file.gauge.zero == "free" else "Check its known zero."
-        carried = " At the next fixture the same, where the program asks for it." if len(file.fixtures) > 1 else ""
-        attach = f"{cls.attach_text} {zero}{cls.load_text}{carried}"
-        return SessionGuide(
-            (CellStep(f"Fixture and {cls.noun}", " ".join([*places, tool, cls.clean_text])),),
-            (CellStep(f"Attach the {cls.noun}", f"Where the program pauses: {attach}"),),
-            f"the length of the {cls.noun} ({cls.columns})",
-            after=(CellStep("Detach", f"Where the program pauses at its end: {cls.removal}."),),
-        )
+        return cls.checklist.guide(file, cls.noun, cls.removal)
 
     def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Length read less the distance of tool point and fixture, (n, 1) [m]."""
@@ -370,8 +354,7 @@ class LoadedBar(DoubleBallBar):
 
     kind: ClassVar[str] = "ldbb"
     is_loaded: ClassVar[bool] = True
-    attach_text: ClassVar[str] = "with its load off, put one ball into the fixture's seat, the other into the tool's."
-    load_text: ClassVar[str] = " Set a load only where the program asks for it; keep your hands away while it pulls."
+    checklist: ClassVar[BarChecklist] = LOADED
 
 
 def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:

@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody
 from planner.gauges.bar import LengthGauge
+from planner.gauges.bar_checklist import BarChecklist
 from planner.kinematics.bodies import capsule_between
 
 EYELET = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum
@@ -32,10 +33,12 @@ class DrawWire(LengthGauge):
     travel_name: ClassVar[str] = "way without the wire"
     bare: ClassVar[str] = ", without the wire"
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
-    fixture_text: ClassVar[str] = "The encoder's eyelet at place"
-    tool_text: ClassVar[str] = "The eye for the wire's end lies"
-    clean_text: ClassVar[str] = "The wire runs out and in freely, and touches nothing on its way."
-    attach_text: ClassVar[str] = "lead the wire slowly to the tool and hook it in; never let it snap back."
+    checklist: ClassVar[BarChecklist] = BarChecklist(
+        fixture="The encoder's eyelet at place",
+        tool="The eye for the wire's end lies",
+        clean="The wire runs out and in freely, and touches nothing on its way.",
+        attach="lead the wire slowly to the tool and hook it in; never let it snap back.",
+    )
     usual_body: ClassVar[Mapping[str, float]] = {
         "radius_mm": EYELET,
         "rod_radius_mm": WIRE,

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile, PlacedFile, place_text
+from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide
+from planner.cell.gauge_types import GaugeBody
 from planner.cell.places import nests_frame
+from planner.cell.session_guide import CellStep, SessionGuide, place_text
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
 from planner.common.errors import InputError, NoSolutionError
@@ -101,7 +102,7 @@ class Tracker(FrameGauge):
             "Where the program pauses: lock the beam on it; it stays locked until the last pose.",
         )
         stay = "Stay beside it: where the beam breaks, stop the program, lock it on again and go on from there."
-        return SessionGuide(tuple(steps), (seen,), f"the reflector's position ({cls.columns})", stay)
+        return SessionGuide(f"the reflector's position ({cls.columns})", tuple(steps), (seen,), stay)
 
     def describe(self, cell: Cell) -> str:
         """Say where it stands."""

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from planner.cell.cell import Cell, IndicatorHead
-from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile, place_text
+from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import CellStep, SessionGuide
+from planner.cell.session_guide import CellStep, SessionGuide, place_text
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.gauges.balls import BallGauge, artifact_step, check_names
@@ -49,12 +49,12 @@ class TriCalHead(BallGauge):
         tool = f" Its tool point lies at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
         mastered = f"Where the program pauses, the head's opening upwards: lay {size} into its socket,"
         return SessionGuide(
+            "the name of the ball (ball); edbb centre writes all of it by itself",
             (
                 artifact_step(file, "Artifact and its balls", "balls"),
                 CellStep("Head of indicators", f"All three move freely and are connected.{tool}"),
             ),
             (CellStep("Master the indicators", f"{mastered} set all three indicators to {shown}, take the ball out."),),
-            "the name of the ball (ball); edbb centre writes all of it by itself",
             "At each ball edbb centre drives the robot until all three indicators show what they showed at the master "
             "ball; without it, jog there by hand and note the joint angles. Keep the stop at hand.",
             (CellStep("Master again", "Lay the master ball in once more and note the indicators: have they drifted?"),),
