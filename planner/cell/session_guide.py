@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from planner.common.schema import Vector
+from planner.kinematics.bodies import Vector
 
 
 @dataclass(frozen=True)
