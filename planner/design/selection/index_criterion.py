@@ -129,8 +129,12 @@ class SwapTable:
         if self.exact:
             table = m * swap_log_ratios(inner, outer, self.below)
             return table if k == 0 else table + k * swap_log_ratios(inner, outer, self.above, -1.0)
-        slope = m * self.below - k * self.above
-        return np.asarray(quadratic_form(outer, slope)[None, :] - quadratic_form(inner, slope)[:, None])
+        return np.asarray(quadratic_form(outer, self.slope)[None, :] - quadratic_form(inner, self.slope)[:, None])
+
+    @property
+    def slope(self) -> Array:
+        """Derivative of the barriers by the information, (P, P)."""
+        return np.asarray(self.weights[0] * self.below - self.weights[1] * self.above)
 
     def of_each(self, members: Positions, trials: Array) -> Array:
         """Scores (m, T) of some of the chosen becoming each of their own ``trials`` (m, T, 1, P), where exact."""
@@ -194,6 +198,8 @@ class PotentialCriterion:
         if len(outside) == 0:
             return [], np.zeros(0)
         score = SwapTable(self.rows[chosen], self.potential)
+        if not score.exact and self.group is None:
+            outside = self._likeliest(score, outside, keep)
         width = max(1, _BLOCK // len(chosen))
         scores, places = [], []
         for k in range(0, len(outside), width):
@@ -209,6 +215,15 @@ class PotentialCriterion:
         order = np.lexsort((place[:, 0], place[:, 1], -round_significant(found)))[:keep]
         order = order[found[order] > -np.inf]
         return [Swap(int(i), int(outside[j])) for i, j in place[order]], found[order]
+
+    def _likeliest(self, score: SwapTable, outside: Positions, keep: int) -> Positions:
+        """Those that the ``keep`` best swaps are among, where a score is the difference of two candidates' gains."""
+        if len(outside) <= keep:
+            return outside
+        most = 2 * len(outside) > len(self.rows)  # a copy of most rows costs more than what is not wanted
+        gain = quadratic_form(self.rows if most else self.rows[outside], score.slope)
+        gain = gain[outside] if most else gain
+        return outside[np.sort(np.argpartition(-gain, keep - 1)[:keep])]
 
     def _prefilter(self, chosen: Positions, outside: Positions) -> Positions:
         """Those that can gain determinant at all: by Cauchy-Schwarz a swap multiplies it by at most 1 + d_j - d_i."""

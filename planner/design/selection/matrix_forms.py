@@ -4,6 +4,8 @@ import numpy as np
 
 from planner.common.units import Array
 
+_BLOCK = 96  # rows of a product that stay in the cache
+
 
 def information_matrix(rows: Array) -> Array:
     """Sum of J_i'J_i, (P, P), over rows (n, r, P)."""
@@ -19,15 +21,21 @@ def quadratic_form(rows: Array, matrix: Array) -> Array:
 
 
 def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
-    """tr(left M_i right M_j) for all pairs of rows, (n, n), M_i = J_i'J_i."""
-    tall = rows.reshape(-1, rows.shape[2])
-    products = tall @ left @ tall.T
-    products *= products if right is left else tall @ right @ tall.T
-    r = rows.shape[1]
-    if r > 1:  # strided sums are several times as quick as a sum over two axes of four
-        products = np.asarray(sum(products[k::r] for k in range(r)))
-        products = np.asarray(sum(products[:, k::r] for k in range(r)))
-    return np.asarray(products)
+    """tr(left M_i right M_j) for all pairs of rows, (n, n), M_i = J_i'J_i; all matrices are symmetric."""
+    n, r, size = rows.shape
+    tall, out, step = rows.reshape(-1, size), np.empty((n, n)), max(1, _BLOCK // r)
+    one = tall @ left
+    two = one if right is left else tall @ right
+    for k in range(0, n, step):  # upper triangle, in blocks that stay in the cache
+        mine, others = slice(k * r, (k + step) * r), tall[k * r :].T
+        products = one[mine] @ others
+        products *= products if two is one else two[mine] @ others
+        if r > 1:  # strided sums are several times as quick as a sum over two axes of four
+            products = np.asarray(sum(products[i::r] for i in range(r)))
+            products = np.asarray(sum(products[:, i::r] for i in range(r)))
+        out[k : k + step, k:] = products
+        out[k:, k : k + step] = products.T
+    return out
 
 
 def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.0) -> Array:

@@ -72,64 +72,67 @@ class LocalSearch:
         """Try chains of 2-opt steps from ``start`` both ways; leave the first gainful one applied."""
         for forward in (True, False):
             flips: list[tuple[int, int, int, int]] = []
-            gain = self._step(start, forward, 0, 0, flips)
+            step = 1 if forward else -1
+            place = (self._position[start] + step) % self._size
+            gain = self._step(start, self.tour[place], (place, step), (), 0, flips)
             if gain > 0:
+                for flip in flips:
+                    forward = self._flip(*flip, forward)
                 return gain, [node for flip in flips for node in flip]
         return 0, []
 
-    def _step(self, t1: int, forward: bool, saved: int, depth: int, flips: list[tuple[int, int, int, int]]) -> int:
-        """Extend the chain that removed ``saved`` net so far; return its final gain, or 0 with all undone."""
-        tour, position, size, cost = self.tour, self._position, self._size, self._cost
-        here = position[t1]
-        t2 = tour[here + 1 - size] if forward else tour[here - 1]
-        budget = saved + cost[t1][t2]
-        options: list[tuple[int, int, int]] = []
-        row = cost[t2]
-        for t3 in self._near[t2]:
-            left = budget - row[t3]
-            if left <= 0:
-                continue
-            place = position[t3]
-            t4 = tour[place - 1] if forward else tour[place + 1 - size]
-            if t3 != t1 and t4 != t2:
-                options.append((left + cost[t3][t4], t3, t4))
-        options.sort(reverse=True)
-        for gained, t3, t4 in options[: _BREADTH[min(depth, 2)]]:
-            closed = gained - cost[t4][t1]
-            if closed <= 0 and self._ends_here((t1, t2, t3, t4), forward, gained, depth):
-                continue
-            straight = self._flip(t1, t2, t3, t4, forward)
+    def _step(
+        self,
+        t1: int,
+        t2: int,
+        origin: tuple[int, int],
+        turned: tuple[int, ...],
+        saved: int,
+        flips: list[tuple[int, int, int, int]],
+    ) -> int:
+        """Extend the chain that removed ``saved`` net so far; return its final gain, or 0.
+
+        Most flips would be undone at once, so none is made: seen from t1, in the direction ``step`` from where the
+        chain began (``origin``), each turns round what lies before a place (``turned``).
+        """
+        cost, depth = self._cost, len(turned)
+        options = self._extensions(t1, t2, origin, turned, saved + cost[t1][t2])
+        for gained, t3, t4, last in options[: _BREADTH[min(depth, 2)]]:
             flips.append((t1, t2, t3, t4))
+            closed = gained - cost[t4][t1]
             if closed > 0:
                 return closed
-            gain = self._step(t1, straight, closed, depth + 1, flips)
-            if gain > 0:
-                return gain
+            if depth < _DEPTH:
+                gain = self._step(t1, t4, origin, (*turned, last), closed, flips)
+                if gain > 0:
+                    return gain
             flips.pop()
-            self._flip(t1, t4, t3, t2, straight)
         return 0
 
-    def _ends_here(self, legs: tuple[int, int, int, int], forward: bool, budget: int, depth: int) -> bool:
-        """Tell, without the flip, whether no step after it gains: most flips would be undone at once."""
-        t1, t2, t3, t4 = legs
-        if depth != _DEPTH - 1:
-            return depth == _DEPTH
+    def _extensions(
+        self, t1: int, t2: int, origin: tuple[int, int], turned: tuple[int, ...], budget: int
+    ) -> list[tuple[int, int, int, int]]:
+        """Return what each step gains before it is closed, its t3 and t4, and the place of t4, best first."""
         tour, position, size, cost = self.tour, self._position, self._size, self._cost
-        step, start, best = (1 if forward else -1), position[t2], (0, t1, t1)
-        inside = step * (position[t4] - start) % size
-        row = cost[t4]
-        for node in self._near[t4]:
-            left = budget - row[node]
-            if left <= 0 or node == t1:
+        (begin, step), back, row = origin, turned[::-1], cost[t2]
+        options: list[tuple[int, int, int, int]] = []
+        for t3 in self._near[t2]:
+            left = budget - row[t3]
+            if left <= 0 or t3 == t1:
                 continue
-            place = position[node]
-            if step * (place - start) % size <= inside:  # what the flip turns round
-                before = tour[(place + step) % size]
-            else:
-                before = t2 if node == t3 else tour[(place - step) % size]
-            if before != t4:
-                best = max(best, (left + cost[node][before], node, before))
-        return best[0] <= cost[best[2]][t1]
+            place = step * (position[t3] - begin) % size
+            for last in turned:
+                if place <= last:
+                    place = last - place
+            if place > 1:  # else t4 is t2
+                before = place - 1
+                for last in back:
+                    if before <= last:
+                        before = last - before
+                t4 = tour[(begin + step * before) % size]
+                options.append((left + cost[t3][t4], t3, t4, place - 1))
+        options.sort(reverse=True)
+        return options
 
     def _flip(self, t1: int, t2: int, t3: int, t4: int, forward: bool) -> bool:
         """Replace legs t1-t2 and t3-t4 by t2-t3 and t4-t1; return whether t4 now follows t1."""
