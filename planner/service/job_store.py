@@ -294,7 +294,7 @@ class JobStore:
         rows = self._db.connection.execute("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", (id,))
         return [JobOutput(r["name"], r["sha256"], r["size"]) for r in rows]
 
-    def writer(self, sha256: str | None, kind: str) -> JobRecord | None:
+    def writer(self, sha256: str, kind: str) -> JobRecord | None:
         """Return the latest job of a kind that has written a file of this content."""
         row = self._db.connection.execute(
             "SELECT jobs.* FROM outputs JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"

@@ -284,7 +284,7 @@ def _calibration(context: ServiceContext, id: str) -> str | None:
     """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
     command = find_job(context, id).command
     known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
-    made = context.jobs.writer(known, "identification")
+    made = context.jobs.writer(known, "identification") if known else None
     return made.id if made else None
 
 
