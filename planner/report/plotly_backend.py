@@ -66,7 +66,7 @@ def chart_json(chart: Chart) -> str:
 def _figure(chart: Chart) -> str:
     heights = [max(p.height for p in row) for row in chart.rows]
     inner = sum(heights) + GAP * (len(heights) - 1)
-    left = max([LEFT, *(14 + 7 * len(name) for p in chart.panels for name in p.y_names)])
+    left = max([LEFT, *(18 + 9 * len(name) for p in chart.panels for name in p.y_names)])
     layout: Properties = PAGE | {
         "height": inner + TOP + BOTTOM,
         "margin": {"l": left, "r": RIGHT, "t": TOP, "b": BOTTOM},
