@@ -151,8 +151,8 @@ def both_session_steps(done: BothPlan) -> tuple[str, ...]:
     first = f"{done.source.parent.name}/{done.source.name}" if done.source is not None else UNLOADED
     return (
         f"the bar without load: run the program of {first}, its log is the run FREE.csv",
-        f"the loaded bar: run the program of {LOADED}, which tells where it stands and when the load changes; its log with "
-        "force_N is the run LOADED.csv",
+        f"the loaded bar: run the program of {LOADED}, which tells where it stands and when the load changes; its log "
+        "with force_N is the run LOADED.csv",
         "both in one fit: edbb loaded LOADED.csv --with FREE.csv --cell cell.toml -o DIR",
         "the corrected robot: edbb identify DIR/joint.csv --cell cell.toml -o CALIBRATED",
     )

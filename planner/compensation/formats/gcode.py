@@ -11,6 +11,7 @@ import numpy as np
 from planner.common.units import DEG, read_only
 from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
+from planner.programs.languages.execution import known_statements
 from planner.programs.languages.gcode import Block, parse
 from planner.programs.languages.statements import PlacedNumber
 from planner.programs.languages.text import Slot
@@ -34,17 +35,26 @@ _BESIDE = {
     "G126",
     "G161",
 }
+_OFFSETS = {f"G5{k}" for k in range(4, 10)} | {"G59.1", "G59.2", "G59.3"}
+_HARMLESS = (  # they neither move an axis nor change what its angle means
+    _BESIDE
+    | _MOTION_WORDS
+    | {"G8", "G17", "G18", "G19", "G21", "G40", "G49", "G71", "G80", "G90.1", "G91.1", "G92.1", "G97", "G450", "G451"}
+    | {"G460", "G500", "G601", "G602", "G603", "G643", "G644", "G645", "G710"}
+)
+_SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M30", *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
-_FLOW = re.compile(
-    r"\b(IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|GOTO[BFC]?|CASE)\b|^O\w+|^\s*L\d+"
-)
+_JUMP_TO_NUMBER = re.compile(r"\bGOTO[BFCS]?\b\s*\(?\s*N?\d", re.IGNORECASE)
 
 
 def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     """Note the target of every block, and refuse blocks that move in a way that is not known."""
     targets = _GcodeTargets(dialect, reading)
+    jumps = _JUMP_TO_NUMBER.search(text) is not None
     for block in parse(text, dialect):
+        if jumps:  # any block may be come to from anywhere
+            targets.forget()
         targets.take(block)
 
 
@@ -56,14 +66,23 @@ class _GcodeTargets:
         self.equals = dialect.axes[0].endswith("=")
         self.axes = [axis.rstrip("=").upper() for axis in dialect.axes]
         self.joints = self.axes[: len(reading.axes)]
-        self.motion = dialect.reading.motion
+        reads = dialect.reading
+        self.motion = reads.motion
         self.work_offset = "G53" if "X" in self.axes else ""
+        self._own = known_statements(dialect, lambda texts: (b for text in texts for b in parse(text, dialect)), None)
+        self._said = [p for p in (reads.dwell, reads.exact, reads.blended, reads.sync, reads.pulse_end) if p]
         self.mode = ""
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget where the axes stand: what comes next may be driven from anywhere."""
         self.last: list[float | None] = [None] * len(self.joints)
 
     def take(self, block: Block) -> None:
         """Take in one block."""
-        if block.words is None:
+        if self._own(block) or any(re.fullmatch(p, block.text) for p in self._said):
+            return
+        if block.words is None or ("=" in block.text and not self.equals):
             self._statement(block)
             return
         for code in block.codes:
@@ -76,23 +95,46 @@ class _GcodeTargets:
             self.reading.refuse(block.line, sentence)
         elif words := [word for word in block.words if word[0] in self.axes]:
             self._move(block, words)
+        else:
+            self._check_codes(block)
+        if block.optional or not self._stays(block):
+            self.forget()
 
     def _refuse_unit(self, block: Block, code: str) -> None:
         sentence = f"{code} found ({_REFUSED[code]}); absolute angles in degrees are allowed"
         self.reading.refuse(block.line, sentence)
 
+    def _check_codes(self, block: Block) -> None:
+        """Refuse G words without axes that may move one, or shift what its angle means."""
+        harmless = _HARMLESS | set(_REFUSED) | (_OFFSETS if self.work_offset else set())
+        for code in block.codes:
+            if code in _OFFSETS - harmless:
+                self.reading.refuse(block.line, f"{code} found: a work offset, which is not known here")
+            elif code not in harmless:
+                self.reading.refuse(block.line, f"{code} found: what it does to the axes is not known here")
+
+    def _stays(self, block: Block) -> bool:
+        """Tell whether the words beside the axes leave these where they are: no call, no function of the PLC."""
+        names = {name for name, _ in block.words or () if name not in self.axes and not re.fullmatch(r"R\d+", name)}
+        functions = {f"M{number.value:g}" for name, number in block.words or () if name == "M"}
+        parameters = names - set("GMFSTDH")  # of a code of the block; on their own they call a program
+        if "L" in parameters and "M66" not in functions:
+            return False
+        return functions <= _SWITCHES and (not parameters or bool(block.codes or functions))
+
     def _statement(self, block: Block) -> None:
-        """Pass a line that is no row of words by, unless it moves an axis or makes the order of blocks uncertain."""
-        names = "|".join(self.joints)
-        assigned = rf"(?<![\w$\[<])({names})\s*=(?!=)" if self.equals else rf"(?<![\w$<])({names})\s*[\[#]"
-        bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)", " ", block.text) if self.equals else block.text
-        if match := re.search(assigned, bare):
-            sentence = f"'{block.text}' computes axis {match[1]}; axis words with plain numbers are allowed"
+        """Take in a line that is no row of words and none of the dialect's own: what it does is not known."""
+        said = re.sub(r'"[^"]*"|<[^<>]*>|\$\w+\[[^\[\]]*\](?!\s*=(?!=))', " ", block.text)
+        edge = r"[A-Z0-9_$]" if self.equals else r"[A-Z_]"
+        if axis := re.search(rf"(?<!{edge})({'|'.join(self.joints)})(?!{edge})", said):
+            sentence = f"'{block.text}' computes or moves axis {axis[1]}; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)
-        elif match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", bare):
+        elif match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", said):
             self._refuse_unit(block, match[1])
-        if _FLOW.search(block.text):
-            self.last = [None] * len(self.joints)
+        elif re.search(r"(?<![A-Z0-9_])G\s*\d", said):
+            sentence = f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
+            self.reading.refuse(block.line, sentence)
+        self.forget()
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
         wrong = self._why_not(block, [name for name, _ in words])
@@ -126,6 +168,9 @@ class _GcodeTargets:
         strange = [code for code in block.codes if code not in _BESIDE and not re.fullmatch(allowed, code)]
         if not re.fullmatch(allowed, self.mode) or strange:
             return f"'{block.text}' is no joint move; {self.motion} and G0 are allowed"
+        beside = {name for name, _ in block.words or ()} - set(self.axes)
+        if odd := sorted(beside - set("GMFSTDHPR") - {"ADIS"}):
+            return f"the word {odd[0]} found beside a move, which is not known here"
         for name in names:
             if name not in self.joints:
                 return f"axis {name} is not one of the robot's; {' '.join(self.joints)} are allowed"
