@@ -137,3 +137,13 @@ def common_frames(frames: Sequence[FramePair]) -> FramePair:
                 why = "its moves have different tools or bases"
                 return why, why
     return frames[0]
+
+
+def agreed_frames(taught: FramePair, used: Sequence[FramePair]) -> FramePair:
+    """Return tool and base that a point was taught with, unless a move to it is known to use others."""
+    for pair in used:
+        for one, other in zip(taught, pair, strict=True):
+            if not isinstance(one, str) and not isinstance(other, str) and not np.array_equal(one, other):
+                why = "it was taught with another tool or base than a move to it uses"
+                return why, why
+    return taught

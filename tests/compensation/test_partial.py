@@ -76,6 +76,42 @@ LEFT_KRL = {
     "two values": (["F1={F}", "LIN F1", "F1={G}", "LIN F1"], 5, "F1 has more than one value"),
     "relative": (["LIN_REL {Z 5}"], 5, "moves relative"),
     "jump": (["again:", "PTP {P}"], 6, "does not say the tool and base"),
+    "tool of one move": (["SPTP {P} WITH $TOOL={B}"], 5, "its tool or base is another"),
+    "two moves": (["PTP {P} PTP {P}"], 5, "or it is no move"),
+    "second pass": (["LOOP", "PTP {P}", "$TOOL={T}", "ENDLOOP"], 6, "does not say the tool of|the tool and base"),
+    "after a branch": (["IF TRUE THEN", "$TOOL={T}", "ENDIF", "PTP {P}"], 8, "does not say the tool"),
+    "branch after a loop": (
+        ["LOOP", "X()", "ENDLOOP", "$TOOL=$NULLFRAME", "IF TRUE THEN", "$TOOL={T}", "ENDIF", "PTP {P}"],
+        12,
+        "does not say the tool",
+    ),
+    "function in a condition": (["IF F(1)==2 THEN", "ENDIF", "PTP {P}"], 7, "does not say the tool and base"),
+    "function waited for": (["WAIT FOR F()", "PTP {P}"], 6, "does not say the tool and base"),
+    "trigger": (["TRIGGER WHEN DISTANCE=0 DELAY=0 DO $BASE.X=5", "PTP {P}"], 6, "line 5 sets it"),
+    "taught with another": (
+        [
+            "TOOL_DATA[1]={B}",
+            "BASE_DATA[1]={B}",
+            "DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}",
+            "XP1={P}",
+            "$TOOL={T}",
+            "PTP XP1",
+        ],
+        8,
+        "taught with another tool or base",
+    ),
+    "taught, then changed": (
+        [
+            "TOOL_DATA[1]={B}",
+            "BASE_DATA[1]={B}",
+            "DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}",
+            "XP1={P}",
+            "FDAT_ACT.TOOL_NO=2",
+            "PTP XP1",
+        ],
+        8,
+        r"FDAT_ACT\.TOOL_NO is changed in line 9",
+    ),
     "no room to say": (["PTP XELSE"], 5, "XELSE is declared elsewhere"),
 }
 
@@ -97,6 +133,23 @@ def test_krl_lines_that_are_not_certain_are_left_and_named(name, kuka, tmp_path)
     assert changed(done, text) == [4, 5 + len(rows)] == list(done.report.corrected)
     with pytest.raises(InputError, match=why):
         compensate_file(tmp_path / "p.src", *kuka, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("beside", "routine", "state"),
+    [("ISR", "$TOOL.Z=3", "left"), ("ISR", "HALT", "certain"), ("PARO", "HALT", "noted"), ("A10", "HALT", "certain")],
+)
+def test_routines_of_interrupts(kuka, tmp_path, beside, routine, state):
+    rows = [f"INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO {beside} ( )", f"PTP {pose(kuka[0])}", GOOD, "END"]
+    text = krl(*NULL, *rows, "DEF ISR ( )", routine)
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == ([6] if state == "left" else [5, 6])
+    assert ("PARO of this interrupt is not in the file" in done.summary) == (state == "noted")
+
+
+def test_what_is_set_in_a_loop_holds_until_it_ends(kuka, tmp_path):
+    text = krl("LOOP", *NULL, f"PTP {pose(kuka[0])}", "X()", "ENDLOOP", f"PTP {pose(kuka[0])}")
+    assert changed(run(tmp_path / "p.src", text, kuka), text) == [5]
 
 
 def test_an_accuracy_model_that_is_off_is_no_obstacle(kuka, tmp_path):

@@ -7,8 +7,14 @@ import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
 from planner.compensation.arm_shapes import ACCURATE, StatusTurn
-from planner.compensation.formats.krl_frames import FrameState, frame_sources, transform
-from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
+from planner.compensation.formats.krl_frames import (
+    MORE_THAN_A_MOVE,
+    FrameState,
+    calls_function,
+    frame_sources,
+    transform,
+)
+from planner.compensation.points import DeclaredPose, FramePair, PointTable, agreed_frames, common_frames
 from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.programs.dialect import Dialect
 from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
@@ -59,19 +65,23 @@ class _KrlTargets:
                 self.frames.assign(statement)
             case st.Assignment():
                 self._read_assignment(statement)
-            case st.Flow(depth=depth):
+            case st.Flow():
                 self.last = None
-                self.frames.branch(depth)
-                if statement.text.endswith(":"):
-                    self.frames.forget()
+                self.frames.take_aside(statement)
+                self.frames.branch(statement)
             case st.Routine() | st.RoutineEnd():
                 self.last = None
                 self.routine = statement.name if isinstance(statement, st.Routine) else ""
-                self.frames.forget()
+                self.frames.begin_routine()
             case st.Call():
                 self._read_call(statement)
-            case _ if type(statement) is st.Statement:
-                self.last = None
+            case _:
+                routine = self.frames.take_aside(statement)
+                if routine and own:
+                    said = f"the routine {routine} of this interrupt is not in the file; it is taken to leave tool and "
+                    self.reading.notes.append((statement.line, said + "base alone"))
+                if type(statement) is st.Statement:
+                    self.last = None
 
     def finish(self) -> None:
         """Note the positions that are declared by name, with the frames of the moves that use them."""
@@ -82,7 +92,8 @@ class _KrlTargets:
             elif "A1" in pose.value:
                 self._joints(pose.line, pose.value, pose.index)
             else:
-                frames = self.frames.of_point(pose.name) or common_frames(pose.frames or [self.frames.default_frames()])
+                taught, used = self.frames.of_point(pose.name), pose.frames or [self.frames.default_frames()]
+                frames = common_frames(used) if taught is None else agreed_frames(taught, used)
                 follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
                 self._pose(pose.line, pose.value, frames, follows, inherits=False, index=pose.index)
 
@@ -107,6 +118,10 @@ class _KrlTargets:
             self._leave(move.line, f"'{move.text}' moves relative to where the arm is: it keeps the correction there")
         elif not move.targets:
             self._leave(move.line, f"'{move.text}' found; a position in braces or the name of one is allowed")
+        elif MORE_THAN_A_MOVE.search(move.rest):
+            self._leave(
+                move.line, f"'{move.rest}' found beside the move: its tool or base is another, or it is no move"
+            )
         else:
             for target in move.targets:
                 self._target(move, target, "LIN" in move.word or "CIRC" in move.word or move.word == "SPL")
@@ -131,7 +146,7 @@ class _KrlTargets:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
         name, kind, line = statement.name, statement.kind, statement.line if self.own else 0
         where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
-        if re.search(r"(?<![.\w$])(?!SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|B_|INV_POS)\w+\s*\(", statement.value, re.I):
+        if calls_function(statement):
             self.last = None
             self.frames.forget()
         if name.startswith("$"):

@@ -16,6 +16,19 @@ _TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
 _RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
 _STATE = {"TOOL": 0, "BASE": 1}
 _EVERYWHERE = ("$ROBROOT", "$WORLD")
+_SET_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE")
+_SET_BESIDE = re.compile(r"\$(TOOL|BASE|IPO_MODE)\b[^=<>]*=(?!=)", re.IGNORECASE)
+_FUNCTION = re.compile(
+    r"(?<![.\w$])(?!(?:SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP)\b|B_)"
+    r"[A-Z_]\w*\s*\(",
+    re.IGNORECASE,
+)
+MORE_THAN_A_MOVE = re.compile(
+    r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE
+)
+_LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
+_INTERRUPT = re.compile(r"INTERRUPT\s+DECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 
 
 def transform(found: Aggregate | None) -> Array | None:
@@ -43,8 +56,11 @@ class FrameState:
         own = [s for s in statements if isinstance(s, st.Assignment)]
         for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
             self._take_value(statement)
+        self._loops = _changing_loops(statements)
+        self._changed = {s.name: _describe_change(s) for s in own if s.part and _FDAT.fullmatch(s.name)}
+        self._routines = _routines(statements)
         self._taught = {s.name[1:]: s.value.upper() for s in own if s.kind == "FDAT" and s.name.startswith("F")}
-        self.forget()
+        self.begin_routine()
 
     def _take_value(self, statement: st.Assignment) -> None:
         """Take in a frame that has a name; one that changes has no certain value anywhere."""
@@ -62,17 +78,21 @@ class FrameState:
         else:
             self._values[name] = T
 
-    def forget(self) -> None:
+    def begin_routine(self) -> None:
+        """Forget all: who calls may have set anything."""
+        self._depth, self._on_tool = 0, ""
+        self._inside: set[str] = set()  # what was set in IF or a loop that has not ended
+        self.forget()
+
+    def forget(self, because: str = "") -> None:
         """Forget what was set: another program may have set something else."""
-        self._now: dict[str, Frame] = {"TOOL": "", "BASE": ""}
-        self._depth, self._doubtful, self._on_tool = 0, False, ""
+        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because}
 
     def now(self) -> FramePair:
         """Return tool and base at this statement."""
         if self._on_tool or self._everywhere:
             return (self._on_tool or self._everywhere,) * 2
-        tool, base = ("" if self._doubtful and isinstance(f, np.ndarray) else f for f in self._now.values())
-        return self._or_given(tool, base)
+        return self._or_given(*self._now.values())
 
     def default_frames(self) -> FramePair:
         """Return tool and base of a point that no move of the file uses."""
@@ -93,13 +113,39 @@ class FrameState:
         numbers = dict(re.findall(r"\b(TOOL|BASE)_NO\s+(-?\d+)", data))
         if re.search(r"IPO_FRAME\s+#TCP", data):
             return ("its tool stands still and the robot carries the part",) * 2
+        if why := self._changed.get("FDAT_ACT") or self._changed.get(f"F{name[1:]}"):
+            return why, why
         if self._everywhere or len(numbers) != 2:
             return (self._everywhere,) * 2
         return self._or_given(*(self._values.get(f"{which}_DATA[{numbers[which]}]", "") for which in _STATE))
 
-    def branch(self, depth: int) -> None:
-        """Count how deep in IF and loops the next statement is."""
-        self._depth += depth
+    def branch(self, flow: st.Flow) -> None:
+        """Take in a branch, a loop or a label: what was set in one of them is not certain after it, nor in the next."""
+        if id(flow) in self._loops or flow.text.endswith(":"):
+            self.forget()
+        if flow.depth <= 0:
+            self._now |= dict.fromkeys(self._inside, "")
+        self._depth += flow.depth
+        if self._depth <= 0:
+            self._inside.clear()
+
+    def take_aside(self, statement: st.Statement) -> str:
+        """Take in a statement that neither moves nor assigns: it may set frames, call a function, declare an interrupt.
+
+        Returns:
+            The routine of an interrupt that is not in the file and not of KUKA's own, or nothing.
+        """
+        if _SET_BESIDE.search(statement.text):
+            self.forget(f"line {statement.line} sets it")
+        elif match := _INTERRUPT.search(statement.text):
+            routine = match[1].upper()
+            if routine not in self._routines:
+                return "" if _MAKERS_OWN.fullmatch(routine) else routine
+            if any(_changes_frames(s) for s in self._routines[routine]):
+                self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
+        elif calls_function(statement):
+            self.forget()
+        return ""
 
     def select(self, statement: Bas) -> None:
         """Take in a call of BAS that selects frames by number, or forgets them."""
@@ -124,7 +170,58 @@ class FrameState:
 
     def _set(self, which: str, T: Frame) -> None:
         self._now[which] = T
-        self._doubtful |= self._depth > 0
+        if self._depth > 0:
+            self._inside.add(which)
+
+
+_FDAT = re.compile(r"FDAT_ACT|F\w+")
+
+
+def calls_function(statement: st.Statement) -> bool:
+    """Tell whether a routine of somebody's own is called in an expression."""
+    text = statement.value if isinstance(statement, st.Assignment) else statement.text
+    if isinstance(statement, st.Passive):
+        text = text.partition("WAIT")[2].partition("FOR")[2] if text.upper().startswith("WAIT") else ""
+    return _FUNCTION.search(text) is not None
+
+
+def _changes_frames(statement: st.Statement) -> bool:
+    """Tell whether tool or base may be others after a statement."""
+    match statement:
+        case st.Assignment(name=name):
+            return name in _SET_FRAMES or calls_function(statement)
+        case Bas(what=what):
+            return what in _STATE or what in _RESETS_FRAMES
+        case st.Call(triggered=triggered):
+            return not triggered
+        case st.Flow() | st.Passive():
+            return calls_function(statement)
+    return _SET_BESIDE.search(statement.text) is not None
+
+
+def _changing_loops(statements: Sequence[st.Statement]) -> set[int]:
+    """Return which loops, by their first statement, change tool or base: their second pass begins with other ones."""
+    found, begun = set[int](), list[st.Flow]()
+    for s in statements:
+        if _changes_frames(s):
+            found |= {id(loop) for loop in begun}
+        if isinstance(s, st.Routine | st.RoutineEnd):
+            begun.clear()
+        elif isinstance(s, st.Flow) and s.depth > 0:
+            begun.append(s)
+        elif isinstance(s, st.Flow) and s.depth < 0 and begun:
+            begun.pop()
+    return {id(s) for s in statements if id(s) in found and _LOOP.match(s.text)}
+
+
+def _routines(statements: Sequence[st.Statement]) -> dict[str, list[st.Statement]]:
+    bodies = dict[str, list[st.Statement]]()
+    here = list[st.Statement]()
+    for s in statements:
+        if isinstance(s, st.Routine):
+            here = bodies.setdefault(s.name, [])
+        here.append(s)
+    return bodies
 
 
 def _variable(statement: st.Assignment) -> str:
