@@ -1,11 +1,14 @@
 """The command ``edbb``: its verbs, each loaded when it is called; a failure ends in one sentence and its exit code."""
 
+import errno
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from importlib import import_module
 from inspect import Parameter, signature
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
-from planner.common.files import OVERWRITING
+from planner.common.files import OVERWRITING, short_path
 from planner.common.reading import INPUTS
 
 PLANNING, CALIBRATION = "plan_commands", "calibration_commands"
@@ -132,6 +135,7 @@ def root(
         raise typer.Exit
 
 
+OUTPUT_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF, errno.EPIPE)
 ASKS = ("--help", "--version")
 
 
@@ -156,10 +160,31 @@ def _run_on_server(url: str, words: list[str]) -> int:
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
     try:
+        _run_and_flush()
+    except PlannerError as err:
+        errors.print(f"edbb: {err}", markup=False)
+        sys.exit(err.exit_code)
+    except OSError as err:
+        if not err.filename and err.errno not in OUTPUT_FAILURES:
+            raise
+        if not err.filename:  # what is left of standard output goes nowhere when the process ends
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(err, BrokenPipeError):
+            what = (
+                f"{short_path(Path(err.filename))}: cannot be used" if err.filename else "the output cannot be written"
+            )
+            errors.print(f"edbb: {what} ({err.strerror or err})", markup=False)
+        sys.exit(InputError.exit_code)
+
+
+def _run_and_flush() -> None:
+    """Run what is called; what is left of standard output is written here, where its failure can be told."""
+    try:
         with INPUTS.watch():
             if len(sys.argv) > 3 and sys.argv[1] == "--server" and sys.argv[3] not in ASKS:
                 sys.exit(_run_on_server(sys.argv[2], sys.argv[3:]))
             app(standalone_mode=True)
-    except PlannerError as err:
-        errors.print(f"edbb: {err}", markup=False)
-        sys.exit(err.exit_code)
+    finally:
+        if sys.stdout is not None:
+            sys.stdout.flush()

@@ -5,6 +5,7 @@ import os
 import platform
 import re
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
@@ -69,7 +70,7 @@ def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
             _check_overwriting(path, data)
         handle, name = tempfile.mkstemp(prefix=draft_prefix(), dir=path.parent)
     except (OSError, RuntimeError, ValueError) as err:
-        raise InputError(f"{short_path(path)}: cannot be written ({getattr(err, 'strerror', None) or err})") from err
+        raise _unwritable(path, err) from err
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -77,7 +78,7 @@ def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
         os.replace(name, path)
     except OSError as err:
         Path(name).unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({err.strerror or err})") from err
+        raise _unwritable(path, err) from err
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
@@ -87,10 +88,19 @@ def check_writing(path: Path, data: bytes = b"") -> None:
     """Refuse a file that :func:`write_bytes` would refuse, before anything is changed; ``data``: what is to be written.
 
     Raises:
-        InputError: this command has read it, or somebody else has written it.
+        InputError: this command has read it, or somebody else has written it, or it is the name of no file.
     """
-    if path.is_file():
-        _check_overwriting(path.resolve(), data)
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # a name that no file can have
+        if path.is_file():
+            _check_overwriting(path.resolve(), data)
+    except (OSError, ValueError) as err:
+        raise _unwritable(path, err) from err
+
+
+def _unwritable(path: Path, err: Exception) -> InputError:
+    return InputError(f"{short_path(path)}: cannot be written ({getattr(err, 'strerror', None) or err})")
 
 
 OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written

@@ -88,13 +88,13 @@ def read_bytes(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") -> byt
 
 
 def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
-    """Return the text of a plain file in UTF-8, its line ends as any program reads them.
+    """Return the text of a plain file in UTF-8, its line ends as any program reads them, without a byte order mark.
 
     Raises:
         InputError: as :func:`read_bytes`, or the bytes are no UTF-8.
     """
     try:
-        text = read_bytes(path, most_bytes).decode("utf-8")
+        text = read_bytes(path, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as err:
         raise InputError(f"{path}: is no text in UTF-8 (byte {err.start})") from err
     return text.replace("\r\n", "\n").replace("\r", "\n")

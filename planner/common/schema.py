@@ -240,7 +240,8 @@ def _parse(path: Path, language: str, parse: Callable[[str], object]) -> object:
     except RecursionError as err:
         raise InputError(f"{path}: is nested too deeply for {language}") from err
     except ValueError as err:
-        raise InputError(f"{path}: is not valid {language}: {err}") from err
+        because = "it holds a whole number of thousands of digits" if "int_max_str_digits" in str(err) else str(err)
+        raise InputError(f"{path}: is not valid {language}: {because}") from err
 
 
 def validate(data: object, model: type[SchemaModel], where: str) -> SchemaModel:
@@ -249,7 +250,28 @@ def validate(data: object, model: type[SchemaModel], where: str) -> SchemaModel:
     Raises:
         InputError: with the first offending keys, what was found and what is allowed.
     """
+    toml = not where.endswith(".json")
     try:
-        return model.model_validate(data)
+        made = model.model_validate(data)
     except ValidationError as err:
-        raise InputError(f"{where}: {describe_faults(err, data, model, toml=not where.endswith('.json'))}") from err
+        raise InputError(f"{where}: {describe_faults(err, data, model, toml)}") from err
+    if (path := _switch_as_number(data, made)) is not None:
+        place, key = _name_place(path, toml, table=False)
+        raise InputError(f"{where}: {place}{key} is a switch (true or false): a number is needed")
+    return made
+
+
+def _switch_as_number(data: object, made: object) -> KeyPath | None:
+    """Return the way to the first switch of a file that was taken for a number."""
+    if isinstance(data, bool):
+        return () if type(made) in (int, float) else None
+    parts: list[tuple[str | int, object, object]] = []
+    if isinstance(data, dict) and isinstance(made, BaseModel):
+        names = {f.alias or name: name for name, f in type(made).model_fields.items()}
+        parts = [(key, value, getattr(made, names[key])) for key, value in data.items() if key in names]
+    elif isinstance(data, dict) and isinstance(made, dict):
+        parts = [(key, value, made.get(key)) for key, value in data.items()]
+    elif isinstance(data, list) and isinstance(made, list | tuple) and len(data) == len(made):
+        parts = [(k, *pair) for k, pair in enumerate(zip(data, made, strict=True))]
+    found = ((key, _switch_as_number(value, beside)) for key, value, beside in parts)
+    return next(((key, *path) for key, path in found if path is not None), None)

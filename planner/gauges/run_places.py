@@ -26,9 +26,11 @@ def index_in_cell(run: Run, name: str, known: tuple[str, ...], what: str, cell: 
         raise InputError(
             f"{run.name}: the column '{what}' is missing, and {cell.path} has several ({', '.join(known)})"
         )
+    named = {"point": (run.points, run.samples.point), "ball": (run.balls, run.readings.ball)}
+    names, which = named.get(what, (run.places, run.samples.place))
+    where = run.name if which is None else run.where(int(np.argmax(which == names.index(name))))
     raise InputError(
-        f"{run.name}: {what} '{name}' is not in {cell.path}{did_you_mean(name, list(known))} "
-        f"(there: {', '.join(known)})"
+        f"{where}: {what} '{name}' is not in {cell.path}{did_you_mean(name, list(known))} (there: {', '.join(known)})"
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.file import FIRST_POINT
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import MM, Array
@@ -34,8 +35,9 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
     setup = replace(setup_of(cell), gauge=cell.gauge.with_turns(run.readings.rotation is not None))
     setup = cell.gauge.number_places(setup, cell, run)
     many, named = len(run.points), setup.point_names
-    which = [index_in_cell(run, name, named, "point", cell) for name in run.points] if len(named) > 1 else [0] * many
     known = cell.tool.known and (many == 1 or len(named) > 1)
+    there = named if len(named) > 1 else (FIRST_POINT,)
+    which = [index_in_cell(run, name, there, "point", cell) for name in run.points] if known else [0] * many
     return replace(
         setup,
         point_names=run.points,

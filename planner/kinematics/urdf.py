@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.common.errors import InputError, did_you_mean
+from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
 from planner.common.reading import MOST_TOML, read_bytes
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
 from planner.kinematics.robot import LinkMass, elementary_placement
+from planner.kinematics.urdf_tree import UrdfError, find_child, read_tree
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -26,7 +27,7 @@ else:
     pin = LazyModule("pinocchio")
 
 TURN = 2 * np.pi
-MOST_TURNS = 100  # of a joint
+MOST_TURNS = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
 MOST_NUMBER = 1e3  # m, rad, or a scale
 
 
@@ -66,8 +67,9 @@ def read_urdf(path: Path, tip: str | None) -> UrdfChain:
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
-        return _read_chain(path, _parse_xml(path), tip)
-    except _UrdfError as err:
+        links, joints, base = read_tree(path, _parse_xml(path), tip)
+        return _assemble(path, links, joints, base)
+    except UrdfError as err:
         raise InputError(f"{path}: {err}") from err
 
 
@@ -100,10 +102,6 @@ def _expand_xacro(path: Path) -> bytes:
         ) from err
 
 
-class _UrdfError(Exception):
-    """What is wrong with an element."""
-
-
 def _parse_xml(path: Path, parser: ET.XMLParser | None = None) -> ET.Element:
     try:
         return ET.fromstring(_expand_xacro(path) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML), parser)
@@ -111,28 +109,7 @@ def _parse_xml(path: Path, parser: ET.XMLParser | None = None) -> ET.Element:
         raise InputError(f"{path}: cannot be read as URDF ({err})") from err
 
 
-def _read_chain(path: Path, root: ET.Element, tip: str | None) -> UrdfChain:
-    links = {str(e.get("name")): e for e in root.findall("link")}
-    by_child = {str(_find_child(j, "child").get("link")): j for j in root.findall("joint")}
-    tip = tip or _only_leaf(path, links, by_child)
-    if tip not in links:
-        raise InputError(
-            f"{path}: no link is called '{tip}'{did_you_mean(tip, list(links))} (links: {', '.join(links)})"
-        )
-    joints: list[ET.Element] = []
-    link = tip
-    while link in by_child:
-        if len(joints) > len(by_child):
-            raise _UrdfError(f"the links above '{tip}' form a ring")
-        joints.insert(0, by_child[link])
-        link = str(_find_child(joints[0], "parent").get("link"))
-    chain = [link, *(str(_find_child(joint, "child").get("link")) for joint in joints)]
-    if gone := [name for name in chain if name not in links]:
-        raise _UrdfError(f"a joint names the link '{gone[0]}', which is not there")
-    return _assemble(path, links, joints, link, tip)
-
-
-def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str, tip: str) -> UrdfChain:
+def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str) -> UrdfChain:
     transforms: list[Transform] = []
     ends, revolute = [0], list[UrdfJoint]()
     bodies = [(0, b) for b in _read_bodies(path, links[base], np.eye(4))]
@@ -142,7 +119,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
     for joint in joints:
         name, kind = str(joint.get("name")), joint.get("type")
         xyz, rpy = _read_origin(joint)
-        child = links[str(_find_child(joint, "child").get("link"))]
+        child = links[str(find_child(joint, "child").get("link"))]
         named.append((str(child.get("name")), len(revolute) + (kind != "fixed")))
         if kind == "fixed":
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
@@ -152,6 +129,11 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
             continue
         if kind not in ("revolute", "continuous"):
             raise InputError(f"{path}: joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
+        if (leader := joint.find("mimic")) is not None:
+            raise UrdfError(
+                f"joint '{name}' is moved by joint '{leader.get('joint')}' (<mimic>); only joints with a drive of "
+                "their own are supported on the way to the tip"
+            )
         i = len(revolute) + 1
         rows, sign = _joint_transforms(i, xyz, rpy, np.array(_read_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
         transforms += rows
@@ -162,13 +144,15 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
         free = kind == "continuous"
         lower, upper = (-TURN, TURN) if free or limit is None else (_number(limit, k) for k in ("lower", "upper"))
         if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
-            raise _UrdfError(
+            raise UrdfError(
                 f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
-                f"the upper one, and {MOST_TURNS} turns are enough"
+                f"the upper one, both within {MOST_TURNS} turns ({MOST_TURNS * TURN:.3g} rad; are these degrees?); a "
+                "joint without an end is 'continuous'"
             )
         speed = 0.0 if limit is None else _number(limit, "velocity", 1e6)
         revolute.append(UrdfJoint(name, sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
+    tip = named[-1][0]
     return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named))
 
 
@@ -178,7 +162,7 @@ def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list
     A small turn of the origin about the joint's own axis is the error of the joint's zero, and has no name beside it.
     """
     if not np.linalg.norm(axis) > 1e-9:
-        raise _UrdfError(f"the axis of joint {i} has no length")
+        raise UrdfError(f"the axis of joint {i} has no length")
     axis = axis / np.linalg.norm(axis)
     k = int(np.argmax(np.abs(axis)))
     rows = frame_with_errors(str(i), xyz, rpy)
@@ -191,22 +175,14 @@ def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list
     return [*origin, *there, *errors[:2], Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
 
 
-def _only_leaf(path: Path, links: dict[str, ET.Element], by_child: dict[str, ET.Element]) -> str:
-    parents = {str(_find_child(j, "parent").get("link")) for j in by_child.values()}
-    leaves = [name for name in links if name not in parents]
-    if len(leaves) != 1:
-        raise InputError(f'{path}: the chain ends in several links ({", ".join(leaves)}): give tip = "link name"')
-    return leaves[0]
-
-
 def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
     out = []
     for k, element in enumerate(link.findall("collision")):
         T = T_link @ _pose_matrix(*_read_origin(element))
         name = f"{link.get('name')}{f'_{k}' if k else ''}"
-        shape = next(iter(_find_child(element, "geometry")), None)
+        shape = next(iter(find_child(element, "geometry")), None)
         if shape is None:
-            raise _UrdfError(f"the collision geometry of link '{link.get('name')}' is empty")
+            raise UrdfError(f"the collision geometry of link '{link.get('name')}' is empty")
         if shape.tag == "sphere":
             out.append(Body(name, "sphere", (_size(shape, "radius"),), read_only(T)))
         elif shape.tag == "box":
@@ -218,7 +194,7 @@ def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
         else:
             x, y, z = _read_numbers(shape, "scale", (1, 1, 1))
             if not min(abs(x), abs(y), abs(z)) > 0:
-                raise _UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
+                raise UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
             file = _mesh_path(path, str(shape.get("filename")), name)
             out.append(Body(name, "mesh", (), read_only(T), file, (x, y, z), hull=True))
     return out
@@ -246,9 +222,9 @@ def _read_mass(link: ET.Element) -> LinkMass | None:
     if inertial is None or inertial.find("mass") is None:
         return None
     xyz, _ = _read_origin(inertial)
-    mass = _number(_find_child(inertial, "mass"), "value", 1e6)
+    mass = _number(find_child(inertial, "mass"), "value", 1e6)
     if mass < 0:
-        raise _UrdfError(f"the mass of link '{link.get('name')}' is {mass:g} kg")
+        raise UrdfError(f"the mass of link '{link.get('name')}' is {mass:g} kg")
     return LinkMass(mass, read_only(xyz))
 
 
@@ -269,7 +245,7 @@ def _read_numbers(element: ET.Element | None, key: str, default: Vector) -> list
         return list(default)
     found = [_parse_number(element, key, word) for word in text.split()]
     if len(found) != len(default):
-        raise _UrdfError(f"<{element.tag}>: {key} = '{text}' needs {len(default)} numbers")
+        raise UrdfError(f"<{element.tag}>: {key} = '{text}' needs {len(default)} numbers")
     return found
 
 
@@ -283,7 +259,7 @@ def _parse_number(element: ET.Element, key: str, text: str, most: float = MOST_N
     except ValueError:
         value = np.nan
     if not abs(value) <= most:
-        raise _UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}")
+        raise UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}")
     return value
 
 
@@ -293,15 +269,8 @@ def _size(element: ET.Element, key: str) -> float:
 
 def _positive(element: ET.Element, value: float) -> float:
     if value <= 0:
-        raise _UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body")
+        raise UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body")
     return value
-
-
-def _find_child(element: ET.Element, tag: str) -> ET.Element:
-    found = element.find(tag)
-    if found is None:
-        raise _UrdfError(f"<{element.tag} name='{element.get('name')}'> has no <{tag}>")
-    return found
 
 
 ORIGIN_DIGITS = 13  # decimals of an origin, in m and rad

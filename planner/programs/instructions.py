@@ -162,6 +162,8 @@ class Program:
     block_ms: float | None = None
     """Time that the controller takes to prepare a block [ms], in place of the dialect's own figure."""
     joint_names: tuple[str, ...] = ()
+    changed: str = ""
+    """What is said at the head of a program whose plan is not as it was planned, though it bears that plan's id."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):

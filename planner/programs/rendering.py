@@ -31,7 +31,7 @@ START_NOTE = (
 
 def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> tuple[str, ...]:
     """Return what the program does not do by itself, or not where one would think; one sentence each."""
-    found = []
+    found = [program.changed] if program.changed else []
     if program.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
         found.append("no output marks the poses and none is touched, the cell names no controller.sync_output")
     if program.sync_output is not None and not dialect.sync.rest:

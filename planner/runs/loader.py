@@ -17,6 +17,7 @@ from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
 
 STANDING, MOVED = 3, 1e-3  # rows that share a time, and the movement [rad] that they cannot have made in it
+MOST_BACK = 0.75  # share of the rows, in any order but the reverse, at which a clock steps back: half of them by chance
 MEASURES = ("static", "continuous")
 UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joined run without a word
 T = TypeVar("T", Samples, Readings)
@@ -138,6 +139,11 @@ def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:
     session, back = number_sessions(t, given, table.frame.height)
     if len(back) == 0:
         return read_only(session, np.int64), []
+    if len(back) >= STANDING and len(back) > MOST_BACK * (table.frame.height - 1):
+        raise table.source.error(
+            int(back[0]), "t", f"time runs backwards here and in {len(back) - 1} more of {table.frame.height} rows; "
+            "put the rows into the order in which they were measured, or leave the column out"
+        )  # fmt: skip
     lines = ", ".join(table.source.at(int(row)).rpartition(", ")[2] for row in back[:3])
     more = f" and {len(back) - 3} more" if len(back) > 3 else ""
     result = "a new session begins at each" if given is None else "within a session; its number was kept"

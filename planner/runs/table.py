@@ -19,6 +19,7 @@ from planner.runs.text import (
     NOTES,
     RowSource,
     check_finite,
+    check_names,
     check_range,
     check_whole,
     notes_in,
@@ -148,6 +149,8 @@ def table_in_si(
     check_finite(si, source, MAY_BE_BLANK)
     check_range(si, source, {c.key: PLAUSIBLE[c.stem] for c in columns if c.stem in PLAUSIBLE})
     for c in columns:
+        if c.stem in NAMES:
+            check_names(si[c.key], source)
         if c.stem in WHOLE:
             check_whole(si[c.key], source, ALLOWED.get(c.stem, ()))
     return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.common.errors import InputError
+from planner.common.errors import InputError, printable
 from planner.common.lazy_modules import LazyModule
 from planner.common.reading import read_bytes
+from planner.common.schema import MOST_NAME
 from planner.runs.run import IntArray
 
 if TYPE_CHECKING:
@@ -234,6 +235,21 @@ def check_range(frame: pl.DataFrame, source: RowSource, ranges: Mapping[str, tup
         row = first_row(values.is_between(low, high).not_().fill_null(False)) if values.dtype.is_numeric() else None
         if row is not None:
             raise source.error(row, name, f"{values[row]:g} (in SI units) lies outside of {low:g} to {high:g}")
+
+
+def check_names(names: pl.Series, source: RowSource) -> None:
+    """Check that a column holds names on one line that are no paths.
+
+    Raises:
+        InputError: with file, line and column of the first one that is not.
+    """
+    for name in names.unique(maintain_order=True):
+        path = name.startswith(("/", "~")) or "\\" in name or ".." in name.split("/")
+        if path or len(name) > MOST_NAME or printable(name) != name or "\n" in name or "\t" in name:
+            row = first_row(names == name)
+            assert row is not None
+            allowed = f"at most {MOST_NAME} letters, digits and signs on one line, and no path, are allowed"
+            raise source.error(row, names.name, f"{name!r} is no name: {allowed}")
 
 
 def check_whole(values: pl.Series, source: RowSource, allowed: Sequence[int] = ()) -> None:

@@ -23,15 +23,20 @@ from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table, table_in_si
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
 
+ENCODINGS = re.compile(  # of text; not those that obey escapes (unicode_escape), nor of names of hosts (idna, punycode)
+    r"ascii|utf-(8|16|32)(-\w+)?|iso8859-\d+|cp\d+|mac-\w+|koi8-\w|gb\w+|big5\w*|shift_jis\w*|euc_\w+|tis-620"
+)
 EXTRA_UNITS = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
 
 
 def _encoding(name: str) -> str:
     try:
-        "a".encode(name)  # refuses what makes anything but text, such as zlib
-        return codecs.lookup(name).name
-    except (LookupError, ValueError) as err:
-        raise ValueError("is no encoding of text; utf-8, latin-1, cp1252 or utf-16 are usual ones") from err
+        found = codecs.lookup(name).name.replace("utf-8-sig", "utf-8")
+    except (LookupError, ValueError):
+        found = ""
+    if not ENCODINGS.fullmatch(found):
+        raise ValueError("is no encoding of text; utf-8, latin-1, cp1252 or utf-16 are usual ones")
+    return found
 
 
 def _pattern(text: str) -> str:
@@ -50,8 +55,8 @@ class MappedColumn(StrictModel):
     """A column taken with a change: value · ``factor`` + ``offset``, in the unit that the quantity is given in."""
 
     column: int | str
-    factor: float = 1.0
-    offset: float = 0.0
+    factor: Annotated[float, Field(ge=-1e12, le=1e12)] = 1.0
+    offset: Annotated[float, Field(ge=-1e18, le=1e18)] = 0.0  # a clock may count nanoseconds since 1970
 
     @model_validator(mode="after")
     def _some_factor(self) -> MappedColumn:

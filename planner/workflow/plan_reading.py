@@ -47,7 +47,8 @@ def export_plan(path: Path, dialect: str, stem: str) -> ExportResult:
     """
     form = load_dialect(dialect).path_form
     plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
-    program = session_program(plan.cell, plan.courses, plan.plan_id, form)
+    changed = " ".join(n.replace(str(path), "the plan") for n in plan.notes)
+    program = replace(session_program(plan.cell, plan.courses, plan.plan_id, form), changed=changed)
     name = f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem
     return ExportResult(write_session(plan.cell, program, dialect, name), plan.notes)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.file import FIRST_POINT
 from planner.common.errors import InputError
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
@@ -77,7 +78,8 @@ def _check_places(run: Run, path: Path, plan: PlanDocument) -> None:
             continue
         pairs, first = np.unique(np.stack([run.samples.pose, which]), axis=1, return_index=True)
         for k, (pose, at) in sorted(zip(first.tolist(), pairs.T.tolist(), strict=True)):
-            wanted = getattr(planned[pose], what) if pose in planned else None
+            only = FIRST_POINT if what == "point" else None  # a plan for one point of the tool names none
+            wanted = (getattr(planned[pose], what) or only) if pose in planned else None
             if wanted and names[at] and names[at] != wanted:
                 raise InputError(
                     f"{run.where(k)}: pose {pose} was measured at {what} '{names[at]}', but {path} has it at '{wanted}'"

@@ -140,6 +140,26 @@ def test_a_mesh_that_is_missing_is_named(tmp_path):
         load_robot(str(path), tip="tip")
 
 
+AXES = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
+SENSELESS = {  # of a URDF: what is written, what stands there instead, what is told
+    "degrees": ('lower="-2" upper="2.5"', 'lower="-180" upper="180"', "'j1': lower = -180 .* are these degrees"),
+    "mimic": ('effort="1"/>', 'effort="1"/><mimic joint="j2"/>', "'j1' is moved by joint 'j2' .<mimic>."),
+    "two links": ('<link name="l2">', '<link name="l3"/><link name="l2">', "two links are called 'l3'"),
+    "two joints": ('name="j2"', 'name="j3"', "two joints are called 'j3'"),
+    "two parents": ('<child link="l2"', '<child link="l3"', "two joints have the child 'l3'"),
+    "ring": ('<parent link="base"', '<parent link="l3"', "the links l. < l. < l. < l. form a ring"),
+}
+
+
+@pytest.mark.parametrize("case", SENSELESS)
+def test_a_urdf_that_describes_no_arm_is_told_by_name(tmp_path, case):
+    old, new, said = SENSELESS[case]
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf_text(AXES).replace(old, new, 1))
+    with pytest.raises(InputError, match=said):
+        load_robot(str(path), tip="tip")
+
+
 def test_an_unknown_robot_names_the_nearest():
     with pytest.raises(InputError, match="comau-nj130"):
         load_robot("comau-nj13")

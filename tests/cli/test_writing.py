@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.cli.app import main
 from planner.cli.terminal import give
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import OVERWRITING, write_text
 from planner.common.reading import INPUTS, read_utf8
 from planner.common.result import Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
+from planner.programs.rendering import ProgramFile
 from planner.workflow.writing import write_program_as
 from tests.command import edbb
 
@@ -220,6 +222,34 @@ def test_names_that_no_file_can_have_are_told(tmp_path, name):
     mapped = tmp_path / "map.toml"
     mapped.write_text(f"{MAP}[units]\n".replace("measure", 'encoding = "zlib"\nmeasure'))
     assert "is no encoding of text" in edbb("import", cell, "--map", mapped, "-o", tmp_path / "r.csv").stderr
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".src", "a\0b.src", "r" * 300 + "/p.src"])
+def test_programs_of_names_that_no_file_can_have_are_told(tmp_path, name):
+    with pytest.raises(InputError, match="cannot be written"):
+        write_program_as((ProgramFile("p.src", "text"), ProgramFile("p.dat", "text")), tmp_path / name)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("words", [["--help"], ["dialects"], ["dialects", "--json"], ["plan", "--help"]], ids=" ".join)
+def test_a_full_standard_output_is_told_in_one_sentence(monkeypatch, capfd, words):
+    monkeypatch.setattr("sys.argv", ["edbb", *words])
+    monkeypatch.setattr("sys.stdout", os.fdopen(os.open("/dev/full", os.O_WRONLY), "w"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert capfd.readouterr().err == "edbb: the output cannot be written (No space left on device)\n"
+
+
+def test_a_reader_that_goes_away_is_not_told(monkeypatch, capfd):
+    reading, writing = os.pipe()
+    os.close(reading)
+    monkeypatch.setattr("sys.argv", ["edbb", "dialects"])
+    monkeypatch.setattr("sys.stdout", os.fdopen(writing, "w"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code
+    assert capfd.readouterr().err == ""
 
 
 def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_used_does_not(tmp_path, capfd):

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from planner.cell.file import CellFile
 from planner.common.errors import MOST_SIGNS, InputError, printable
-from planner.common.schema import StrictModel, validate
+from planner.common.schema import StrictModel, read_json, read_toml_content, validate
 from planner.runs.traces import ColumnMap
 
 CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}
@@ -119,6 +119,28 @@ def test_in_json_an_object_is_an_object():
         with pytest.raises(InputError) as caught:
             validate(data, Small, "i.json")
         assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("data", "key"),
+    [
+        ({"parts": [{"rivals": [], "weight": True}]}, "[[parts]] number 1: 'weight'"),
+        ({"parts": [{"rivals": []}], "grid": [[1, 2], [3, False]]}, "'grid' number 2, number 2"),
+    ],
+)
+def test_a_switch_is_no_number(data, key):
+    with pytest.raises(InputError) as caught:
+        validate(data | {"on": True}, Small, "c.toml")
+    assert str(caught.value) == f"c.toml: {key} is a switch (true or false): a number is needed"
+
+
+@pytest.mark.parametrize(("read", "text"), [(read_toml_content, "a = {}"), (read_json, '{{"a": {}}}')])
+def test_a_byte_order_mark_is_passed_over_and_a_number_of_thousands_of_digits_told(tmp_path, read, text):
+    (tmp_path / "f").write_text("\ufeff" + text.format(1))
+    assert read(tmp_path / "f") == {"a": 1}
+    (tmp_path / "f").write_text(text.format("9" * 5000))
+    with pytest.raises(InputError, match="it holds a whole number of thousands of digits"):
+        read(tmp_path / "f")
 
 
 def test_what_is_right_is_read():

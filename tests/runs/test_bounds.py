@@ -32,6 +32,12 @@ RUNS = {
     "length of 1e18": (_rows("pose", "1").replace("403", "1e18"), r"line 5, column 'length_mm': 1e\+15"),
     "angles of 1e9": (_rows("pose", "1").replace("\n30,", "\n1e9,"), r"line 5, column 'q1_deg'"),
     "pose of 1e12": (_rows("pose", "1000000000000"), r"line 5, column 'pose'"),
+    "a fixture that is a path": (_rows("fixture", "../../etc"), r"line 5, column 'fixture': '../../etc' is no name"),
+    "a point of many letters": (_rows("point", "A" * 300), r"line 5, column 'point': .* at most 200 letters"),
+    "a clock that runs backwards": (
+        f"{Q},t_s\n" + "".join(f"{10 * k},{20 - 9 * k},400,{-k}\n" for k in range(6)),
+        r"line 3, column 't_s': time runs backwards here and in 4 more of 6 rows",
+    ),
     "a clock that stands": (_rows("t_s", "1"), r"column 't_s': all 6 rows have the time 1 s, but the arm moves"),
 }
 
@@ -84,6 +90,14 @@ def test_lengths_in_another_unit_are_told_before_any_fit(tmp_path, scale, kind):
 
 def test_lengths_of_the_bar_itself_are_taken(tmp_path):
     setup_for_run(CELL, _bar_run(tmp_path))
+
+
+def test_a_point_that_the_tool_does_not_have_is_told(tmp_path):
+    run = _bar_run(tmp_path)
+    for name in ("", "1"):
+        setup_for_run(CELL, replace(run, points=(name,)))
+    with pytest.raises(InputError, match=r"point '9' is not in .*there: 1"):
+        setup_for_run(CELL, replace(run, points=("9",), samples=replace(run.samples, point=np.zeros(12, int))))
 
 
 @pytest.mark.parametrize("joint", range(6))

@@ -223,9 +223,16 @@ MAPS = {
         f'schema = "edbb-map/1"\npattern = "{"(" * 5000}{")" * 5000}"\n',
         "is no regular expression",
     ),
-    "a codec that fails in its own way": (
-        'schema = "edbb-map/1"\nencoding = "punycode"\n[columns]\nq1_deg = 1\nlength_mm = 2\n',
-        "the text is not punycode",
+    **{
+        f"{codec}, no text": (
+            f'schema = "edbb-map/1"\nencoding = "{codec}"\n[columns]\nq1_deg = 1\nlength_mm = 2\n',
+            "is no encoding of text; utf-8, latin-1",
+        )
+        for codec in ("punycode", "idna", "unicode_escape", "zlib", "rot13", "utf-7")
+    },
+    "a factor of 1e308": (
+        'schema = "edbb-map/1"\n[columns]\nq1_deg = {column = 1, factor = 1e308}\n',
+        r"map.toml: 'columns.q1_deg.factor' = 1e\+308: must be less",
     ),
     "skipped": ('schema = "edbb-map/1"\nskip_rows = 9\n[columns]\nq1_deg = 1\n', "nothing below the 9 lines"),
     "too few traces": (

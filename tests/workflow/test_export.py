@@ -1,6 +1,7 @@
 """A program is written later only from a plan and its own cell, into the file that was asked for."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -91,6 +92,19 @@ def test_signals_and_numbers_may_be_named_later(folder):
         export_plan(folder / "plan.json", "krl", "a")
     _sign(folder)
     assert "PULSE ($OUT[33]," in export_plan(folder / "plan.json", "krl", "a").programs[0].text
+
+
+@pytest.mark.parametrize("dialect", dialect_names())
+def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, dialect):
+    path = folder / "plan.json"
+    plain = export_plan(path, dialect, "a").programs[0].text
+    note = f"{path} is not as it was planned (cell.toml was changed); its path was proven anew by both engines"
+    monkeypatch.setattr("planner.session.planned_session.check_trust", lambda *_: (note,))
+    lines = export_plan(path, dialect, "a").programs[0].text.split("\n")
+    more = [line for line in lines if line not in plain.split("\n")]
+    words = re.sub(r"\W+|\d+", "", "".join(more))
+    assert "theplanisnotasitwasplannedcelltomlwaschangeditspathwasproven" in words
+    assert str(folder) not in "".join(more)
 
 
 @pytest.mark.parametrize(

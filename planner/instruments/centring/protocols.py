@@ -82,5 +82,5 @@ def find_protocol(name: str) -> IndicatorProtocol:
     """
     if name not in PROTOCOLS:
         known = sorted(PROTOCOLS)
-        raise InputError(f"no indicator protocol '{name}'{did_you_mean(name, known)} (there are: {', '.join(known)})")
+        raise InputError(f"no indicator protocol {name!r}{did_you_mean(name, known)} (there are: {', '.join(known)})")
     return PROTOCOLS[name]

@@ -12,10 +12,14 @@ from planner.cell.file import ArtifactFile, ControllerFile, GaugeFile
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PartialModel, PositiveFloat, StrictModel, read_toml
 from planner.common.units import Array
+from planner.instruments.centring.protocols import find_protocol
 from planner.kinematics.bodies import Vector
 
 Matrix = tuple[Vector, Vector, Vector]
 ToolNumber = Annotated[int, Field(ge=1, le=128)]  # of KUKA's TOOL_DATA and BASE_DATA
+Micrometres = Annotated[float, Field(gt=0, le=500)]  # half a millimetre: no ball is centred by more
+Stroke = Annotated[float, Field(gt=0, le=25)]  # of an indicator [mm]
+SmallAngle = Annotated[float, Field(gt=0, le=45)]
 BaseNumber = Annotated[int, Field(ge=0, le=128)]
 KRL_WORDS = "def|end|deffct|endfct|loop|halt|wait|brake|resume|return|switch|global|interrupt|trigger|centre"
 
@@ -29,6 +33,14 @@ def _controller_name(text: str) -> str:
 ProgramName = Annotated[str, AfterValidator(_controller_name)]
 
 
+def _known_protocol(name: str) -> str:
+    try:
+        find_protocol(name)
+    except InputError as err:
+        raise ValueError(str(err)) from err
+    return name
+
+
 class HeadSettings(StrictModel):
     """``[head]``: the three indicators.
 
@@ -38,10 +50,10 @@ class HeadSettings(StrictModel):
     indicators stand in it).
     """
 
-    protocol: str = "sylvac"
+    protocol: Annotated[str, AfterValidator(_known_protocol)] = "sylvac"
     tool_frame: Literal["head", "flange"] = "head"
     matrix: Matrix | None = None
-    usable_mm: PositiveFloat = 5.0  # the disk tips meet a 1-inch ball up to here; beyond −usable nothing touches
+    usable_mm: Stroke = 5.0  # the disk tips meet a 1-inch ball up to here; beyond −usable nothing touches
     check_free: bool = True  # before each contact every plunger must stand at its free end
     timeout_s: PositiveFloat = 1.0  # of one answer
     tries: PositiveInt = 4  # of one reading
@@ -58,7 +70,7 @@ class RestSettings(StrictModel):
     """``[rest]``: when readings are believed: ``readings`` in a row within ``spread_um``."""
 
     readings: Annotated[int, Field(ge=2)] = 5
-    spread_um: PositiveFloat = 3.0
+    spread_um: Micrometres = 3.0
     most_readings: PositiveInt = 100
     settle_s: NonNegativeFloat = 0.3  # after a move, before the first reading
 
@@ -66,14 +78,14 @@ class RestSettings(StrictModel):
 class MoveSettings(StrictModel):
     """``[moves]``: when the ball is centred, and how far the robot may go for it."""
 
-    tolerance_um: PositiveFloat = 3.0
-    first_step_mm: PositiveFloat = 0.5  # shows whether every indicator follows before anything larger is moved
+    tolerance_um: Micrometres = 3.0
+    first_step_mm: Stroke = 0.5  # shows whether every indicator follows before anything larger is moved
     step_mm: Annotated[float, Field(gt=0, le=5)] = 2.0  # the robot's program takes no longer one
     travel_mm: Annotated[float, Field(gt=0, le=15)] = (
         7.5  # from the planned pose: beyond 7.04 mm not all three tips touch
     )
     most_moves: PositiveInt = 60
-    judge_mm: PositiveFloat = 0.15  # an indicator is judged by how it followed once it should have moved this far
+    judge_mm: Stroke = 0.15  # an indicator is judged by how it followed once it should have moved this far
 
 
 class RobotSettings(StrictModel):
@@ -91,8 +103,8 @@ class RobotSettings(StrictModel):
     poll_s: PositiveFloat = 0.05
     silence_s: PositiveFloat = 3.0  # the robot's own program stops a move when the planner is silent for so long
     timer: Annotated[int, Field(ge=1, le=32)] = 10  # the controller's timer that watches for it
-    arrived_deg: PositiveFloat = 0.05
-    start_deg: PositiveFloat = 3.0  # how near to the planned path the robot must stand at the start, on each axis
+    arrived_deg: SmallAngle = 0.05
+    start_deg: SmallAngle = 3.0  # how near to the planned path the robot must stand at the start, on each axis
     plate_rpy_deg: Vector = (0.0, 0.0, 0.0)
 
 

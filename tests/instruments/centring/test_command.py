@@ -85,7 +85,14 @@ def test_bad_input(cell, tmp_path, more, says):
         ("[head]\nmatrix = [[1, 0, 0], [1, 0, 0], [0, 0, 1]]", "do not span space"),
         ("[head]\ntool_frame = 'flange'", "'gauge.head.indicators' is missing"),
         ("[head]\nprotocol = 'mitutojo'", 'no indicator protocol .* did you mean "mitutoyo"'),
+        (
+            '[head]\nprotocol = "x\\ny"',
+            r"'head.protocol' = 'x.ny': no indicator protocol .*there are: mitutoyo, sylvac",
+        ),
+        ("[head]\nusable_mm = 1e6", "'head.usable_mm' = 1000000.0: must be less than or equal to 25"),
         ("[moves]\ntolerance_um = -1", "'moves.tolerance_um' = -1"),
+        ("[moves]\ntolerance_um = 1e6", "'moves.tolerance_um' = 1000000.0: must be less than or equal to 500"),
+        ("[robot]\ntool = true", "'robot.tool' is a switch .true or false.: a number is needed"),
     ],
 )
 def test_bad_settings(cell, tmp_path, text, says):

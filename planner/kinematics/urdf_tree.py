@@ -1,0 +1,87 @@
+"""The tree of links and joints that a URDF describes, with what makes it none told by name."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from planner.common.errors import InputError, did_you_mean
+
+
+class UrdfError(Exception):
+    """What is wrong with an element."""
+
+
+def find_child(element: ET.Element, tag: str) -> ET.Element:
+    """Return the element ``tag`` inside another.
+
+    Raises:
+        UrdfError: there is none.
+    """
+    found = element.find(tag)
+    if found is None:
+        raise UrdfError(f"<{element.tag} name='{element.get('name')}'> has no <{tag}>")
+    return found
+
+
+def read_tree(path: Path, root: ET.Element, tip: str | None) -> tuple[dict[str, ET.Element], list[ET.Element], str]:
+    """Return the links by name, the joints from the root to ``tip`` (default: the only leaf), and the root link's name.
+
+    Raises:
+        UrdfError: a name twice, a link below two joints, a ring of links, a joint to a link that is not there.
+        InputError: no such link, or several leaves.
+    """
+    links = _by_name("two links are called", ((str(e.get("name")), e) for e in root.findall("link")))
+    joints = _by_name("two joints are called", ((str(e.get("name")), e) for e in root.findall("joint")))
+    _check_rings({_link_of(j, "child"): _link_of(j, "parent") for j in joints.values()})
+    above = _by_name("two joints have the child", ((_link_of(j, "child"), j) for j in joints.values()))
+    tip = tip or _only_leaf(path, links, above)
+    if tip not in links:
+        raise InputError(
+            f"{path}: no link is called '{tip}'{did_you_mean(tip, list(links))} (links: {', '.join(links)})"
+        )
+    chain: list[ET.Element] = []
+    link = tip
+    while link in above:
+        chain.append(above[link])
+        link = _link_of(above[link], "parent")
+    chain.reverse()
+    names = [link, *(_link_of(joint, "child") for joint in chain)]
+    if gone := [name for name in names if name not in links]:
+        raise UrdfError(f"a joint names the link '{gone[0]}', which is not there")
+    return links, chain, link
+
+
+def _link_of(joint: ET.Element, end: str) -> str:
+    return str(find_child(joint, end).get("link"))
+
+
+def _by_name(fault: str, named: Iterable[tuple[str, ET.Element]]) -> dict[str, ET.Element]:
+    out: dict[str, ET.Element] = {}
+    for name, element in named:
+        if name in out:
+            raise UrdfError(f"{fault} '{name}'")
+        out[name] = element
+    return out
+
+
+def _check_rings(parent: Mapping[str, str]) -> None:
+    """Refuse links of which one hangs, by others, from itself."""
+    sound: set[str] = set()
+    for start in parent:
+        way: dict[str, None] = {}
+        link = start
+        while link in parent and link not in sound:
+            if link in way:
+                ring = list(way)[list(way).index(link) :]
+                raise UrdfError(f"the links {' < '.join([*ring, link])} form a ring: each is the child of the next")
+            way[link] = None
+            link = parent[link]
+        sound.update(way)
+
+
+def _only_leaf(path: Path, links: Mapping[str, ET.Element], above: Mapping[str, ET.Element]) -> str:
+    parents = {_link_of(j, "parent") for j in above.values()}
+    leaves = [name for name in links if name not in parents]
+    if len(leaves) != 1:
+        raise InputError(f'{path}: the chain ends in several links ({", ".join(leaves)}): give tip = "link name"')
+    return leaves[0]
