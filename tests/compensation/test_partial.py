@@ -199,7 +199,29 @@ LEFT_RAPID = {
     **{f"cfx {k}": (f"MoveL {{cfx {k}}},v9,fine,tool0;", 7, f"cfx = {k} found; 0 … 3 are") for k in range(4, 8)},
     "handed on": ("pick p2;", 3, "it is handed to pick in line 7"),
     "two tools": ("MoveL p2,v9,fine,tool0;\nMoveL p2,v9,fine,t1;", 3, "different tools or bases"),
-}
+    "add": ("Add t1.tframe.trans.z,50;\nMoveL p2,v9,fine,t1;", 3, r"t1 may be changed by 'Add t1\..*' in line 7"),
+    "incr": ("Incr w1.uframe.trans.x;\nMoveL p2,v9,fine,tool0\\WObj:=w1;", 3, "w1 may be changed by 'Incr w1"),
+    "handed tool": ("SetT t1;\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'SetT t1' in line 7"),
+    "handed late": ('%"SetT"% t1;\nMoveL p2,v9,fine,t1;', 3, "t1 may be changed by"),
+    "handed if": ("IF a=1 SetT t1;\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'IF a=1 SetT t1' in line 7"),
+    "handed as option": ("SetT \\ To := t1;\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'SetT"),
+    "function": ("a:=2*(SetF(3,(t1)));\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'a:=2"),
+    "function in a condition": ("IF SetF(t1) THEN\nENDIF\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'IF SetF"),
+    "calibration": ("MToolTCPCalib j1,j2,j3,j4,t1,a,b;\nMoveL p2,v9,fine,t1;", 3, "t1 may be changed by 'MToolTCPC"),
+    "blanks": ("t1 . tframe . trans.z := 5;\nMoveL p2,v9,fine,t1;", 3, r"t1 \. tframe \. trans\.z is changed"),
+    "object in place": (
+        'MoveL p2,v9,fine,t1\\WObj:=[FALSE,TRUE,"",[[9,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+        3,
+        "the work object of the move in line 7 is no name",
+    ),
+    "optional object": ("MoveL p2,v9,fine,t1\\WObj?w1;", 3, "the work object of the move in line 7 is no name"),
+    "tool in place": (
+        "MoveL p2,v9,fine,[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];", 3, "the tool of the move in line 7",
+    ),
+    "part of a point": ("Incr p2.trans.z;\nMoveL p2,v9,fine,t1;", 3, "p2 may be changed by 'Incr p2"),
+    "target handed on": ("pick {E};", 7, "a target is handed to pick"),
+    "own move": ("MoveLCart {E},v9,fine,tool0;", 7, "a target is handed to movelcart"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", LEFT_RAPID)
@@ -218,6 +240,19 @@ def test_rapid_lines_that_are_not_certain_are_left_and_named(name, abb, tmp_path
     assert re.search(why, reasons(done)[line])
     assert 2 in changed(done, text)
     assert line not in changed(done, text)
+
+
+def test_tools_that_are_only_read_stay_certain(abb, tmp_path):
+    text = (
+        f"MODULE M\nCONST robtarget p1:={target(abb[0])};\n"
+        "PERS tooldata t1:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+        f"PROC main()\n{WOBJ}\np9:=CRobT(\\Tool:=t1\\WObj:=w1);\na:=5*(b + t1.tframe.trans.z);\n"
+        'TPWrite ""\\Num:=t1.tframe.trans.z;\nIF (t1.robhold) THEN\nMoveL p1, v9, fine, t1 \\WObj:=w1 \\Corr;\nENDIF\n'
+        "ENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [2]
+    assert not done.partly
 
 
 WOBJ = 'PERS wobjdata w1:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'

@@ -6,26 +6,46 @@ from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.pdl2 import Pdl2Move, parse
-from planner.programs.languages.statements import Routine
+from planner.programs.languages.statements import Routine, Statement
 
-_RELATIVE = re.compile(r"\b(RELATIVE|ABOUT|BY|AWAY|NEAR|SEG)\b", re.IGNORECASE)
-_ALLOWED = "MOVE TO {…} and MOVEFLY TO {…} with plain angles are corrected"
+_MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
+_CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
+_OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
+_TARGETED = re.compile(r"\bMOVE(?:FLY)?\b|[{}]", re.IGNORECASE)
+_ALLOWED = "MOVE TO {…} and MOVEFLY TO {…} in lines of their own with plain angles are corrected"
 
 
 def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
-    """Note the joint targets of one program."""
-    routine, n = "", reading.robot.n_joints
+    """Note the joint targets of one program; every other line that says a move or a target is left and told."""
+    routine = ""
+    own = _OWN_ARM.search(text)
     for statement in parse(text):
         if isinstance(statement, Routine):
             routine = statement.name
-        if not isinstance(statement, Pdl2Move):
-            continue
-        line, said = statement.line, statement.text.splitlines()[0].rstrip()
-        if is_service_name(routine) or is_service_name(statement.target):
-            reading.leave(line, f"'{said}' {SENTENCE}")
-        elif not statement.target.startswith("{") or _RELATIVE.search(statement.how) or "{" in statement.rest:
+        is_move = isinstance(statement, Pdl2Move)
+        inside = [row for row in _targeted_rows(statement) if not is_move or row[0] > statement.line]
+        for line, said in inside:
             reading.leave(line, f"'{said}' found; {_ALLOWED}")
-        elif statement.numbers is None or len(statement.numbers) != n:
-            reading.leave(line, f"'{statement.target}' found; {n} plain angles in degrees are corrected")
-        else:
-            reading.add_joints(line, statement.numbers)
+        if isinstance(statement, Pdl2Move):
+            _move(statement, routine, own[1] if own else "1", bool(inside), reading)
+
+
+def _targeted_rows(statement: Statement) -> list[tuple[int, str]]:
+    """Return the lines of a statement that speak of a move or of angles in braces."""
+    rows = enumerate(re.split(r"\r\n|\n|\r", statement.text), start=statement.line)
+    return [(line, row.strip()[:60]) for line, row in rows if _TARGETED.search(row)]
+
+
+def _move(move: Pdl2Move, routine: str, own_arm: str, unclear: bool, reading: TargetReading) -> None:
+    line, said = move.line, move.text.splitlines()[0].rstrip()
+    manner, n = _MANNER.fullmatch(move.how), reading.robot.n_joints
+    if is_service_name(routine) or is_service_name(move.target):
+        reading.leave(line, f"'{said}' {SENTENCE}")
+    elif manner and manner["arm"] not in (None, own_arm):
+        reading.leave(line, f"'{said}' moves arm {manner['arm']}; the program's own arm is {own_arm}")
+    elif unclear or not manner or not move.target.startswith("{") or not _CLAUSES.match(move.rest) or "{" in move.rest:
+        reading.leave(line, f"'{said}' found; {_ALLOWED}")
+    elif move.numbers is None or len(move.numbers) != n:
+        reading.leave(line, f"'{move.target}' found; {n} plain angles in degrees are corrected")
+    else:
+        reading.add_joints(line, move.numbers)

@@ -9,7 +9,7 @@ import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import MM, Array, read_only
 from planner.compensation.arm_shapes import ConfData
-from planner.compensation.formats.rapid_frames import FrameTable, Names, Placed, place
+from planner.compensation.formats.rapid_frames import FrameTable, Names, Placed, handed_names, may_change, place
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.service_points import SENTENCE, is_service_name
@@ -30,8 +30,7 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     placed = list(place(list(parse(text))))
     targets = _RapidTargets(placed, reading)
     for p in placed:
-        if isinstance(p.statement, st.Assignment):
-            targets.read_value(p, p.statement)
+        targets.read_changes(p)
     for p in placed:
         targets.take(p)
     targets.finish()
@@ -49,8 +48,15 @@ class _RapidTargets:
         self.conf_off = {m[1].lower(): p.statement.line for p in placed if (m := _CONF_OFF.search(p.statement.text))}
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
-    def read_value(self, p: Placed, statement: st.Assignment) -> None:
-        """Take in a declaration, or a value that is given while the program runs."""
+    def read_changes(self, p: Placed) -> None:
+        """Take in what gives points a value, and which parts of them are handed to routines that may write them."""
+        if isinstance(p.statement, st.Assignment):
+            self._read_value(p, p.statement)
+        for name, part in handed_names(p.statement):
+            if part:
+                self.points.compute(self.names.resolve(p, name), may_change(p.statement))
+
+    def _read_value(self, p: Placed, statement: st.Assignment) -> None:
         kind, value = statement.kind, statement.value
         if not kind:
             key = self.names.resolve(p, statement.name)
@@ -81,6 +87,8 @@ class _RapidTargets:
                 if not move.text.lower().startswith(move.word):
                     self.last = None  # behind a condition
             case st.Call() as call:
+                if ROB_TARGET.search(call.text) or JOINT_TARGET.search(call.text):
+                    self.reading.leave(call.line, f"a target is handed to {call.name}; those of moves are corrected")
                 frames = self.frames.default_frames(f"it is handed to {call.name} in line {call.line}")
                 for name in re.findall(r"[A-Za-z]\w*", call.text.partition(call.text.split()[0])[2]):
                     if self.points.has(key := self.names.resolve(p, name)):

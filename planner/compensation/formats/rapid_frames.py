@@ -12,7 +12,7 @@ from planner.compensation.points import Frame, FramePair
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.rapid import POSE, RapidMove, parse
-from planner.programs.languages.text import EXPONENT_NUMBER
+from planner.programs.languages.text import EXPONENT_NUMBER, spaces_once
 
 _MODULE = re.compile(r"(?<!END)\bMODULE\s+(\w+)", re.IGNORECASE)
 _VALUELESS = re.compile(r"\b(?:VAR|PERS)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\{[^}]*\})?\s*$", re.IGNORECASE)
@@ -81,11 +81,55 @@ def _declared_names(statement: st.Statement) -> Iterator[str]:
             yield match_["name"]
 
 
+# Routines of the controller that only read what they are handed, and words that may stand before a bracket.
+_READERS = re.compile(
+    r"return|offs|reltool|c(?:robt|pos|tool|wobj)|calc(?:robt|jointt)|pose(?:mult|inv|vect)|orientzyx|eulerzyx|norient"
+    r"|defd?frame|distance|abs|sqrt|dim|valtostr|numtostr|ispers|isvar|tpwrite|write|waituntil|setsysdata"
+    r"|arcmove(?:absj|j|l|c)",
+    re.IGNORECASE,
+)
+_WORDS = re.compile(r"and|x?or|not|mod|div|(?:else)?if|while|for|from|to|step|until|test|case|", re.IGNORECASE)
+_TOKEN = spaces_once(
+    r"(?P<open>(?:(?<![\w.\\])(?P<routine>[A-Za-z]\w*)\s*)?\()|(?P<close>\))"
+    r"|(?<![\w.\\])(?P<name>[A-Za-z]\w*)(?P<part>(?:\{[^{}]*\})?\.)?",
+    re.IGNORECASE,
+)
+
+
+def handed_names(statement: st.Statement) -> Iterator[tuple[str, bool]]:
+    """Yield the names that a statement hands to routines which may write them, and whether a part of each."""
+    text = re.sub(r"(?<!\s)\s*+\.\s*+", ".", statement.text)
+    handed = type(statement) is st.Statement
+    if isinstance(statement, st.Routine) or _VALUELESS.search(text):
+        return
+    match statement:
+        case st.Call(name=name):
+            handed = not _READERS.fullmatch(name)
+        case st.Assignment(kind=""):
+            handed = "\\" in text.partition(":=")[0]  # the option of a call is written like an assignment
+    stack = [handed]
+    for token in _TOKEN.finditer(text):
+        if token["open"]:
+            routine = token["routine"] or ""
+            stack.append(stack[-1] or not (_READERS.fullmatch(routine) or _WORDS.fullmatch(routine)))
+        elif token["close"]:
+            stack = stack[:-1] or [handed]
+        elif stack[-1]:
+            yield token["name"], token["part"] is not None
+
+
+def may_change(statement: st.Statement) -> str:
+    """Return what is to be said of a name that ``statement`` hands to a routine."""
+    said = " ".join(statement.text.split())
+    return f"may be changed by '{said[:60]}' in line {statement.line}"
+
+
 _TOOL = re.compile(rf"\[\s*TRUE\s*,\s*(?P<pose>{POSE})\s*,.*", re.IGNORECASE | re.DOTALL)
 _WORK_OBJECT = re.compile(
     rf"\[\s*FALSE\s*,\s*TRUE\s*,\s*(?:\"\s*\")?\s*,\s*(?P<user>{POSE})\s*,\s*(?P<object>{POSE})\s*\]", re.IGNORECASE
 )
 _KINDS = ("tooldata", "wobjdata")
+_FRAME_NAME = r"([A-Za-z]\w*(?:\{[^}]*\})?)\s*+(?=\\|$)"
 
 
 class FrameTable:
@@ -95,6 +139,7 @@ class FrameTable:
         self._given, self._names = given, names
         self._tools: dict[str, Frame] = {"tool0": np.eye(4)}
         self._objects: dict[str, Frame] = {"wobj0": np.eye(4)}
+        self._handed: dict[str, str] = {}
         for statement in parse(given.data):
             if isinstance(statement, st.Assignment):
                 self._declare(statement, statement.name)
@@ -104,6 +149,8 @@ class FrameTable:
         for p in placed:
             if isinstance(p.statement, st.Assignment) and not p.statement.kind:
                 self._change(p.statement, names.resolve(p, p.statement.name))
+            for name, _ in handed_names(p.statement):
+                self._handed.setdefault(names.resolve(p, name), f"{name} {may_change(p.statement)}")
 
     def _declare(self, statement: st.Assignment, key: str) -> None:
         if statement.kind == "tooldata":
@@ -128,17 +175,25 @@ class FrameTable:
         return key in self._tools or key in self._objects
 
     def of(self, p: Placed, move: RapidMove) -> FramePair:
-        """Return tool and base of a move, which its last argument names, or why they are not known."""
-        said = next((a.text for a in reversed(move.arguments) if not a.text.startswith("[")), "")
-        tool = re.match(r"[A-Za-z]\w*(?:\{[^}]*\})?", said)
-        work_object = re.search(r"\\\s*WObj\s*:=\s*(\w+(?:\{[^}]*\})?)", said, re.IGNORECASE)
+        """Return tool and base of a move, which its last argument names (but for a signal), or why they are unknown."""
+        at = 3 + move.word.startswith("movec") if re.search(r"(do|ao|go|sync)$", move.word) else -1
+        said = next((a.text for a in move.arguments[at:]), "")
+        tool, option = re.match(_FRAME_NAME, said), re.search(r"\\\s*WObj\b", said, re.IGNORECASE)
+        work_object = re.match(rf"\s*:=\s*{_FRAME_NAME}", said[option.end() :]) if option else None
+        if tool is None or (option and work_object is None):
+            what = "tool" if tool is None else "work object"
+            why = f"the {what} of the move in line {move.line} is no name: its frame is not certain"
+            return why, why
         return (
-            self._find(p, "tool", "" if tool is None else tool[0], self._tools, self._given.T_FT),
+            self._find(p, "tool", tool[1], self._tools, self._given.T_FT),
             self._find(p, "base", "wobj0" if work_object is None else work_object[1], self._objects, self._given.T_WB),
         )
 
     def _find(self, p: Placed, what: str, name: str, table: dict[str, Frame], given: Array | None) -> Frame:
-        found = table.get(self._names.resolve(p, name), "")
+        key = self._names.resolve(p, name)
+        if key in self._handed and key not in ("tool0", "wobj0"):
+            return self._handed[key]
+        found = table.get(key, "")
         if not isinstance(found, str) or found:
             return found
         if given is not None:

@@ -10,9 +10,9 @@ from planner.programs.languages.statements import PlacedNumber
 from planner.programs.languages.text import NUMBER
 from planner.programs.languages.urscript import UrMove, parse
 
-_TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]")
+_TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")
 _ANGLE = re.compile(rf"\s*(?:d2r\(\s*(?P<deg>{NUMBER})\s*\)|(?P<rad>{NUMBER}(?:[eE][-+]?\d+)?))\s*")
-_ALLOWED = "movej([...]) with plain angles or d2r() of plain degrees is corrected"
+_ALLOWED = "movej([...], …) alone with plain angles or d2r() of plain degrees is corrected"
 RAD_DECIMALS = 7
 
 
@@ -21,7 +21,7 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     for statement in parse(text):
         if not isinstance(statement, UrMove):
             continue
-        match = _TARGET.match(statement.text)
+        match = _TARGET.fullmatch(statement.text)
         angles = [_ANGLE.fullmatch(a) for a in match[1].split(",")] if match else []
         if match is None or None in angles:
             reading.leave(statement.line, f"'{statement.text}' found; {_ALLOWED}")

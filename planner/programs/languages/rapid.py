@@ -35,9 +35,12 @@ _DECLARED = _pattern(
     r"\b(?:CONST|PERS|VAR)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?P<part>\{[^}]*\})?\s*:=\s*(?P<value>.*)"
 )
 _MOVE = _pattern(
-    r"\b(?P<word>(?:(?:Move|Trigg)(?:AbsJ|J|L|C(?!heck))|Search[LC]|(?:Arc|Cap|Disp|Paint)[LC]|Spot[LJ])\w*)\b(?P<rest>.*)"
+    r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|J|L|C)(?:DO|AO|GO|Sync|IOs)?|Search[LC]|(?:Arc|Cap|Disp|Paint)[LC](?:Start|End|\d)*"
+    r"|Spot[LJ])\b(?P<rest>.*)"
 )
-_ASSIGNED = _pattern(r"(?:^|\s)(?P<kind>)(?P<name>\w+)\s*(?P<part>\{[^}]*\})?\s*(?:\.[\w.]+\s*)?:=\s*(?P<value>.*)")
+_ASSIGNED = _pattern(
+    r"(?:^|\s)(?P<kind>)(?P<name>\w+)\s*(?P<part>\{[^}]*\})?(?:\s*\.\s*\w+(?:\s*\{[^}]*\})?)*\s*:=\s*(?P<value>.*)"
+)
 _PASSIVE = _pattern(r"(?:VAR|AccSet|SetDO|WaitDI|GripLoad|Open|Close|Write|TPWrite|Stop)\b.*")
 
 
