@@ -2,7 +2,7 @@
 
 import pickle
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -31,13 +31,19 @@ class DrawingProcess:
     def begin(self, content: bytes) -> None:
         """Let it draw pickled charts, view and size of the pictures."""
         if content not in self._drawn and content not in self._asked:
-            self._here.send_bytes(content)
             self._asked.append(content)
+            with suppress(OSError):  # it has ended: told by who waits for the pictures
+                self._here.send_bytes(content)
 
     def result(self, content: bytes) -> Pictures:
-        """Wait for the pictures of what was begun."""
-        while content not in self._drawn:
-            self._drawn[self._asked.pop(0)] = self._here.recv()
+        """Wait for the pictures, or raise the error that ended the process."""
+        self.begin(content)
+        try:
+            while content not in self._drawn:
+                self._drawn[self._asked.pop(0)] = self._here.recv()
+        except (EOFError, OSError):
+            self._copy.result()
+            raise
         return self._drawn[content]
 
     def stop(self) -> None:
