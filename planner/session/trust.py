@@ -44,7 +44,7 @@ def check_trust(path: Path, cell: Cell, courses: Sequence[Course]) -> tuple[str,
             raise InputError(
                 f"{path}: is not as it was planned ({because}), and its path is not proven anew: {failure}; plan again"
             )
-    return (f"{path} is not as it was planned ({because}); its path was proven anew by both engines",)
+    return (f"{path} is not as it was planned: {because}; its path was proven anew by both engines",)
 
 
 def doubts(path: Path, cell: Cell) -> tuple[str, ...]:

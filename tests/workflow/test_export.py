@@ -98,7 +98,7 @@ def test_signals_and_numbers_may_be_named_later(folder):
 def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, dialect):
     path = folder / "plan.json"
     plain = export_plan(path, dialect, "a").programs[0].text
-    note = f"{path} is not as it was planned (a)\nG0 X999 was changed); its path was proven anew by both engines"
+    note = f"{path} is not as it was planned: a)\nG0 X999 was changed; its path was proven anew by both engines"
     monkeypatch.setattr("planner.session.planned_session.check_trust", lambda *_: (note,))
     lines = export_plan(path, dialect, "a").programs[0].text.split("\n")
     more = [line for line in lines if line not in plain.split("\n")]
