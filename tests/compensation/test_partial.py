@@ -219,8 +219,9 @@ LEFT_RAPID = {
         "MoveL p2,v9,fine,[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];", 3, "the tool of the move in line 7",
     ),
     "part of a point": ("Incr p2.trans.z;\nMoveL p2,v9,fine,t1;", 3, "p2 may be changed by 'Incr p2"),
-    "target handed on": ("pick {E};", 7, "a target is handed to pick"),
-    "own move": ("MoveLCart {E},v9,fine,tool0;", 7, "a target is handed to movelcart"),
+    "tool behind a condition": ("IF SetF(t1) MoveL p2,v9,fine,t1;", 3, r"t1 may be changed by"),
+    "target handed on": ("pick {E};", 7, "a target in 'pick "),
+    "own move": ("MoveLCart {E},v9,fine,tool0;", 7, "a target in 'MoveLCart "),
 }  # fmt: skip
 
 

@@ -99,6 +99,7 @@ def test_tp_joints_are_read_by_their_labels(abb, tmp_path):
         ("J P[R[1]] 9% FINE INC", "may shift it"),
         ("Touch Offset PR[1]", "may shift every target"),
         ("Independent GP", "uses it too"),
+        ("j p[1] 9% fine inc", "uses it too"),
     ],
 )
 def test_tp_instructions_that_concern_every_position(instruction, why, abb, tmp_path):

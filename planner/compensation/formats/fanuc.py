@@ -40,7 +40,7 @@ class _Uses:
 
     def add(self, said: str, line: int, doubt: str) -> None:
         """Take in the positions that an instruction names."""
-        for index in re.findall(_POINT, said):
+        for index in re.findall(_POINT, said, re.IGNORECASE):
             number = int(index) if index.isdecimal() else _EVERY
             self.lines.setdefault(number, line)
             if doubt:
@@ -53,6 +53,8 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     section = re.search(r"^/POS\b", text, re.MULTILINE)
     at = len(text) if section is None else section.end()
     uses = _read_instructions(text[: at if section is None else section.start()], lines, reading)
+    if section and (late := re.search(r"^/MN\b", text[at:], re.MULTILINE)):
+        reading.refuse(lines.number(at + late.start()), "/MN stands behind /POS; the positions are last in a program")
     found = list(_POSITION.finditer(text, at))
     numbers = [int(position["number"]) for position in found]
     for position, number in zip(found, numbers, strict=True):
@@ -89,7 +91,7 @@ def _read_instructions(text: str, lines: Lines, reading: TargetReading) -> _Uses
             uses.add(said, line, "" if _HARMLESS.fullmatch(motion["options"]) else f"{shown} may shift it")
         elif re.match(r"[JLCAS] PR\[", said):
             reading.leave(line, f"'{said[:60]}' found; {_ALLOWED}, position registers are not in the file")
-        elif _SHIFT.match(said) and not re.search(r"\bP\[", said):
+        elif _SHIFT.match(said) and not re.search(_POINT, said, re.IGNORECASE):
             uses.doubts.setdefault(_EVERY, f"{shown} may shift every target")
         else:
             uses.add(said, line, f"{shown} uses it too")

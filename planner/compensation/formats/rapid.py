@@ -18,7 +18,7 @@ from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, A
 from planner.programs.languages.text import EXPONENT_NUMBER
 
 QUATERNION_DECIMALS = 8
-_DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon)\b", re.IGNORECASE)
+_DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal)\b", re.IGNORECASE)
 _CONF_OFF = re.compile(r"\b(Conf[JL])\s*\\\s*Off\b", re.IGNORECASE)
 _OPTIONS = r"(?:\s*\\\s*\w+\s*(?::=\s*[\w.{}]+)?)*"
 _RELATIVE = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+)", re.IGNORECASE)
@@ -81,14 +81,15 @@ class _RapidTargets:
 
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""
-        match p.statement:
+        said = p.statement
+        if type(said) in (st.Call, st.Statement) and (ROB_TARGET.search(said.text) or JOINT_TARGET.search(said.text)):
+            self.reading.leave(said.line, f"a target in '{said.text[:60]}' found; those of moves are corrected")
+        match said:
             case RapidMove() as move:
                 self._move(p, move)
                 if not move.text.lower().startswith(move.word):
                     self.last = None  # behind a condition
             case st.Call() as call:
-                if ROB_TARGET.search(call.text) or JOINT_TARGET.search(call.text):
-                    self.reading.leave(call.line, f"a target is handed to {call.name}; those of moves are corrected")
                 frames = self.frames.default_frames(f"it is handed to {call.name} in line {call.line}")
                 for name in re.findall(r"[A-Za-z]\w*", call.text.partition(call.text.split()[0])[2]):
                     if self.points.has(key := self.names.resolve(p, name)):
