@@ -59,7 +59,7 @@ class FclWorld:
         out, along = self._look(mask, poses, least, least if enough is None else enough)
         for p in np.flatnonzero(mask.any(axis=0)):
             a, b = self.scene.pairs[p]
-            asked = np.flatnonzero(along[:, p].any(axis=1) & (out[:, p] > 0.0))
+            asked = np.flatnonzero(np.isfinite(along[:, p, 0]) & (out[:, p] > 0.0))
             if self._round[a] and self._round[b]:
                 continue
             gap = np.full(len(asked), -np.inf)
@@ -74,8 +74,8 @@ class FclWorld:
         return out
 
     def _look(self, mask: np.ndarray, poses: list[Array], least: Array, limit: Array) -> tuple[Array, Array]:
-        """What fcl says of the pairs that ``least`` (n, pairs) leaves in doubt: distances, and the way between them."""
-        out, along = np.full(mask.shape, UNKNOWN), np.zeros((*mask.shape, 3))
+        """What fcl says of the pairs that ``least`` (n, pairs) leaves in doubt: distances, and unit ways, else NaN."""
+        out, along = np.full(mask.shape, UNKNOWN), np.full((*mask.shape, 3), np.nan)
         for i, row in enumerate(mask):
             wanted, nearest, placed = np.flatnonzero(row), np.inf, set[int]()
             for p in wanted[np.argsort(least[i, wanted], kind="stable")].tolist():

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import fcl
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -135,6 +136,26 @@ def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
     with_box = ~np.broadcast_to(round_pairs(w), coal.shape) & apart & (coal < 0.05)
     with_box &= ~np.isin(np.arange(coal.shape[1]), two_boxes(w))  # a box grows by more than the distance at its corners
     assert (safe > coal * (1 - 2e-3) - 2e-4)[with_box].mean() > 0.999
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_where_a_bound_will_do_the_second_judge_still_finds_the_nearest_pair(name: str) -> None:
+    w, q = world(name), states(name, 200)
+    judge, enough = FclWorld(w.scene), np.full((200, len(w.scene.pairs)), 0.05)
+    whole, some = judge.distances(q), judge.distances(q, enough=enough)
+    np.testing.assert_allclose(some.min(axis=1), whole.min(axis=1), atol=1e-12)
+    less = some < whole - 1e-9
+    assert less.any()
+    assert (some[less] > 0.05).all()
+    assert (some <= w.distances(q) + 1e-5)[whole > 0.0].all()
+
+
+def test_a_distance_of_fcl_that_is_too_large_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    w, q = world(CELLS[0]), states(CELLS[0], 60)
+    coal, ask = w.distances(q), fcl.distance
+    solids = np.broadcast_to(~round_pairs(w), coal.shape) & (coal > 1e-4)
+    monkeypatch.setattr(fcl, "distance", lambda *args: ask(*args) + 0.1)
+    assert (FclWorld(w.scene).distances(q) - coal)[solids].max() < 2e-5
 
 
 @pytest.mark.parametrize("name", CELLS)
