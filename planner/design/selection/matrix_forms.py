@@ -23,7 +23,7 @@ def quadratic_form(rows: Array, matrix: Array) -> Array:
 def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
     """tr(left M_i right M_j) for all pairs of rows, (n, n), M_i = J_i'J_i; all matrices are symmetric."""
     n, r, size = rows.shape
-    tall, out, step = rows.reshape(-1, size), np.empty((n, n)), max(1, _BLOCK // r)
+    tall, out, step = rows.reshape(-1, size), np.empty((n, n)), n if r == 1 else max(1, _BLOCK // r)
     one = tall @ left
     two = one if right is left else tall @ right
     for k in range(0, n, step):  # upper triangle, in blocks that stay in the cache
@@ -33,8 +33,8 @@ def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
         if r > 1:  # strided sums are several times as quick as a sum over two axes of four
             products = np.asarray(sum(products[i::r] for i in range(r)))
             products = np.asarray(sum(products[:, i::r] for i in range(r)))
-        out[k : k + step, k:] = products
         out[k:, k : k + step] = products.T
+        out[k : k + step, k:] = products
     return out
 
 
