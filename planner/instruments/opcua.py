@@ -50,7 +50,10 @@ class OpcUaRecord(OpcUaModel):
 
 
 def map_to_opcua(record: RobotRecord) -> OpcUaRecord:
-    """Return the record as OPC UA values, times at the beginning of the day (UTC)."""
+    """Return the record as OPC UA values, times at the beginning of the day (UTC).
+
+    Where a check has failed the robot is not calibrated, and the predicted time is that of the check.
+    """
     found = [(e.file.circumstances, e.document) for e in record.entries if isinstance(e.document, Identification)]
     prognosis = OpcUaPrognosis(
         predicted_time=_begin(record.due),

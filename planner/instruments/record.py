@@ -7,7 +7,7 @@ they were. Nothing is ever changed or taken out.
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -31,6 +31,7 @@ DOCUMENTS: dict[str, EntryKind] = {
     "check.json": "check",
 }
 BESIDE = ("robot.toml", "posterior.json", "expected_error.json")  # kept with a calibration
+EARLIEST = date(2000, 1, 1)  # of anything in a record: before it there is nothing to add
 MOVED = 3.0  # standard deviations between two calibrations
 
 
@@ -155,7 +156,7 @@ class AxisDrift:
 
 @dataclass(frozen=True)
 class RobotRecord:
-    """One robot and its entries, the oldest first."""
+    """One robot and its entries, by date, and of one day as they were added."""
 
     file: RecordFile
     entries: tuple[RecordEntry, ...]
@@ -169,7 +170,8 @@ class RobotRecord:
         """
         file = read_toml(folder / "record.toml", RecordFile)
         found = sorted(p for p in (folder / "entries").glob("[0-9]*-*") if p.is_dir())
-        return cls(file, tuple(_read_entry(p) for p in found))
+        entries = sorted(map(_read_entry, found), key=lambda e: (e.file.circumstances.date, e.number))
+        return cls(file, tuple(entries))
 
     @property
     def simulated(self) -> bool:
@@ -178,26 +180,37 @@ class RobotRecord:
 
     @property
     def due(self) -> date | None:
-        """Day of the next check."""
+        """Day of the next check: after a failed one its own day, as it is due at once."""
+        if self.failure is not None:
+            return self.failure[0]
         days = [e.file.circumstances.date for e in self.entries if e.file.kind != "validation"]
         return max(days) + timedelta(days=self.file.check_days) if days else None
 
     @property
-    def calibrated(self) -> date | None:
-        """Day of the calibration that still holds; ``None`` where none does, or a check since has found a change."""
-        days = None
-        for e in self.entries:
-            if e.file.kind == "calibration":
-                days = e.file.circumstances.date
-            elif isinstance(e.document, CheckFile) and e.document.outcome == "changed":
-                days = None
-            elif isinstance(e.document, CheckFile) and days is None:
-                days = self._last_calibration  # what was wrong has been put right: the robot is as it was
-        return days
+    def due_text(self) -> str:
+        """The same in words, after a failed check with what to do before; empty where nothing is due."""
+        if self.failure is None:
+            return "" if self.due is None else self.due.isoformat()
+        advice = self.failure[1].advice
+        return f"now: {advice}" if "again" in advice else f"now: {advice}, then check or calibrate again"
 
     @property
-    def _last_calibration(self) -> date | None:
-        return next((e.file.circumstances.date for e in self.entries[::-1] if e.file.kind == "calibration"), None)
+    def failure(self) -> tuple[date, CheckFile] | None:
+        """The latest check, where it has found a change and the robot was not calibrated since."""
+        last = next((e for e in self.entries[::-1] if e.file.kind != "validation"), None)
+        if last is None or not isinstance(last.document, CheckFile) or last.document.passed:
+            return None
+        return last.file.circumstances.date, last.document
+
+    @property
+    def calibrated(self) -> date | None:
+        """Day of the calibration that still holds; ``None`` where none does, or a check since has found a change."""
+        return None if self.failure or not self.calibrations else self.calibrations[-1]
+
+    @property
+    def calibrations(self) -> tuple[date, ...]:
+        """Day of every calibration."""
+        return tuple(e.file.circumstances.date for e in self.entries if e.file.kind == "calibration")
 
     @property
     def checks(self) -> tuple[tuple[date, CheckFile], ...]:
@@ -245,11 +258,35 @@ def _read_document(path: Path, kind: EntryKind) -> Identification | CheckFile | 
     return validate(read_json(path), AccuracyFile, str(path))
 
 
-def add_entry(record: Path, results: Path, circumstances: Circumstances, serial: str | None) -> RobotRecord:
+def latest_day() -> date:
+    """Return today, here or in UTC, whichever is later."""
+    return max(date.today(), datetime.now(UTC).date())
+
+
+def _require_day(day: date, kind: EntryKind, known: RobotRecord, baseline: date | None) -> None:
+    """Refuse a day to come, and one before the calibration that the entry is judged against."""
+    why = ""
+    first = EARLIEST
+    if kind != "calibration" and (days := [baseline] if baseline else known.calibrations[:1]):
+        first, why = days[0], " (its calibration)"
+    if not first <= day <= latest_day():
+        raise InputError(
+            f"the {kind} is dated {day.isoformat()}; allowed are {first.isoformat()}{why} to "
+            f"{latest_day().isoformat()} (today)"
+        )
+
+
+def add_entry(
+    record: Path, results: Path, circumstances: Circumstances, serial: str | None, baseline: date | None = None
+) -> RobotRecord:
     """Add a folder of results to a record, which is made if ``serial`` says of which robot.
 
+    ``baseline``: day of the calibration that a check or validation is judged against, where it is known; else the
+    first of the record is taken.
+
     Raises:
-        InputError: the folder holds no results for a record, or those of another robot; there is no record.
+        InputError: the folder holds no results for a record, or those of another robot; there is no record; the date
+            is in the future, or before the calibration.
     """
     name = next((n for n in DOCUMENTS if (results / n).is_file()), None)
     if name is None:
@@ -273,6 +310,7 @@ def add_entry(record: Path, results: Path, circumstances: Circumstances, serial:
         )
     if file_hash(results / name) in [e.file.document_sha256 for e in known.entries]:
         raise InputError(f"{results / name} is in the record already")
+    _require_day(circumstances.date, kind, known, baseline)
     entry = EntryFile(
         schema="edbb-record-entry/1",
         kind=kind,

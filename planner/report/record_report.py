@@ -59,7 +59,7 @@ HEAD = ("entry", "date", "kind", "result", "operator", "temperature_degC", "tool
 def report_record(record: RobotRecord) -> Report:
     """Return the page of a record and its picture."""
     chart = drift_chart(record)
-    due = "no entry yet" if record.due is None else f"next check due {record.due.isoformat()}"
+    due = f"next check due {record.due_text}" if record.due_text else "no entry yet"
     page: dict[str, object] = {
         "title": f"Robot {record.file.serial}",
         "model": record.file.robot,

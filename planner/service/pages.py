@@ -39,7 +39,15 @@ from planner.service.page_content import (
     visible_files,
 )
 from planner.service.problems import http_problem, request_problem
-from planner.service.record_api import RecordSummary, Serial, describe_record, find_record, find_recorded, list_records
+from planner.service.record_api import (
+    RecordSummary,
+    Serial,
+    describe_record,
+    find_calibration,
+    find_record,
+    find_recorded,
+    list_records,
+)
 from planner.service.record_store import RecordedEntry
 from planner.service.session_steps import session_steps
 from planner.session.document import PlanDocument, PlanHeader
@@ -204,7 +212,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         notes=plan.notes if plan else (),
         is_circular=isinstance(plan, CircularDocument),
         check=check,
-        baseline=_calibration(context, job.id) if check else None,
+        baseline=find_calibration(context, job.id) if check else None,
         dialects=dialect_entries(),
         others=[o for o in _plans(context, job.kind) if o.id != job.id],
     )
@@ -215,7 +223,7 @@ def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
     if job.state == "done":
         found = read_calibration(context.files.path(outputs["identification.json"]))
     baseline = BASELINE in outputs
-    checks = [c for c in _plans(context, "check-plan") if _calibration(context, c.id) == job.id] if baseline else []
+    checks = [c for c in _plans(context, "check-plan") if find_calibration(context, c.id) == job.id] if baseline else []
     shown = {"files": visible_files(job), "pictures": pictures(job), **_record_form(context, job)}
     return render("calibration", job=job, found=found, baseline=baseline, checks=checks, **shown)
 
@@ -263,7 +271,9 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
     planned = [(p, _plan_header(context, p)) for kind in PLANS for p in _plans(context, kind)]
     rows = [
-        PlanChoice(p, h.plan_id, p.kind == "check-plan", _calibration(context, p.id)) for p, h in planned if not h.kind
+        PlanChoice(p, h.plan_id, p.kind == "check-plan", find_calibration(context, p.id))
+        for p, h in planned
+        if not h.kind
     ]
     return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=shipped_cells())
 
@@ -275,17 +285,9 @@ def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
         document = context.files.path(find_output(context, job.id, "check.json").sha256)
         check = CheckFile.model_validate(read_json(document))
         check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
-    baseline = _calibration(context, job.id)
+    baseline = find_calibration(context, job.id)
     form = _record_form(context, job, baseline)
     return render("check", job=job, files=visible_files(job), check=check, baseline=baseline, **form)
-
-
-def _calibration(context: ServiceContext, id: str) -> str | None:
-    """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
-    command = find_job(context, id).command
-    known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
-    made = context.jobs.writer(known, "identification") if known else None
-    return made.id if made else None
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:
@@ -296,7 +298,7 @@ def _change_order(change: CheckedChange) -> tuple[int, str]:
 
 def _record_form(context: ServiceContext, job: Job, calibration: str | None = None) -> dict[str, object]:
     """What the form shows: where the result is in a record already, and what the record of its calibration knows."""
-    before, simulated = calibration or _calibration(context, job.id) or job.id, is_simulated(context, job)
+    before, simulated = calibration or find_calibration(context, job.id) or job.id, is_simulated(context, job)
     own, recorded = find_recorded(context, job.id), find_recorded(context, before)
     if recorded.simulated != simulated:
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one

@@ -34,7 +34,8 @@ class RecordSummary(ServiceModel):
     robot: str
     state: RobotState
     advice: str
-    next_check: date | None
+    next_check: date | None = Field(description="after a failed check its own day: it is due at once")
+    due: str = Field(description="the same in words", examples=["now: master axis 3 and check again"])
     entries: int
     simulated: bool = Field(description="nobody has measured this robot: there is none")
 
@@ -91,7 +92,10 @@ def get_record(serial: Serial, context: Context) -> RecordHistory:
 def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> RecordHistory:
     """Add a calibration, validation or check to a robot's record; the same again changes nothing."""
     job = find_job(context, request.job)
-    return describe_record(context, context.records.add(serial, job, request.circumstances))
+    known = find_calibration(context, job.id)
+    judged = find_recorded(context, known).circumstances if known else None
+    baseline = None if judged is None else judged.date
+    return describe_record(context, context.records.add(serial, job, request.circumstances, baseline))
 
 
 @RECORDS.get("/records/{serial}/opcua", responses=MISSING)
@@ -129,12 +133,21 @@ def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
     return context.records.find_entry({o.sha256 for o in context.jobs.outputs(job) if o.name in DOCUMENTS})
 
 
+def find_calibration(context: ServiceContext, id: str) -> str | None:
+    """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
+    command = find_job(context, id).command
+    known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
+    made = context.jobs.writer(known, "identification") if known else None
+    return made.id if made else None
+
+
 def _summary(record: RobotRecord) -> dict[str, Any]:
     known = {"serial": record.file.serial, "robot": record.file.robot, "entries": len(record.entries)}
     return known | {
         "state": robot_state(record),
         "advice": robot_advice(record),
         "next_check": record.due,
+        "due": record.due_text,
         "simulated": record.simulated,
     }
 

@@ -6,13 +6,13 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import date
 from pathlib import Path
 from typing import Literal
 
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
-from planner.instruments.record import BESIDE, DOCUMENTS, CheckFile, Circumstances, RobotRecord, add_entry
+from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry, latest_day
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore
 
@@ -77,11 +77,14 @@ class RecordStore:
         known = [RecordedEntry(r.file.serial, e.circumstances, r.simulated) for r, e in mine]
         return known[-1] if known else RecordedEntry()
 
-    def add(self, serial: str, job: JobRecord, circumstances: Circumstances) -> RobotRecord:
+    def add(self, serial: str, job: JobRecord, circumstances: Circumstances, baseline: date | None) -> RobotRecord:
         """Add what a job has found to the record of a robot, which is made where there is none; once only.
 
+        ``baseline``: day of the calibration that it is judged against, where that is known.
+
         Raises:
-            InputError: the job has nothing for a record, or is of another model, or simulated beside real ones.
+            InputError: the job has nothing for a record, or is of another model, or simulated beside real ones; its
+                date is not allowed.
         """
         with self._alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
             for output in self._jobs.outputs(job.id):
@@ -93,7 +96,7 @@ class RecordStore:
             folder = self._folder / serial
             there = (folder / "record.toml").is_file()
             if not there or found not in [e.file.document_sha256 for e in self.read(serial).entries]:
-                add_entry(folder, Path(draft), circumstances, serial)
+                add_entry(folder, Path(draft), circumstances, serial, baseline)
             return self.read(serial)
 
     @contextmanager
@@ -104,25 +107,18 @@ class RecordStore:
             yield
 
 
-def today() -> date:
-    """Return the day (UTC)."""
-    return datetime.now(UTC).date()
-
-
 def robot_state(record: RobotRecord) -> RobotState:
     """Return how a robot stands today."""
-    checks = record.checks
-    if checks and checks[-1][1] is record.entries[-1].document and checks[-1][1].outcome == "changed":
+    if record.failure is not None:
         return "changed"
     if record.calibrated is None:
         return "not calibrated"
-    return "check due" if record.due is not None and record.due < today() else "good"
+    return "check due" if record.due is not None and record.due < latest_day() else "good"
 
 
 def robot_advice(record: RobotRecord) -> str:
     """Return what a person does next."""
-    state, last = robot_state(record), record.entries[-1].document if record.entries else None
-    if state == "changed" and isinstance(last, CheckFile):
-        return last.advice
+    if record.failure is not None:
+        return record.due_text.removeprefix("now: ")
     says = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
-    return says.get(state, "calibrate it")
+    return says.get(robot_state(record), "calibrate it")

@@ -23,7 +23,7 @@ class RecordResult(Result):
     def summary(self) -> str:
         """Return the history in lines."""
         known = self.record
-        due = "" if known.due is None else f", next check due {known.due.isoformat()}"
+        due = known.due_text and f", next check due {known.due_text}"
         lines = [f"{known.file.serial} ({known.file.robot}): {_count(known)}{due}"]
         moved = list(known.differences())
         for e in known.entries:
@@ -39,6 +39,7 @@ class RecordResult(Result):
             "serial": known.file.serial,
             "robot": known.file.robot,
             "next_check": None if known.due is None else known.due.isoformat(),
+            "due": known.due_text,
             "entries": [
                 {"number": e.number, "kind": e.file.kind, "result": e.sentence}
                 | e.file.circumstances.model_dump(mode="json")
@@ -71,7 +72,7 @@ class RecordResult(Result):
 
     def next_step(self, folder: Path) -> str:
         """Say how the robot is looked at again."""
-        due = "" if self.record.due is None else f", due {self.record.due.isoformat()}"
+        due = self.record.due_text and f", due {self.record.due_text}"
         return f"edbb plan-check CELL --baseline CALIBRATED -o check plans the next check{due}"
 
 

@@ -335,7 +335,7 @@ def test_an_entry_of_a_record_is_there_or_not(commands, tmp_path, begun):
     commands.warm()
     added = [results(tmp_path / f"c{k}", "identification.json", calibration(0.01 * k)) for k in (1, 2)]
     place, record = tmp_path / "place", tmp_path / "place" / "record"
-    words = [("record", record, "--add", a, "--date", "2026-01-01", "--serial", "S1") for a in added]
+    words = [("record", record, "--add", a, "--date", "2024-01-01", "--serial", "S1") for a in added]
 
     def begin() -> None:
         shutil.rmtree(place, ignore_errors=True)

@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import zipfile
+from datetime import date, timedelta
 
 import pytest
 
@@ -19,6 +20,9 @@ from tests.instruments.check.test_record import calibration
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP, Store
 
+BEFORE, FIRST, SECOND, THIRD, LAST, TOMORROW = (
+    (date.today() - timedelta(d)).isoformat() for d in (30, 25, 15, 5, 4, -2)
+)
 CALIBRATED, SOUND, CHANGED, SIMULATED = "a" * 24, "b" * 24, "c" * 24, "f" * 24
 
 
@@ -58,19 +62,28 @@ def add(client, job, day, serial="KR6-0815"):
     return client.post(f"/api/records/{serial}/entries", json=body)
 
 
+def refuse_days(client):
+    for day in (BEFORE, TO_COME):
+        refused = add(client, SOUND, day)
+        assert refused.status_code == 422
+        assert f"dated {day}; allowed are {FIRST} (its calibration) to " in refused.json()["detail"]
+
+
 def test_a_robots_record_grows_with_what_jobs_find(client):
     assert client.get("/api/records/KR6-0815").status_code == 404
-    assert add(client, CALIBRATED, "2031-01-01").json()["state"] == "good"
-    assert add(client, SOUND, "2031-02-01").json()["state"] == "good"
-    last = add(client, CHANGED, "2031-03-01").json()
+    assert add(client, CALIBRATED, FIRST).json()["state"] == "good"
+    refuse_days(client)
+    assert add(client, SOUND, SECOND).json()["state"] == "good"
+    last = add(client, CHANGED, THIRD).json()
     assert (last["state"], last["advice"]) == ("changed", "master axis 3 and check again")
     assert [e["job"] for e in last["history"]] == [CALIBRATED, SOUND, CHANGED]
-    assert (last["check_days"], last["next_check"]) == (["2031-02-01", "2031-03-01"], "2031-03-31")
+    assert (last["check_days"], last["next_check"]) == ([SECOND, THIRD], THIRD), "due at once"
+    assert last["due"] == "now: master axis 3 and check again"
     assert last["beyond_chance"][0] < 0 < last["beyond_chance"][1]
-    again = add(client, CHANGED, "2031-03-01")
+    again = add(client, CHANGED, THIRD)
     assert (again.status_code, len(again.json()["history"])) == (201, 3), "the same again changes nothing"
-    assert "simulated" in add(client, SIMULATED, "2031-03-02").json()["detail"]
-    assert add(client, SIMULATED, "2031-03-02", "SIM-1").json()["simulated"]
+    assert "simulated" in add(client, SIMULATED, LAST).json()["detail"]
+    assert add(client, SIMULATED, LAST, "SIM-1").json()["simulated"]
     assert client.post("/api/simulations", json={"plan": "d" * 24}).status_code == 202, "a check's plan"
     run = client.post("/api/runs", params={"name": "run.csv"}, content=b"q1_deg").json()["id"]
     refused = client.post("/api/identifications", json={"plan": "d" * 24, "runs": [{"id": run, "name": "run.csv"}]})
@@ -78,8 +91,8 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     for path in ("/robots/SIM-1", f"/jobs/{SIMULATED}"):
         assert "Nobody has measured this robot" in client.get(path).text, path
     assert "Nobody has measured this robot" not in client.get(f"/jobs/{CALIBRATED}").text
-    assert add(client, "d" * 24, "2031-03-02").status_code == 422
-    assert add(client, SOUND, "2031-03-02", "../x").status_code in (404, 405, 422)
+    assert add(client, "d" * 24, LAST).status_code == 422
+    assert add(client, SOUND, LAST, "../x").status_code in (404, 405, 422)
     page = client.get("/robots/KR6-0815").text
     assert "master axis 3" in page
     assert "<b>W" not in page
@@ -89,14 +102,14 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert 'It is in the record of <a href="/robots/KR6-0815">' in client.get(f"/jobs/{SOUND}").text
     sheet = client.get(f"/jobs/{CALIBRATED}/certificate").text
     held = hashlib.sha256(document_text(calibration(0.01)).encode()).hexdigest()
-    for known in ("KR6-0815", "2031-01-01", "&lt;b&gt;W", "D-K-15", "KUKA KR 6 R700", held):
+    for known in ("KR6-0815", FIRST, "&lt;b&gt;W", "D-K-15", "KUKA KR 6 R700", held):
         assert known in sheet, known
     assert "no certificate" not in sheet
     assert "Simulated: no certificate" in client.get(f"/jobs/{SIMULATED}/certificate").text
 
     ua = client.get("/api/records/KR6-0815/opcua").json()["Prognosis"]
-    assert (ua["Calibrated"], ua["DateOfCalibration"]) == (False, "2031-01-01T00:00:00Z")
-    assert (ua["PredictedTime"], ua["CalibrationInterval"]) == ("2031-03-31T00:00:00Z", 30 * 86_400_000)
+    assert (ua["Calibrated"], ua["DateOfCalibration"]) == (False, f"{FIRST}T00:00:00Z")
+    assert (ua["PredictedTime"], ua["CalibrationInterval"]) == (f"{THIRD}T00:00:00Z", 30 * 86_400_000)
     assert ua["CalibrationCertificate"] == ["D-K-15"]
 
     with zipfile.ZipFile(io.BytesIO(client.get("/api/records/KR6-0815/export").content)) as packed:

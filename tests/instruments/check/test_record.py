@@ -1,7 +1,7 @@
 """A robot's record: what is added stays as it was, belongs to one robot, and shows what changed."""
 
 import json
-from datetime import date
+from datetime import UTC, date, datetime
 
 import pytest
 
@@ -9,6 +9,7 @@ from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
+from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 from planner.report.record_report import drift_chart, record_rows, report_record
 from planner.workflow.plan_results import FORECAST, evaluation_command
@@ -45,7 +46,7 @@ def record(tmp_path):
     ]
     for month, (name, content) in enumerate(documents, 1):
         folder = results(tmp_path / str(month), name, content)
-        add_entry(tmp_path / "record", folder, Circumstances(date=date(2026, month, 1), operator="W"), "S1")
+        add_entry(tmp_path / "record", folder, Circumstances(date=date(2024, month, 1), operator="W"), "S1")
     return tmp_path / "record"
 
 
@@ -56,7 +57,7 @@ def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
     (moved,) = known.differences()  # a2 moved by less than chance
     assert moved[0] == 4
     assert moved[1].startswith("theta3 +5.24e-04 ± 4.9e-05 rad")
-    assert known.due == date(2026, 5, 1)
+    assert known.due == date(2024, 5, 1)
     assert "theta3" in record_rows(known)[3][3]
     zeros, evidence = drift_chart(known).panels
     joint3 = next(s for s in zeros.series if s.name == "joint 3")
@@ -64,8 +65,30 @@ def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
     assert evidence.series[0].y[0] < 0 < evidence.series[0].y[1]
 
 
+def test_after_a_failed_check_the_next_is_due_at_once_and_days_are_in_order(tmp_path):
+    days = (5, 3, 4)  # as they are added: a calibration, a check that fails, one before it that passed
+    for k, (day, name, content) in enumerate(
+        zip(
+            days,
+            ("identification.json", "check.json", "check.json"),
+            (calibration(0.01), verdict_content(judged(theta3=0.03 * DEG), NAME), verdict_content(judged(), NAME)),
+            strict=True,
+        )
+    ):
+        when = Circumstances(date=date(2024, 1, 28 - day))
+        known = add_entry(tmp_path / "record", results(tmp_path / str(k), name, content), when, "S1")
+    assert [e.number for e in known.entries] == [1, 3, 2]
+    assert (known.due, known.calibrated) == (date(2024, 1, 25), None)
+    assert known.due_text == "now: master axis 3 and check again"
+    assert map_to_opcua(known).prognosis.predicted_time == datetime(2024, 1, 25, tzinfo=UTC)
+    late = results(tmp_path / "late", "identification.json", calibration(0.05))
+    with pytest.raises(InputError, match="dated 2200-01-01; allowed are 2000-01-01 to "):
+        add_entry(tmp_path / "record", late, Circumstances(date=date(2200, 1, 1)), None)
+    assert add_entry(tmp_path / "record", late, Circumstances(date=date(2024, 2, 1)), None).due == date(2024, 3, 2)
+
+
 def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path):
-    day = Circumstances(date=date(2026, 6, 1))
+    day = Circumstances(date=date(2024, 6, 1))
     drawn = results(tmp_path / "drawn", "identification.json", calibration(0.02) | {"simulated": True})
     with pytest.raises(InputError, match="record of a robot that is real"):
         add_entry(record, drawn, day, None)
@@ -85,7 +108,7 @@ def test_the_run_of_a_checks_plan_is_judged_not_identified(tmp_path):
 
 
 def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
-    day = Circumstances(date=date(2026, 6, 1))
+    day = Circumstances(date=date(2024, 6, 1))
     with pytest.raises(InputError, match="already"):
         add_entry(record, tmp_path / "2", day, None)
     with pytest.raises(InputError, match="serial number S1"):
@@ -105,5 +128,5 @@ def test_the_command_shows_it(record):
     done = edbb("record", record, "--json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
-    assert (said["serial"], said["next_check"], len(said["entries"])) == ("S1", "2026-05-01", 4)
+    assert (said["serial"], said["next_check"], len(said["entries"])) == ("S1", "2024-05-01", 4)
     assert edbb("record", record, "--add", record, "--date", "tomorrow").returncode == 2
