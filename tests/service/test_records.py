@@ -20,9 +20,8 @@ from tests.instruments.check.test_record import calibration
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP, Store
 
-BEFORE, FIRST, SECOND, THIRD, LAST, TOMORROW = (
-    (date.today() - timedelta(d)).isoformat() for d in (30, 25, 15, 5, 4, -2)
-)
+AGO = (30, 25, 15, 5, 4, -2)  # days
+BEFORE, FIRST, SECOND, THIRD, LAST, TO_COME = ((date.today() - timedelta(d)).isoformat() for d in AGO)
 CALIBRATED, SOUND, CHANGED, SIMULATED = "a" * 24, "b" * 24, "c" * 24, "f" * 24
 
 
