@@ -188,6 +188,13 @@ REFUSED = {
     "blank.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6\nG53 G0 X 1 1\n", 2, "computes or moves axis X"),
     "letter.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6 O9\n", 1, "the word O found"),
     "index.MPF": ("G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nG0 A[1]=5\n", 2, "is no row of words"),
+    "group.MPF": ("G[8]=2\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "what it does to the axes is not known"),
+    "frame.MPF": ("$P_IFRAME=$P_UIFR[2]\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "what it does to the axes"),
+    "turned.MPF": ("TRAORI\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "TRAORI found"),
+    "computed.ngc": ("G[20]\nG53 G0 X1 Y-20 Z3 A4 B5 C6\n", 1, "what it does to the axes is not known"),
+    "second.ngc": ("G55\nG0 X1 Y-20 Z3 A4 B5 C6\n", 2, "no G53 after G55"),
+    "written.ngc": ("#5221=30\nG0 X1 Y-20 Z3 A4 B5 C6\n", 1, "#5221="),
+    "both.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6\nG54\nG0 X2\n", 3, "Y, Z, A, B, C is not known"),
     "modal.nc": ("G1 A1=1 A2=2\nM30\n", 1, "A3, A4, A5, A6 is not known"),
     "loop.ngc": (
         "G90\nG53 G1 X1 Y2 Z3 A4 B5 C6 F1\no1 repeat [3]\nG53 G1 X5\no1 endrepeat\nM2\n",
@@ -350,6 +357,14 @@ def test_the_summary_says_what_was_left(tmp_path):
     assert "1 joint target and 0 poses corrected" in done.summary
     assert "left as it was: p.src:2:" in done.summary
     assert "p.src:4: XP9 is declared elsewhere" in done.summary
+
+
+def test_a_program_called_in_between_is_told(robot, tmp_path):
+    path, row = tmp_path / "p.MPF", "G0 A1=1 A2=-80 A3=90 A4=4 A5=20 A6=6\n"
+    path.write_text(f"{row}R1=5\n{row}MSG()\n{row}L6\n{row}{row}M30\n")
+    done = compensate_file(path, robot, exact(robot), dialect="sinumerik")
+    assert [line for line, _ in done.report.notes] == [7]
+    assert "after what line 6 calls" in done.summary
 
 
 @pytest.mark.parametrize("number", ["1e1", "1e400"])

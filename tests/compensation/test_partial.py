@@ -112,6 +112,11 @@ LEFT_KRL = {
         8,
         r"FDAT_ACT\.TOOL_NO is changed in line 9",
     ),
+    "trigger of another": (["TRIGGER WHEN PATH=0 DELAY=0 DO SETX() PRIO=-1", "PTP {P}"], 6, "SETX of line 5 may set"),
+    "handed over": (["F={B}", "OK=CHG(F)", "$TOOL=F", "$BASE=$NULLFRAME", "PTP {P}"], 9, "F may be changed in line 6"),
+    "row": (["B[1]={B}", "B[I].X=5", "$BASE=B[1]", "PTP {P}"], 8, r"B\[1\] may be changed in line 6"),
+    "function as a place": (["$OUT[F(2)]=TRUE", "PTP {P}"], 6, "does not say the tool and base"),
+    "function beside a move": (["SLIN {P} WITH $VEL.CP=F(2)"], 5, "does not say the tool and base"),
     "no room to say": (["PTP XELSE"], 5, "XELSE is declared elsewhere"),
 }
 
@@ -140,7 +145,7 @@ def test_krl_lines_that_are_not_certain_are_left_and_named(name, kuka, tmp_path)
     [("ISR", "$TOOL.Z=3", "left"), ("ISR", "HALT", "certain"), ("PARO", "HALT", "noted"), ("A10", "HALT", "certain")],
 )
 def test_routines_of_interrupts(kuka, tmp_path, beside, routine, state):
-    rows = [f"INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO {beside} ( )", f"PTP {pose(kuka[0])}", GOOD, "END"]
+    rows = [f"INTERRUPT WITH BRAKE DECL 9 WHEN $IN[1]==TRUE DO {beside} ( )", f"PTP {pose(kuka[0])}", GOOD, "END"]
     text = krl(*NULL, *rows, "DEF ISR ( )", routine)
     done = run(tmp_path / "p.src", text, kuka)
     assert changed(done, text) == ([6] if state == "left" else [5, 6])

@@ -45,6 +45,14 @@ _HARMLESS = (  # they neither move an axis nor change what its angle means
 _SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M30", *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
+_SHIFTS = re.compile(  # words and variables that turn axis angles into something else
+    r"\b(A?TRANS|A?ROTS?|A?SCALE|A?MIRROR|TRA\w+|CYCLE800|REPOS\w*|SETINT|EXECSTRING|TOFRAME\w*|TOROT\w*|PAROT|PRESETON)\b"
+    r"|\$P_\w*(?:FR|FRAME)\b(?:\[[^\[\]]*\])*\s*=(?!=)|(?<![A-Z0-9_$])G\s*[=\[#(]|#52[12]\d\s*=(?!=)"
+)
+_CALLS = re.compile(r"[MPI]?CALL\b|EXTCALL\b|O\s*[\w\[<]*.*\bCALL\b|[A-Z_]\w*\s*(\(.*\)\s*)?$|[^=]*=\s*[A-Z_]\w*\s*\(")
+_NO_CALLS = re.compile(
+    r"(IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|GOTO\w?|MSG|STOPRE|DEF|WRITE|RET)\b"
+)
 _JUMP_TO_NUMBER = re.compile(r"\bGOTO[BFCS]?\b\s*\(?\s*N?\d", re.IGNORECASE)
 
 
@@ -71,7 +79,8 @@ class _GcodeTargets:
         self.work_offset = "G53" if "X" in self.axes else ""
         self._own = known_statements(dialect, lambda texts: (b for text in texts for b in parse(text, dialect)), None)
         self._said = [p for p in (reads.dwell, reads.exact, reads.blended, reads.sync, reads.pulse_end) if p]
-        self.mode = ""
+        self.mode, self.offset, self.called = "", "", 0
+        self.whole: bool | None = None  # whether the last move was without the work offset
         self.forget()
 
     def forget(self) -> None:
@@ -89,6 +98,7 @@ class _GcodeTargets:
             if code in _REFUSED:
                 self._refuse_unit(block, code)
             self.mode = code if code in _MOTION_WORDS else self.mode
+            self.offset = code if code in _OFFSETS else self.offset
         foreign = [name for name, _ in block.words if name in _CARTESIAN and name not in self.axes]
         if foreign:
             sentence = f"the word {foreign[0]} found; the robot's axes are {' '.join(self.joints)} in this dialect"
@@ -97,7 +107,10 @@ class _GcodeTargets:
             self._move(block, words)
         else:
             self._check_codes(block)
-        if block.optional or not self._stays(block):
+        stays = self._stays(block)
+        if not stays and {"L", "P"} & {name for name, _ in block.words}:
+            self.called = block.line
+        if block.optional or not stays:
             self.forget()
 
     def _refuse_unit(self, block: Block, code: str) -> None:
@@ -129,20 +142,28 @@ class _GcodeTargets:
         if axis := re.search(rf"(?<!{edge})({'|'.join(self.joints)})(?!{edge})", said):
             sentence = f"'{block.text}' computes or moves axis {axis[1]}; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)
+        elif match := _SHIFTS.search(re.sub(r'"[^"]*"', " ", block.text)):
+            self.reading.refuse(block.line, f"{match[0].strip()} found: what it does to the axes is not known here")
         elif match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", said):
             self._refuse_unit(block, match[1])
         elif re.search(r"(?<![A-Z0-9_])G\s*\d", said):
             sentence = f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)
         self.forget()
+        if _CALLS.match(said) and not _NO_CALLS.match(said):
+            self.called = block.line
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
         wrong = self._why_not(block, [name for name, _ in words])
         if wrong:
             self.reading.refuse(block.line, wrong)
             return
-        if self.work_offset and self.work_offset not in block.codes:
-            self.reading.notes.append((block.line, "no G53: the work offset is taken as zero"))
+        if self.called:
+            said = f"absolute angles without an offset are taken for granted after what line {self.called} calls"
+            self.reading.notes.append((block.line, said))
+            self.called = 0
+        if self.work_offset and not self._take_offset(block):
+            return
         given = dict(words)
         after = words[-1][1].start + len(words[-1][1].text)
         slots: list[Slot] = []
@@ -162,12 +183,25 @@ class _GcodeTargets:
             return
         self.reading.add(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
 
+    def _take_offset(self, block: Block) -> bool:
+        """Take in whether a block is driven with the work offset, which must be the first one, and zero."""
+        whole = self.work_offset in block.codes
+        if whole != self.whole and self.whole is not None:
+            self.forget()  # what stands in one system has other numbers in the other
+        self.whole = whole
+        if not whole and self.offset not in ("", "G54"):
+            self.reading.refuse(block.line, f"no {self.work_offset} after {self.offset}: the offset is not known here")
+            return False
+        if not whole:
+            self.reading.notes.append((block.line, f"no {self.work_offset}: the work offset is taken as zero"))
+        return True
+
     def _why_not(self, block: Block, names: list[str]) -> str | None:
         """Say why a block with axis words cannot be compensated."""
         allowed = rf"{self.motion}|G0"
         strange = [code for code in block.codes if code not in _BESIDE and not re.fullmatch(allowed, code)]
         if not re.fullmatch(allowed, self.mode) or strange:
-            return f"'{block.text}' is no joint move; {self.motion} and G0 are allowed"
+            return f"'{block.text}' is no joint move; {self.motion.replace('0?', '')} and G0 are allowed"
         beside = {name for name, _ in block.words or ()} - set(self.axes)
         if odd := sorted(beside - set("GMFSTDHPR") - {"ADIS"}):
             return f"the word {odd[0]} found beside a move, which is not known here"

@@ -7,13 +7,8 @@ import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
 from planner.compensation.arm_shapes import ACCURATE, StatusTurn
-from planner.compensation.formats.krl_frames import (
-    MORE_THAN_A_MOVE,
-    FrameState,
-    calls_function,
-    frame_sources,
-    transform,
-)
+from planner.compensation.formats.krl_calls import MORE_THAN_A_MOVE, calls_function
+from planner.compensation.formats.krl_frames import FrameState, frame_sources, transform
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, agreed_frames, common_frames
 from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.programs.dialect import Dialect
@@ -102,7 +97,9 @@ class _KrlTargets:
         for name in re.findall(r"[A-Z_]\w*(?:\[[^\]]*\])?", call.text.upper().partition("(")[2]):
             if self.points.has(name):
                 self.points.use(name, 0, self.frames.default_frames(), None, linear=False)
-        if not call.triggered:
+        if call.triggered:
+            self.frames.take_trigger(call)
+        else:
             self.last = None
             self.frames.forget()
 
@@ -112,6 +109,9 @@ class _KrlTargets:
             self.reading.leave(line, sentence)
 
     def _move(self, move: KrlMove) -> None:
+        if calls_function(move):
+            self.last = None
+            self.frames.forget()
         if is_service_name(self.routine):
             self._leave(move.line, f"{self.routine} {SENTENCE}")
         elif move.relative:

@@ -7,27 +7,22 @@ import numpy as np
 
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.formats.krl_calls import (
+    RESETS_FRAMES,
+    SET_BESIDE,
+    FrameChanges,
+    calls_function,
+    names_given_away,
+)
 from planner.compensation.points import Frame, FramePair
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
 
 _TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
-_RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
 _STATE = {"TOOL": 0, "BASE": 1}
 _EVERYWHERE = ("$ROBROOT", "$WORLD")
-_SET_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE")
-_SET_BESIDE = re.compile(r"\$(TOOL|BASE|IPO_MODE)\b[^=<>]*=(?!=)", re.IGNORECASE)
-_FUNCTION = re.compile(
-    r"(?<![.\w$])(?!(?:SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP)\b|B_)"
-    r"[A-Z_]\w*\s*\(",
-    re.IGNORECASE,
-)
-MORE_THAN_A_MOVE = re.compile(
-    r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE
-)
-_LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
-_INTERRUPT = re.compile(r"INTERRUPT\s+DECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_FDAT = re.compile(r"FDAT_ACT|F\w+")
 _MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 
 
@@ -56,9 +51,9 @@ class FrameState:
         own = [s for s in statements if isinstance(s, st.Assignment)]
         for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
             self._take_value(statement)
-        self._loops = _changing_loops(statements)
+        self._take_doubts(statements)
+        self._changes = FrameChanges(statements)
         self._changed = {s.name: _describe_change(s) for s in own if s.part and _FDAT.fullmatch(s.name)}
-        self._routines = _routines(statements)
         self._taught = {s.name[1:]: s.value.upper() for s in own if s.kind == "FDAT" and s.name.startswith("F")}
         self.begin_routine()
 
@@ -77,6 +72,16 @@ class FrameState:
             self._values[name] = _describe_change(statement)
         else:
             self._values[name] = T
+
+    def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
+        """Take in frames of a row that is written at a computed place, and those that a routine is given."""
+        for s in statements:
+            row, _, place = re.sub(r"\s", "", s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
+            computed = place and not place[:-1].isdigit()
+            given = names_given_away(s)
+            for name in self._values:
+                if (computed and name.startswith(f"{row}[")) or name in given:
+                    self._values[name] = f"{name} may be changed in line {s.line} while the program runs"
 
     def begin_routine(self) -> None:
         """Forget all: who calls may have set anything."""
@@ -121,7 +126,7 @@ class FrameState:
 
     def branch(self, flow: st.Flow) -> None:
         """Take in a branch, a loop or a label: what was set in one of them is not certain after it, nor in the next."""
-        if id(flow) in self._loops or flow.text.endswith(":"):
+        if id(flow) in self._changes.loops or flow.text.endswith(":"):
             self.forget()
         if flow.depth <= 0:
             self._now |= dict.fromkeys(self._inside, "")
@@ -135,17 +140,22 @@ class FrameState:
         Returns:
             The routine of an interrupt that is not in the file and not of KUKA's own, or nothing.
         """
-        if _SET_BESIDE.search(statement.text):
+        if SET_BESIDE.search(statement.text):
             self.forget(f"line {statement.line} sets it")
-        elif match := _INTERRUPT.search(statement.text):
-            routine = match[1].upper()
-            if routine not in self._routines:
+        elif routine := self._changes.interrupt(statement):
+            if self._changes.is_harmless(routine):
+                return ""
+            if routine not in self._changes.routines:
                 return "" if _MAKERS_OWN.fullmatch(routine) else routine
-            if any(_changes_frames(s) for s in self._routines[routine]):
-                self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
+            self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
         elif calls_function(statement):
             self.forget()
         return ""
+
+    def take_trigger(self, call: st.Call) -> None:
+        """Take in that a routine is run while the next move is driven."""
+        if not self._changes.is_harmless(call.name):
+            self.forget(f"the routine {call.name} of line {call.line} may set another")
 
     def select(self, statement: Bas) -> None:
         """Take in a call of BAS that selects frames by number, or forgets them."""
@@ -153,7 +163,7 @@ class FrameState:
             index = statement.value
             known = self._values.get(f"{statement.what}_DATA[{int(index)}]", "") if index.isdigit() else ""
             self._set(statement.what, known)
-        elif statement.what in _RESETS_FRAMES:
+        elif statement.what in RESETS_FRAMES:
             self._set("TOOL", "")
             self._set("BASE", "")
 
@@ -172,56 +182,6 @@ class FrameState:
         self._now[which] = T
         if self._depth > 0:
             self._inside.add(which)
-
-
-_FDAT = re.compile(r"FDAT_ACT|F\w+")
-
-
-def calls_function(statement: st.Statement) -> bool:
-    """Tell whether a routine of somebody's own is called in an expression."""
-    text = statement.value if isinstance(statement, st.Assignment) else statement.text
-    if isinstance(statement, st.Passive):
-        text = text.partition("WAIT")[2].partition("FOR")[2] if text.upper().startswith("WAIT") else ""
-    return _FUNCTION.search(text) is not None
-
-
-def _changes_frames(statement: st.Statement) -> bool:
-    """Tell whether tool or base may be others after a statement."""
-    match statement:
-        case st.Assignment(name=name):
-            return name in _SET_FRAMES or calls_function(statement)
-        case Bas(what=what):
-            return what in _STATE or what in _RESETS_FRAMES
-        case st.Call(triggered=triggered):
-            return not triggered
-        case st.Flow() | st.Passive():
-            return calls_function(statement)
-    return _SET_BESIDE.search(statement.text) is not None
-
-
-def _changing_loops(statements: Sequence[st.Statement]) -> set[int]:
-    """Return which loops, by their first statement, change tool or base: their second pass begins with other ones."""
-    found, begun = set[int](), list[st.Flow]()
-    for s in statements:
-        if _changes_frames(s):
-            found |= {id(loop) for loop in begun}
-        if isinstance(s, st.Routine | st.RoutineEnd):
-            begun.clear()
-        elif isinstance(s, st.Flow) and s.depth > 0:
-            begun.append(s)
-        elif isinstance(s, st.Flow) and s.depth < 0 and begun:
-            begun.pop()
-    return {id(s) for s in statements if id(s) in found and _LOOP.match(s.text)}
-
-
-def _routines(statements: Sequence[st.Statement]) -> dict[str, list[st.Statement]]:
-    bodies = dict[str, list[st.Statement]]()
-    here = list[st.Statement]()
-    for s in statements:
-        if isinstance(s, st.Routine):
-            here = bodies.setdefault(s.name, [])
-        here.append(s)
-    return bodies
 
 
 def _variable(statement: st.Assignment) -> str:

@@ -1,0 +1,90 @@
+"""What a KRL statement may change behind a reader's back: functions in expressions, routines, interrupts, loops."""
+
+import re
+from collections.abc import Sequence
+
+import planner.programs.languages.statements as st
+from planner.programs.languages.krl import Bas
+
+RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
+SET_BESIDE = re.compile(r"\$(TOOL|BASE|IPO_MODE)\b[^=<>]*=(?!=)", re.IGNORECASE)
+MORE_THAN_A_MOVE = re.compile(
+    r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE
+)
+_SET_FRAMES, _NUMBERED_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE"), ("TOOL", "BASE")
+_BUILT_IN = "SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|FORWARD|INVERSE|STRLEN|STRDECLLEN|VARSTATE"
+_KEYWORDS = "IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP|PULSE|SEC|DO|THEN|WAIT|RETURN"
+_FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b|B_)[A-Z_]\w*\s*\(", re.IGNORECASE)
+_LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
+_INTERRUPT = re.compile(r"INTERRUPT\b.*\bDECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+
+
+def calls_function(statement: st.Statement) -> bool:
+    """Tell whether a routine of somebody's own is called in an expression of the statement."""
+    return _FUNCTION.search(statement.text) is not None
+
+
+def names_given_away(statement: st.Statement) -> set[str]:
+    """Return the names in the brackets of calls, in capitals: what a routine is given it may change."""
+    if isinstance(statement, Bas | st.Routine) or not calls_function(statement):
+        return set()
+    given = statement.text.upper().partition("(")[2]
+    return {re.sub(r"\s", "", name) for name in re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\s*\[[^\]]*\])?", given)}
+
+
+class FrameChanges:
+    """Which routines and loops of a file may leave another tool or base.
+
+    Attributes:
+        routines: statements of each routine, by name.
+        loops: first statements, by id, of loops whose second pass may begin with other frames.
+    """
+
+    def __init__(self, statements: Sequence[st.Statement]) -> None:
+        self.routines: dict[str, list[st.Statement]] = {}
+        here = list[st.Statement]()
+        for s in statements:
+            if isinstance(s, st.Routine):
+                here = self.routines.setdefault(s.name, [])
+            here.append(s)
+        self.loops = self._changing_loops(statements)
+
+    def interrupt(self, statement: st.Statement) -> str:
+        """Return the routine that a statement declares for an interrupt, or nothing."""
+        match = _INTERRUPT.search(statement.text)
+        return match[1].upper() if match else ""
+
+    def is_harmless(self, routine: str) -> bool:
+        """Tell whether a routine is in the file and leaves tool and base as they are."""
+        return routine in self.routines and not any(self._changes(s) for s in self.routines[routine])
+
+    def _changes(self, statement: st.Statement) -> bool:
+        """Tell whether tool or base may be others after a statement."""
+        match statement:
+            case st.Assignment(name=name) if name in _SET_FRAMES:
+                return True
+            case Bas(what=what):
+                return what in _NUMBERED_FRAMES or what in RESETS_FRAMES
+            case st.Call(triggered=True, name=name):
+                return name not in self.routines or any(
+                    not isinstance(s, st.Call) and self._changes(s) for s in self.routines[name]
+                )
+            case st.Call():
+                return True
+            case st.Routine() | st.RoutineEnd():
+                return False
+        declares = self.interrupt(statement) != ""
+        return not declares and (calls_function(statement) or SET_BESIDE.search(statement.text) is not None)
+
+    def _changing_loops(self, statements: Sequence[st.Statement]) -> set[int]:
+        found, begun = set[int](), list[st.Flow]()
+        for s in statements:
+            if self._changes(s):
+                found |= {id(loop) for loop in begun if _LOOP.match(loop.text)}
+            if isinstance(s, st.Routine | st.RoutineEnd):
+                begun.clear()
+            elif isinstance(s, st.Flow) and s.depth > 0:
+                begun.append(s)
+            elif isinstance(s, st.Flow) and s.depth < 0 and begun:
+                begun.pop()
+        return found
