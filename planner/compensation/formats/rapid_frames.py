@@ -47,10 +47,13 @@ class Names:
     def __init__(self, placed: Sequence[Placed]) -> None:
         self._modules: list[str] = []
         self._keys: set[str] = set()
+        self._local: set[str] = set()  # seen in their own module alone
         for p in placed:
             if p.module not in self._modules:
                 self._modules.append(p.module)
-            self._keys.update(_key(p.module, p.routine, name) for name in _declared_names(p.statement))
+            keys = {_key(p.module, p.routine, name) for name in _declared_names(p.statement)}
+            self._keys |= keys
+            self._local |= keys if re.search(r"\bLOCAL\b", p.statement.text, re.IGNORECASE) else set()
 
     def own(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is declared in this statement."""
@@ -62,7 +65,7 @@ class Names:
         for key in (_key(p.module, p.routine, name), _key(p.module, "", name)):
             if key in self._keys:
                 return key
-        others = [key for module in self._modules if (key := _key(module, "", name)) in self._keys]
+        others = [key for module in self._modules if (key := _key(module, "", name)) in self._keys - self._local]
         return others[0] if len(others) == 1 else name
 
 
