@@ -193,16 +193,16 @@ class JobStore:
     def take(self, most: int) -> JobRecord | None:
         """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
 
-        The short tasks of a page, at which a person looks, go before commands.
+        The short tasks of a page, at which a person looks, go before commands, and one may run beside ``most``.
         A job whose server is gone, or has not renewed its lease, waits again.
         """
         with self._db.write() as db:
             now, running = time.time(), len(_release_lost(db))
             row = db.execute(
-                "SELECT id FROM jobs WHERE state = 'queued'"
-                " ORDER BY json_extract(command, '$.task') DESC, created, id LIMIT 1"
+                "SELECT id, json_extract(command, '$.task') AS task FROM jobs WHERE state = 'queued'"
+                " ORDER BY task DESC, created, id LIMIT 1"
             ).fetchone()
-            if row is None or running >= most:
+            if row is None or running >= most + bool(row["task"]):
                 return None
             db.execute(
                 "UPDATE jobs SET state = 'running', fence = fence + 1, owner = ?, lease_until = ?, started = ?,"

@@ -16,7 +16,7 @@ from starlette.exceptions import HTTPException
 
 from planner import __version__
 from planner.cell.file import CellFile
-from planner.cell.reading import shipped_cells
+from planner.cell.reading import load_cell, shipped_cells
 from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
@@ -211,6 +211,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=plan.notes if plan else (),
         is_circular=isinstance(plan, CircularDocument),
+        foreseen=not isinstance(plan, PlanDocument) or bool(plan.foresight),
         check=check,
         baseline=find_calibration(context, job.id) if check else None,
         dialects=dialect_entries(),
@@ -275,7 +276,7 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
         for p, h in planned
         if not h.kind
     ]
-    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=shipped_cells())
+    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=_columns_of_shipped())
 
 
 def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -324,6 +325,12 @@ def _plan_header(context: ServiceContext, job: Job) -> PlanHeader:
 def _read_header(path: Path) -> PlanHeader:
     """Content-addressed, so read once."""
     return PlanHeader.model_validate(read_json(path))
+
+
+@cache
+def _columns_of_shipped() -> dict[str, str]:
+    """Return every shipped cell with the columns that its gauge gives."""
+    return {name: load_cell(name, planning=False).gauge.columns for name in shipped_cells()}
 
 
 def _own_cells(context: ServiceContext) -> list[OwnCell]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.common.errors import PARTLY_DONE
+from planner.common.files import data_folder
 from planner.service.file_store import FileStore
 from planner.service.job_process import INPUT_FOLDER, SPECIFICATION, SPECIFICATIONS, JobSpecification
 from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
@@ -68,6 +69,7 @@ class ProcessGroup:
         return total
 
 
+SHIPPED = re.compile(rf"{re.escape(str(data_folder('robots')))}/([\w-]+)/cells/([\w-]+)\.toml")  # cells, by path
 LOOK_S = 0.1
 MEMORY_LOOK_S = 1.0
 MOST_LOG = 200_000  # bytes of what a command prints
@@ -195,6 +197,7 @@ class JobRunner:
             last = log.strip().rpartition("\n")[2][:500]
             return f"a mistake of the program itself ended the command: {last or f'exit code {code}'}"
         here = self._folder.resolve() / INPUT_FOLDER
+        sentence = SHIPPED.sub(r"\1/\2", sentence)
         return sentence.strip().replace(f"{here}/", "").replace(str(here), "the folder of the job")
 
 

@@ -89,8 +89,14 @@ class RunCheck(ServiceModel):
 
 
 def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
-    """Return what is in measured runs of the robot of ``cell``."""
+    """Return what is in measured runs of the robot of ``cell``.
+
+    Raises:
+        InputError: they cannot be read, or are not of its gauge.
+    """
     runs = [load_run(p, cell.robot.n_joints) for p in paths]
+    for run in runs:
+        cell.gauge.check_run(cell, run)
     first, samples = runs[0], sum(len(r) for r in runs)
     s = first.samples
     shown = np.unique(np.linspace(0, len(first) - 1, min(SERIES, len(first))).astype(int))

@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -148,4 +149,8 @@ def test_no_more_jobs_run_than_workers(tmp_path):
         store.jobs.submit(f"{k:024x}", "plan", "cheap", "{}", CHEAP)
     assert store.jobs.take(2)
     assert store.jobs.take(2)
+    assert store.jobs.take(2) is None
+    for k in range(4, 6):
+        store.jobs.submit(f"{k:024x}", "fixture-view", "short", "{}", replace(CHEAP, task=True))
+    assert store.jobs.take(2).kind == "fixture-view", "one short task beside them"
     assert store.jobs.take(2) is None

@@ -2,7 +2,7 @@ import { find, finished, get, post, say, showFacts, upload } from "/static/commo
 import { lineChart } from "/static/linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
-let runs = [], simulation = null;
+let runs = [], simulation = null, good = false, asked = 0, unknown = "";
 
 function place() {
   const plan = find("#plan").value, cell = find("#cell");
@@ -18,30 +18,44 @@ function update() {
   find("#trace-choice").hidden = check;
   if (baseline) find("#baseline").href = `/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
   find("#simulate").disabled = plan === "";
-  find("#identify").disabled = (!runs.length && !simulation) || (!plan && !find("#cell").value);
+  find("#identify").disabled = !good;
   find("#identify").textContent = check ? "3. Judge the check" : "3. Identify the robot";
 }
 
-// Choose the plan that a log names, or else a cell of its robot: they stand at its head, in Parquet at its end.
+// Choose the plan that a log names, or else offer first the cells of its robot whose gauge gives such columns, and
+// choose where there is one: they stand at its head, in Parquet at its end.
 async function choosePlan(file) {
   const text = (await Promise.all([file.slice(0, 65536), file.slice(-65536)].map((part) => part.text()))).join("\n");
   const plan = text.match(/plan_id\W+([0-9a-f]{12})\b/)?.[1], robot = text.match(/^# robot: ([a-z0-9-]+)/m)?.[1];
   const mine = [...find("#plan").options].find((o) => plan && o.dataset.plan === plan);
-  const cell = [...find("#cell").options].find((o) => o.value.startsWith(`${robot}/`));
+  const table = text.replace(/^#.*$/gm, ""), known = (column) => new RegExp(`\\b${column}\\b`).test(table);
+  const fits = (o) => o.value.startsWith(`${robot}/`) && o.dataset.columns.split(", ").every(known);
+  const cells = [...find("#cell").options].filter((o) => o.dataset.columns && fits(o));
+  unknown = plan && !mine ? plan : "";
   if (mine) find("#plan").value = mine.value;
-  else if (plan) find("#plan").value = "";
-  if (!mine && cell && !find("#cell").value) find("#cell").value = cell.value;
+  else if (plan) { find("#plan").value = ""; find("#cell").value = ""; }
+  find("#fitting").append(...cells);
+  find("#fitting").hidden = !find("#fitting").children.length;
+  if (!plan && cells.length === 1 && !find("#cell").value) find("#cell").value = cells[0].value;
 }
 
 async function check() {
+  const number = ++asked;
+  good = false;
   update();
   find("#run-view").hidden = true;
   if (!runs.length && !simulation) return;
-  if (!find("#plan").value && !find("#cell").value) { say(message, "Its plan is not known here: choose the cell."); return; }
+  if (!find("#plan").value && !find("#cell").value) {
+    say(message, unknown ? `The log is of the plan ${unknown}, which is not known here: choose the cell in which it was measured.` : "The log names no plan: choose the plan, or the cell.", true);
+    return;
+  }
   say(message, "Reading the log …");
   const job = await post("/api/run-checks", { runs, simulation, ...place() });
   if (job.state !== "done") await finished(job.id);
   const found = await get(`/api/jobs/${job.id}/result`);
+  if (number !== asked) return;
+  good = true;
+  update();
   say(message, found.simulated ? "This run is simulated: nobody has measured this robot." : `${found.samples} samples, ${found.kind}.`, found.simulated);
   const facts = [["samples", String(found.samples)], ["kind", found.simulated ? `${found.kind}, simulated` : found.kind], ["sessions", String(found.sessions)],
     ["plan", found.plan_id ?? "the log does not say"]];
@@ -63,6 +77,9 @@ async function attempt(work) {
 async function take(files) {
   runs = [];
   simulation = null;
+  good = false;
+  asked += 1;
+  update();
   sent.hidden = false;
   if (files.length) await choosePlan(files[0]);
   for (const file of files) {

@@ -20,6 +20,8 @@ try {
 }
 
 async function start(route, body) {
+  const wrong = editor?.tellWrong();
+  if (wrong) { wrong.focus(); return; }
   try {
     const name = `${plainName(find("h1").textContent).replace(/(_moved)?[.]toml$/, "")}_moved.toml`;
     const job = await post(`/api/${route}`, { ...(editor ? await editor.chosen(name) : request), ...body });

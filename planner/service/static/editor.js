@@ -28,7 +28,7 @@ export class FixtureEditor {
     view.scene.add(this.handle);
     this.inputs = AXES.map((a) => find(`#fixture-${a}`));
     this.inputs.forEach((input) => input.addEventListener("input", () => {
-      if (this.inputs.every((i) => i.value !== "")) this.moveTo(new THREE.Vector3(...this.inputs.map((i) => Number(i.value))));
+      if (!this.tellWrong()) this.moveTo(new THREE.Vector3(...this.inputs.map((i) => Number(i.value))));
     }));
     const choice = find("#fixture-which");
     choice.append(...fixtures.map((f, k) => make("option", { value: k }, f.name)));
@@ -42,6 +42,15 @@ export class FixtureEditor {
     find("#fixture-card").hidden = false;
     this.putBack();
     this.ask();
+  }
+
+  // Says which coordinate is no number that is allowed, and returns its field.
+  tellWrong() {
+    const bad = (i) => i.validity.valueMissing || i.validity.badInput || i.validity.rangeUnderflow || i.validity.rangeOverflow;
+    const wrong = this.inputs.filter(bad), names = wrong.map((i) => i.id.slice(-1)).join(", ");
+    this.inputs.forEach((i) => { if (bad(i)) i.setAttribute("aria-invalid", "true"); else i.removeAttribute("aria-invalid"); });
+    say(find("#fixture-wrong"), wrong.length ? `${names}: give a number from ${this.inputs[0].min} to ${this.inputs[0].max} mm. Nothing is planned before.` : "", wrong.length > 0);
+    return wrong[0];
   }
 
   get start() { return this.places[this.which]; }
@@ -84,6 +93,7 @@ export class FixtureEditor {
   place(position) {
     this.handle.position.copy(position);
     this.inputs.forEach((input, k) => { if (Number(input.value) !== position.getComponent(k) || input.value === "") input.value = position.getComponent(k); });
+    this.tellWrong();
     const shells = this.view.layers.get(REACH)?.nodes ?? [], each = shells.length / this.fixtures.length;
     shells.forEach((n, k) => n.position.copy(Math.floor(k / each) === this.which ? position.clone().sub(this.start) : new THREE.Vector3()));
     this.view.draw();
@@ -103,13 +113,17 @@ export class FixtureEditor {
     find("#fixture-facts").setAttribute("aria-busy", "true");
     if (this.open) post(`/api/jobs/${this.open}/cancel`).catch(() => {});
     this.answer = this.foresee(number, { ...this.request, fixture: this.which, position_mm }, away);
-    this.answer.catch((problem) => { if (number === this.wanted) say(find("#fixture-problem"), problem.message, true); });
+    this.answer.catch((problem) => {
+      if (number !== this.wanted) return;
+      say(find("#fixture-wait"), "");
+      say(find("#fixture-problem"), problem.message, true);
+    });
   }
 
   async foresee(number, body, away) {
     const job = await post("/api/fixture-views", body);
     if (number === this.wanted) this.open = job.id;
-    if (job.state !== "done") await finished(job.id).finally(() => { if (this.open === job.id) this.open = null; });
+    if (job.state !== "done") await finished(job.id, (kind) => { if (number === this.wanted) this.sayWaiting(kind); }).finally(() => { if (this.open === job.id) this.open = null; });
     const found = await get(`/api/jobs/${job.id}/result`);
     if (number !== this.wanted) return null;
     if (!away) this.before = found;
@@ -118,7 +132,13 @@ export class FixtureEditor {
     return job.id;
   }
 
+  sayWaiting(kind) {
+    const why = kind === "queued" ? "Waiting for what runs (plans, other pages) …" : "Computing …";
+    say(find("#fixture-wait"), `${why}${this.before ? " The figures are of the place before." : ""}`);
+  }
+
   show(found) {
+    say(find("#fixture-wait"), "");
     const text = (value, was, digits) => value === null ? "—" : `${value.toPrecision(digits)}${was && was !== value ? ` (was ${was.toPrecision(digits)})` : ""}`;
     find("#fixture-reach").textContent = `${text(100 * found.share, this.before && 100 * this.before.share, 3)} % of the arm's states`;
     find("#fixture-error").textContent = found.error_mm === null ? "—"
