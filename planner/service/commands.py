@@ -85,20 +85,28 @@ class CommandBuilder:
 
     def _title(self, request: JobRequest) -> str:
         if isinstance(request, CellRequest):
-            sent = None if "/" in request.cell else self._uploads.find(request.cell)
-            return sent.name if sent else request.cell
+            return self._cell_title(request.cell)
         if isinstance(request, MeasuredRequest):
             simulated = f"simulated run of {self._jobs.get(request.simulation).title}" if request.simulation else ""
-            return ", ".join(r.name for r in request.runs) or simulated
+            place = self._place(request.plan) if request.plan else self._cell_title(str(request.cell))
+            return f"{', '.join(r.name for r in request.runs)} of {place}" if request.runs else simulated
         if isinstance(request, CommandRequest):
             return request.title or " ".join(request.words)[:TITLE]
         if isinstance(request, CompensationRequest):
             return request.program.name
         if isinstance(request, CheckRequest):
-            return request.run.name
+            return f"{request.run.name} of {self._place(request.check_plan)}"
         if isinstance(request, ErrorMapRequest | CheckPlanRequest):
-            return self._jobs.get(request.identification).title
+            return self._place(request.identification)
         return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
+
+    def _cell_title(self, cell: str) -> str:
+        sent = None if "/" in cell else self._uploads.find(cell)
+        return sent.name if sent else cell
+
+    def _place(self, job: str) -> str:
+        """What a job was for, without the names of runs."""
+        return self._jobs.get(job).title.rpartition(" of ")[2]
 
     def _command(self, r: CommandRequest) -> JobCommand:
         return JobCommand(tuple(r.words), tuple(self._file(f) for f in r.files))

@@ -209,7 +209,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         programs=[f for f in files if f.name in names],
         pictures=pictures(job),
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
-        notes=plan.notes if plan else (),
+        notes=list(dict.fromkeys(plan.notes)) if plan else (),
         is_circular=isinstance(plan, CircularDocument),
         foreseen=not isinstance(plan, PlanDocument) or bool(plan.foresight),
         check=check,
@@ -239,7 +239,7 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
     facts = [plan_facts(p, j.kind == "check-plan") for p, j in zip(plans, jobs, strict=True)]
     names = list(dict.fromkeys(what for each in facts for what, _ in each))
     rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
-    rows.append(("to know", [list(p.notes) for p in plans]))
+    rows.append(("to know", [list(dict.fromkeys(p.notes)) for p in plans]))
     charts = [{p.caption: p for p in pictures(j)} for j in jobs]
     pairs = [[c[caption] for c in charts] for caption in charts[0] if caption in charts[1]]
     return render("compare", plans=jobs, rows=rows, pictures=pairs)

@@ -8,12 +8,15 @@ import pytest
 from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
+from planner.common.errors import InputError
 from planner.service.certificate import RMS_OF_REPEATABILITY, find_validation
 from planner.service.job_requests import CommandRequest
 from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.page_content import GENERAL, find_action
+from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
 from planner.service.session_steps import session_steps
+from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
 from tests.service.conftest import client_of, ended, settings, upload
@@ -165,3 +168,15 @@ def test_repeatability_becomes_the_rms_of_such_a_scatter():
     """RP of ISO 9283 is the mean distance plus three standard deviations; distances in space follow Maxwell."""
     rms = (maxwell.mean() ** 2 + maxwell.var()) ** 0.5
     assert pytest.approx(rms / (maxwell.mean() + 3 * maxwell.std()), rel=1e-4) == RMS_OF_REPEATABILITY
+
+
+def test_a_log_is_offered_the_cells_of_its_gauge_and_refused_in_others(client, tmp_path):
+    assert '<option data-columns="x_mm, y_mm, z_mm">kuka-kr6-r700/tracker</option>' in client.get("/calibrate").text
+    log = tmp_path / "run.csv"
+    rows = "".join(f"{','.join(str(5 * k + 10 * j) for j in range(6))},{400 + k},0,300\n" for k in range(4))
+    log.write_text(f"{','.join(f'q{j}_deg' for j in range(1, 7))},x_mm,y_mm,z_mm\n{rows}")
+    assert check_run([log], load_cell("kuka-kr6-r700/tracker", planning=False)).samples == 4
+    bar = load_cell("kuka-kr6-r700/edbb", planning=False)
+    with pytest.raises(InputError, match=r"readings 'x_mm, y_mm, z_mm', but the gauge 'edbb' of .* gives") as e:
+        check_run([log], bar)
+    assert SHIPPED.sub(r"\1/\2", str(e.value)).endswith("of kuka-kr6-r700/edbb gives 'length_mm'")
