@@ -36,13 +36,18 @@ else:  # imported by the work itself, once its progress shows
 def simulate_command(
     plan_file: PlanFile,
     output: OutputFile,
-    truth: Annotated[Path | None, typer.Option(metavar="TRUTH.toml", help="errors of the simulated robot")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="TRUTH", help="errors of the simulated robot: a TOML file, or its run as CSV")
+    ] = None,
+    change: Annotated[
+        str, typer.Option(metavar="KEY=VALUE", help="added to an error of the truth, as in theta3_deg=0.2")
+    ] = "",
     seed: Seed = 0,
 ) -> None:
     """Simulate the measured run of a plan, on a robot with known or drawn errors."""
     from planner.workflow.plan_reading import simulate
 
-    made = simulate(plan_file, truth=truth, seed=seed)
+    made = simulate(plan_file, truth=truth, change=change, seed=seed)
     print_notes(made.run.warnings)
     give_file(made.text(), made.write, output, evaluation_step(output, plan_file))
 

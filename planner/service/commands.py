@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
+from planner.runs.run import SIMULATED
 from planner.service.file_store import FileStore
 from planner.service.job_requests import (
     CellCheckRequest,
@@ -33,6 +34,7 @@ from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
 from planner.service.uploads import UploadList
 
 JSON = "--json"
+HEAD = 65536  # bytes of a run that its comments are sought in
 TITLE = 120  # signs of a command that name it
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
@@ -142,7 +144,23 @@ class CommandBuilder:
         words = ["simulate", "plan/plan.json", "-o", "out/run.csv", "--seed", str(r.seed)]
         if r.truth:
             words, inputs = [*words, "--truth", r.truth.name], [*inputs, self._file(r.truth)]
-        return JobCommand(tuple(words), tuple(inputs))
+        elif self._jobs.get(r.plan).kind == "check-plan":
+            words, inputs = [*words, "--truth", "robot.csv"], [*inputs, self._simulated_baseline(r.plan)]
+        return JobCommand((*words, *_options(change=r.change)), tuple(inputs))
+
+    def _simulated_baseline(self, check_plan: str) -> JobInput:
+        """The simulated run by which the robot of a check was calibrated: it says what is true of that robot."""
+        known = self._jobs.get(check_plan).command.inputs_of("--baseline").get("identification.json", "")
+        made = self._jobs.writer(known, "identification")
+        runs = [i for i in made.command.inputs if i.name in made.command.words] if made else []
+        for run in (i for i in runs if i.name.endswith(".csv")):
+            with self._files.path(run.sha256).open("rb") as file:
+                if SIMULATED.encode() in file.read(HEAD):
+                    return JobInput("robot.csv", run.sha256)
+        raise InputError(
+            "a check can be simulated only for a robot whose calibration was simulated, as only then its true errors "
+            "are known; drive the check and give its log"
+        )
 
     def _export(self, r: ExportRequest) -> JobCommand:
         inputs = self._plan_files(r.plan)

@@ -157,11 +157,14 @@ class PlanViewRequest(OfPlanRequest):
 
 
 class SimulationRequest(OfPlanRequest):
-    """Simulate the measured run of a plan, on a robot with known or drawn errors."""
+    """Simulate the measured run of a plan, on a robot with known or drawn errors; of a check on the calibrated one."""
 
     kind: ClassVar[str] = "simulation"
     seed: Seed = 0
     truth: FileReference | None = None
+    change: Annotated[str, Field(pattern=r"^[a-z]+[a-z0-9_]{0,40}=-?[0-9]{1,6}(\.[0-9]{1,9})?$")] | None = Field(
+        None, description="added to an error of the truth, as in theta3_deg=0.2"
+    )
 
 
 class ExportRequest(OfPlanRequest):

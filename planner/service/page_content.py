@@ -5,6 +5,7 @@ from pathlib import Path
 
 from planner.common.schema import PartialModel, read_json
 from planner.common.units import to_mm
+from planner.design.observability.information import find_rule
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
 from planner.model.identification_document import Finding, Identification, Release, Stage
@@ -93,6 +94,7 @@ class CheckForecastFile(PartialModel):
 
     false_alarm: float
     power: float
+    hidden_because: str = ""
     changes: tuple[ForeseenChange, ...]
 
 
@@ -147,6 +149,11 @@ class CalibrationPage:
     def after(self) -> StageRow:
         """The robot that is written."""
         return self.stages[-1]
+
+    @property
+    def modelled(self) -> str:
+        """Name the effects of the last fit: where nothing was found, those that cell and robot declare."""
+        return ", ".join(self.document.stages[-1].effects)
 
     @property
     def readings(self) -> str:
@@ -206,7 +213,9 @@ def _foreseen(plan: PlanDocument) -> list[tuple[str, str]]:
     rows = [("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot")]
     if seen.get("index"):
         value, bound = _digits(seen.get(seen["index"])), _digits(seen.get("bound"))
-        rows.append((f"index {seen['index']}", f"{value}; no choice of as many poses has better than {bound}"))
+        way = "larger" if find_rule(str(seen["index"])).maximise else "smaller"
+        text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
+        rows.append((f"index {seen['index']}", text))
     if plan.foresight.get("left_mm") is not None:
         rows.append(("error foreseen", f"{_digits(plan.foresight['left_mm'])} mm"))
     return rows

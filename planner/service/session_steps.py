@@ -26,7 +26,10 @@ def session_steps(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> lis
     if isinstance(plan, CircularDocument):
         what, row = f"the circles ({len(plan.circles)}) as often as the program says", "sample"
     else:
-        what, row = f"{len(plan.poses)} poses", "pose" if cell.motion.measure == "static" else "sample"
+        stops = len(plan.ids("mount"))
+        also = f" and {stops} stop{'s' * (stops > 1)} for the gauge" if stops else ""
+        what = f"{len(plan.poses) - stops} poses{also}"
+        row = "pose" if cell.motion.measure == "static" else "sample"
     return [
         CellStep(
             "Clear the cell",

@@ -17,9 +17,11 @@ from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
+from planner.instruments.simulation.measurement import planned_samples
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
+from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
 from planner.session.pose_sources import pose_session
 from planner.workflow.plan_results import PlanResult, evaluation_command
@@ -111,7 +113,9 @@ def plan_check(
     options = PlanOptions(seed=seed, dialects=dialect)
     session = pose_session(resting_cell(where), options, CheckChooser(known, poses))
     plan = plan_session(session, session.options, stages)
-    return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, plan.choice.samples))
+    driven = PlannedSession.of(plan)  # with the sides from which joints come to the poses, as the run will have them
+    samples = planned_samples(driven.cell, driven.document, driven.courses)
+    return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, samples))
 
 
 def check(

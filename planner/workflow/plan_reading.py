@@ -4,7 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from planner.common.determinism import on_one_thread
+from planner.common.errors import InputError
 from planner.common.schema import read_json
+from planner.instruments.check.planning import CHECK_NOTE
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
@@ -15,6 +17,11 @@ from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
 from planner.workflow.plan_results import CircularPlanResult, ExportResult, PlanResult, SimulationResult
+
+DRAWN_FOR_CHECK = (
+    "this is the plan of a check, and a newly drawn robot was simulated: where the calibration was not of a robot "
+    "drawn with the same seed, its check fails; --truth RUN.csv simulates the robot of the calibration's simulated run"
+)
 
 
 def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
@@ -27,15 +34,21 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
 
 
 def simulate(
-    plan: PlanResult | CircularPlanResult | Path | str, *, truth: Path | str | None = None, seed: int = 0
+    plan: PlanResult | CircularPlanResult | Path | str,
+    *,
+    truth: Path | str | None = None,
+    change: str = "",
+    seed: int = 0,
 ) -> SimulationResult:
     """Simulate the measured run of a plan, on a robot with the errors of a file ``truth``, or with drawn ones.
+
+    ``truth`` may be a simulated run, for its robot; ``change`` (``KEY=VALUE``) is added to one of its errors.
 
     Raises:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
     """
     source = Path(plan) if isinstance(plan, Path | str) else plan.plan
-    return SimulationResult(simulate_plan(source, None if truth is None else Path(truth), seed))
+    return SimulationResult(simulate_plan(source, None if truth is None else Path(truth), seed, change))
 
 
 @on_one_thread
@@ -55,7 +68,7 @@ def export_plan(path: Path, dialect: str, stem: str) -> ExportResult:
 
 @on_one_thread
 def simulate_plan(
-    plan: Path | Plan | PlannedSession | CircularPlan, truth: Path | None = None, seed: int = 0
+    plan: Path | Plan | PlannedSession | CircularPlan, truth: Path | None = None, seed: int = 0, change: str = ""
 ) -> SimulatedRun:
     """Simulate the measured run of a plan, or of the one at a path; errors are drawn where no ``truth`` is given.
 
@@ -76,9 +89,13 @@ def simulate_plan(
         samples = circle_samples(session, SAMPLE_RATE)
     else:
         samples = planned_samples(cell, session.document, session.courses)
-    known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples)
+    if change and truth is None:
+        raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
+    known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples, change)
     run = simulate_readings(cell, session.plan_id, samples, known, seed)
     changed = () if isinstance(session, CircularPlan) and not isinstance(plan, Path) else session.notes
+    if truth is None and not isinstance(session, CircularPlan) and CHECK_NOTE in session.document.notes:
+        changed = (*changed, DRAWN_FOR_CHECK)
     return replace(run, warnings=(*run.warnings, *changed, *cell.gauge.centring_warnings(cell, samples, run)))
 
 

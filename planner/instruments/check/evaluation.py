@@ -120,8 +120,8 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     """
     run = _prepare(run, cell, baseline)
     samples, known = run.samples, baseline.for_session(cell, run)
-    with_play = samples.direction is not None and bool((np.ptp(samples.direction, axis=0) > 1.0).any())
-    detector, changes, hidden = build_detector(known, possible_changes(cell, known.model.setup, with_play), samples)
+    every = possible_changes(cell, known.model.setup, shows_play(samples))
+    detector, changes, hidden = build_detector(known, every, samples)
     difference = known.difference(run)
     *tests, anything = detector.explain(difference)
     leads = {e.which: lead for lead, e in rank_explanations((*tests, anything), len(difference))}
@@ -141,6 +141,11 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
         limit=limit,
         notes=(*run.warnings, *notes),
     )
+
+
+def shows_play(samples: Samples) -> bool:
+    """Tell whether some joint came to the poses from both sides, so that its play can show."""
+    return samples.direction is not None and bool((np.ptp(samples.direction, axis=0) > 1.0).any())
 
 
 def build_detector(

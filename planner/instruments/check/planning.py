@@ -98,6 +98,7 @@ class _Merit:
         return np.asarray(np.log(np.maximum(np.stack(least), 1e-300)).mean(axis=0) + apart)
 
 
+CHECK_NOTE = "these poses tell what has changed since the calibration; they do not calibrate"
 CANDIDATES = 3000  # a check asks less of its pool than a calibration does
 
 
@@ -132,7 +133,7 @@ class CheckChooser:
             changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), TRIED)))[1]
             chosen = choose_check_poses(baseline, changes, pool, self.count)
             choice = _judge_by_index(session, baseline, changes, chosen)
-        session.notes.append("these poses tell what has changed since the calibration; they do not calibrate")
+        session.notes.append(CHECK_NOTE)
         return Selection(choice)
 
 

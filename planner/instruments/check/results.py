@@ -9,7 +9,14 @@ from planner.common.units import Array, in_units, significant, to_deg, to_mm
 from planner.identification.baseline import Baseline
 from planner.instruments.check.changes import Change, possible_changes
 from planner.instruments.check.detection import FALSE_ALARM, POWER
-from planner.instruments.check.evaluation import ANYTHING, CheckVerdict, JudgedChange, build_detector, hidden_text
+from planner.instruments.check.evaluation import (
+    ANYTHING,
+    CheckVerdict,
+    JudgedChange,
+    build_detector,
+    hidden_text,
+    shows_play,
+)
 from planner.runs.run import Samples
 
 DIGITS = 4
@@ -29,16 +36,22 @@ class CheckForecast:
     def of(cls, baseline: Baseline, cell: Cell, samples: Samples) -> "CheckForecast":
         """Foresee the check of some poses."""
         known = baseline.for_samples(samples)
-        every = possible_changes(cell, known.model.setup, with_play=False)
+        every = possible_changes(cell, known.model.setup, shows_play(samples))
         detector, changes, hidden = build_detector(known, every, samples)
         return cls(changes, tuple(detector.detectable(k, c.square) for k, c in enumerate(changes)), hidden)
+
+    @property
+    def hidden_because(self) -> str:
+        """Say which changes no reading shows, and why; empty where all show."""
+        return hidden_text(self.hidden) if self.hidden else ""
 
     def content(self) -> dict[str, object]:
         """Return ``shows.json``."""
         each = zip(self.changes, self.detectable, strict=True)
         changes = [{"change": c.name, "detectable_mm": _mm(d)} for c, d in each]
         changes += [{"change": c.name, "detectable_mm": None} for c in self.hidden]
-        return {"schema": "edbb-check-forecast/1", **RATES, "changes": changes}
+        why = {"hidden_because": self.hidden_because} if self.hidden else {}
+        return {"schema": "edbb-check-forecast/1", **RATES, "changes": changes, **why}
 
     def rows(self) -> list[tuple[str, str]]:
         """Return every change that shows, and from which motion of the tool on, in mm."""
@@ -48,7 +61,7 @@ class CheckForecast:
         """Return the same in words."""
         return [f"  shows       {name}: from {least} mm of the tool" for name, least in self.rows()] + [
             f"  rates       {SHOWN_RATES}",
-            *([f"  note        {hidden_text(self.hidden)}"] if self.hidden else []),
+            *([f"  note        {self.hidden_because}"] if self.hidden else []),
         ]
 
 

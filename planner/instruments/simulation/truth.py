@@ -1,5 +1,6 @@
 """The true errors and effects of a simulated robot: read from ``TRUTH.toml``, or drawn from their priors."""
 
+import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -11,14 +12,15 @@ from pydantic import Field, NonNegativeFloat
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
-from planner.common.schema import StrictModel, read_toml
+from planner.common.reading import read_utf8
+from planner.common.schema import StrictModel, read_toml, validate
 from planner.common.units import DEG, MM, UM, Array, read_only, si_unit
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect
 from planner.effects.parameters import Parameter
 from planner.model.model import Model
-from planner.runs.run import Samples
+from planner.runs.run import SIMULATED, Samples
 
 
 class TruthEffectFile(StrictModel):
@@ -108,6 +110,7 @@ UNIT_SPELLINGS = {
     "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
     "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
 }  # of a parameter's unit in a key, the first is how it is written
+TRUTH_LINE = "# truth: "  # of a simulated run begins a line that says what is true
 WRITTEN_DIGITS = 9  # of a drawn error as it is written
 ALL_GAUGE_PARAMETERS = frozenset({"fixture", "tool", "zero"})
 
@@ -160,13 +163,22 @@ class Truth:
         )
 
 
-def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
+def read_truth(path: Path, cell: Cell, samples: Samples, change: str = "") -> Truth:
     """Read the errors of the robot in ``cell``; those not named are zero. Effects are those ``samples`` can show.
 
+    Args:
+        path: a ``TRUTH.toml``, or a simulated run as CSV, which says what is true of its robot.
+        cell: of the robot.
+        samples: to be measured.
+        change: ``KEY=VALUE``, added to the error of this key.
+
     Raises:
-        InputError: a key that names no error of this cell, or has no unit, or a value that is no number.
+        InputError: a key that names no error of this cell, or has no unit, or a value that is no number; a run that
+            was not simulated.
     """
-    file = read_toml(path, TruthFile)
+    file = _truth_of_run(path) if path.suffix.lower() == ".csv" else read_toml(path, TruthFile)
+    if change:
+        file = _add_change(file, change)
     model = _truth_model(_with_noise(cell, file.noise))
     keys = {key: (k, factor) for k, p in enumerate(model.parameters) for key, factor in _error_keys(p)}
     errors = np.zeros(len(model.parameters))
@@ -178,6 +190,33 @@ def read_truth(path: Path, cell: Cell, samples: Samples) -> Truth:
             raise InputError(f"{path}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
     return Truth(model, read_only(errors), effects_from_file(path, file.effects, model.setup, samples))
+
+
+def _truth_of_run(path: Path) -> TruthFile:
+    """Read what the comment lines of a simulated run say."""
+    lines = [line.removeprefix(TRUTH_LINE) for line in read_utf8(path).splitlines() if line.startswith(TRUTH_LINE)]
+    if SIMULATED not in lines:
+        raise InputError(
+            f"{path}: no line '{TRUTH_LINE}{SIMULATED}'; only a simulated run says what is true of its robot"
+        )
+    try:
+        said = [tomllib.loads(line) for line in lines if line != SIMULATED]
+    except tomllib.TOMLDecodeError as err:
+        raise InputError(f"{path}: a line '{TRUTH_LINE}…' is not as it was written: {err}") from err
+    errors = {key: value for line in said for key, value in line.items() if key != "effects"}
+    noise = {key: errors.pop(key) for key in NoiseFile.model_fields if key in errors}
+    effects = [line["effects"] for line in said if "effects" in line]
+    content = {"schema": "edbb-truth/1", "errors": errors, "effects": effects, "noise": noise}
+    return validate(content, TruthFile, str(path))
+
+
+def _add_change(file: TruthFile, change: str) -> TruthFile:
+    key, _, value = change.partition("=")
+    try:
+        changed = file.errors.get(key, 0.0) + float(value)
+    except ValueError:
+        raise InputError(f"--change {change}: is not KEY=VALUE with a number, as in theta3_deg=0.2") from None
+    return file.model_copy(update={"errors": file.errors | {key: changed}})
 
 
 def draw_truth(cell: Cell, seed: int) -> Truth:

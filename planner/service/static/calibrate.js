@@ -16,6 +16,7 @@ function update() {
   find("#cell-choice").hidden = plan !== "";
   find("#check-choice").hidden = !check;
   find("#trace-choice").hidden = check;
+  find("#change-choice").hidden = !check;
   if (baseline) find("#baseline").href = `/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
   find("#simulate").disabled = plan === "";
   find("#identify").disabled = !good;
@@ -97,8 +98,10 @@ drop.addEventListener("drop", (e) => { e.preventDefault(); attempt(() => take([.
 for (const id of ["#plan", "#cell"]) find(id).addEventListener("change", () => attempt(check));
 
 find("#simulate").addEventListener("click", () => attempt(async () => {
-  say(message, "Simulating a robot with drawn errors …");
-  const job = await post("/api/simulations", { plan: find("#plan").value, seed: 1 });
+  const ofCheck = isCheck(), key = ofCheck && find("#change").value;
+  say(message, ofCheck ? "Simulating the robot of the calibration …" : "Simulating a robot with drawn errors …");
+  const change = key ? { change: `${key}=${Number(find("#change-size").value)}` } : {};
+  const job = await post("/api/simulations", { plan: find("#plan").value, seed: ofCheck ? 2 : 1, ...change });
   if (job.state !== "done") await finished(job.id);
   runs = [];
   simulation = job.id;

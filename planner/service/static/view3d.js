@@ -108,7 +108,8 @@ export class CellView {
       const matrix = new THREE.Matrix4();
       spots.forEach((s, k) => mesh.setMatrixAt(k, matrix.makeTranslation(...s.position_mm)));
       mesh.visible = role !== "validate" || spots.length <= MANY; // its switch shows them
-      this.scene.add(this.layer(`${role} (${spots.length})`, colour, mesh));
+      const name = role === "calibrate" && document.body.dataset.kind === "check-plan" ? "check" : role;
+      this.scene.add(this.layer(`${name} (${spots.length})`, colour, mesh));
     }
   }
 
