@@ -83,7 +83,8 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert (again.status_code, len(again.json()["history"])) == (201, 3), "the same again changes nothing"
     assert "simulated" in add(client, SIMULATED, LAST).json()["detail"]
     assert add(client, SIMULATED, LAST, "SIM-1").json()["simulated"]
-    assert client.post("/api/simulations", json={"plan": "d" * 24}).status_code == 202, "a check's plan"
+    refused = client.post("/api/simulations", json={"plan": "d" * 24})
+    assert "only for a robot whose calibration was simulated" in refused.json()["detail"]
     run = client.post("/api/runs", params={"name": "run.csv"}, content=b"q1_deg").json()["id"]
     refused = client.post("/api/identifications", json={"plan": "d" * 24, "runs": [{"id": run, "name": "run.csv"}]})
     assert "is a check-plan; a plan is needed" in refused.json()["detail"]

@@ -87,6 +87,10 @@ def test_the_run_says_that_it_is_simulated(measured):
     code, out, _ = edbb("simulate", measured / "plan.json", "-o", "-", "--truth", measured / "truth.toml")
     assert code == 0
     assert out == (measured / "run.csv").read_text()
+    same = ("simulate", measured / "plan.json", "-o", "-", "--truth", measured / "run.csv")
+    again = edbb(*same)[1].splitlines()
+    assert [x for x in again if x[0] == "#"] == [x for x in lines if x[0] == "#"], "a run says what is true"
+    assert "# truth: a2_mm = 1.45" in edbb(*same, "--change", "a2_mm=0.25")[1].splitlines()
     assert edbb("simulate", measured / "plan.json", "-o", measured / "run.parquet")[0] == 0
     assert (measured / "run.parquet").stat().st_size > 1000
 
