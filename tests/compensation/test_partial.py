@@ -117,6 +117,17 @@ LEFT_KRL = {
     "row": (["B[1]={B}", "B[I].X=5", "$BASE=B[1]", "PTP {P}"], 8, r"B\[1\] may be changed in line 6"),
     "function as a place": (["$OUT[F(2)]=TRUE", "PTP {P}"], 6, "does not say the tool and base"),
     "function beside a move": (["SLIN {P} WITH $VEL.CP=F(2)"], 5, "does not say the tool and base"),
+    "stationary tool, in one branch": (
+        ["IF TRUE THEN", "$IPO_MODE=#TCP", "ELSE", "$IPO_MODE=#BASE", "ENDIF", "PTP {P}"],
+        10,
+        r"\$IPO_MODE is #TCP",
+    ),
+    "stationary tool, by inline form": (
+        ["FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #TCP}", "BAS(#FRAMES)", *NULL, "PTP {P}"],
+        9,
+        "may be #TCP since line 5",
+    ),
+    "made a base, two steps": (["XP1={P}", "NB=INV_POS(XP1)", "$BASE=NB", "PTP XP1"], 5, r"XP1 makes a tool or a base"),
     "no room to say": (["PTP XELSE"], 5, "XELSE is declared elsewhere"),
 }
 
@@ -150,6 +161,38 @@ def test_routines_of_interrupts(kuka, tmp_path, beside, routine, state):
     done = run(tmp_path / "p.src", text, kuka)
     assert changed(done, text) == ([6] if state == "left" else [5, 6])
     assert ("PARO of this interrupt is not in the file" in done.summary) == (state == "noted")
+
+
+def test_rapid_points_that_make_a_work_object_in_two_steps(abb, tmp_path):
+    """A fake point would move the work object."""
+    rows = [
+        f"CONST robtarget p1:={target(abb[0])};",
+        'PERS wobjdata wB:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+        "VAR pose f;",
+        "PROC main()",
+        " MoveL p1,v100,fine,tool0;",
+        " MoveAbsJ [[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;",
+        " f:=DefFrame(p1,p1,p1);",
+        " wB.uframe:=f;",
+        "ENDPROC",
+    ]
+    text = "\n".join(["MODULE M", *rows, "ENDMODULE", ""])
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [7]
+    assert "p1 makes a tool or a work object" in reasons(done)[2]
+
+
+def test_a_stationary_tool_is_not_known_in_another_routine(kuka, tmp_path):
+    rows = ["$IPO_MODE=#TCP", "GLUE()", "END", "DEF GLUE()", *NULL, f"PTP {pose(kuka[0])}", "$IPO_MODE=#BASE"]
+    text = krl(GOOD, *rows, f"PTP {pose(kuka[0])}")
+    assert changed(run(tmp_path / "p.src", text, kuka), text) == [2, 11]
+
+
+def test_a_parameter_is_not_the_frame_of_its_name(kuka, tmp_path):
+    (tmp_path / "p.dat").write_text("DEFDAT P\nDECL FRAME GRIP={X 0,Y 0,Z 100,A 0,B 0,C 0}\nENDDAT\n")
+    rows = ["$TOOL=GRIP", "$BASE=$NULLFRAME", f"PTP {pose(kuka[0])}"]
+    text = krl(GOOD, *rows, "END", "DEF TO(GRIP:IN)", *rows, "END", "DEF OTHER()", "DECL FRAME GRIP", *rows)
+    assert changed(run(tmp_path / "p.src", text, kuka), text) == [2, 5]
 
 
 def test_what_is_set_in_a_loop_holds_until_it_ends(kuka, tmp_path):

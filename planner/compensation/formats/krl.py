@@ -42,7 +42,7 @@ class _KrlTargets:
         self.reading = reading
         self.frames = FrameState(statements, reading.frames)
         self.points = PointTable(reading, "file")
-        for name, line in frame_sources(statements):
+        for name, line in frame_sources(statements).items():
             self.points.compute(name, f"makes a tool or a base (line {line})")
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
         self.routine = ""
@@ -67,7 +67,7 @@ class _KrlTargets:
             case st.Routine() | st.RoutineEnd():
                 self.last = None
                 self.routine = statement.name if isinstance(statement, st.Routine) else ""
-                self.frames.begin_routine()
+                self.frames.begin_routine(statement)
             case st.Call():
                 self._read_call(statement)
             case _:

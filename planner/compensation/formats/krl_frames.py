@@ -1,7 +1,7 @@
 """Which tool and base hold at a statement of a KRL program, as far as its files say it for certain."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate,
 _TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
 _STATE = {"TOOL": 0, "BASE": 1}
 _EVERYWHERE = ("$ROBROOT", "$WORLD")
+_FIXED_BASE = "#BASE"
 _FDAT = re.compile(r"FDAT_ACT|F\w+")
 _MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 
@@ -48,6 +49,7 @@ class FrameState:
         self._given = given.T_FT, given.T_WB
         self._values: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
         self._everywhere = ""
+        self._on_tool = _stationary_tool(statements)
         own = [s for s in statements if isinstance(s, st.Assignment)]
         for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
             self._take_value(statement)
@@ -83,25 +85,27 @@ class FrameState:
                 if (computed and name.startswith(f"{row}[")) or name in given:
                     self._values[name] = f"{name} may be changed in line {s.line} while the program runs"
 
-    def begin_routine(self) -> None:
-        """Forget all: who calls may have set anything."""
-        self._depth, self._on_tool = 0, ""
+    def begin_routine(self, routine: st.Statement | None = None) -> None:
+        """Forget all: who calls may have set anything, and hands over what has the names of parameters."""
+        self._shadowed = set(re.findall(r"\w+", routine.text.upper().partition("(")[2])) if routine else set[str]()
+        self._depth = 0
         self._inside: set[str] = set()  # what was set in IF or a loop that has not ended
         self.forget()
 
     def forget(self, because: str = "") -> None:
         """Forget what was set: another program may have set something else."""
-        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because}
+        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because, "IPO_MODE": ""}
 
     def now(self) -> FramePair:
         """Return tool and base at this statement."""
-        if self._on_tool or self._everywhere:
-            return (self._on_tool or self._everywhere,) * 2
-        return self._or_given(*self._now.values())
+        if self._everywhere or (self._on_tool and self._now["IPO_MODE"] != _FIXED_BASE):
+            return (self._everywhere or self._on_tool,) * 2
+        return self._or_given(self._now["TOOL"], self._now["BASE"])
 
     def default_frames(self) -> FramePair:
         """Return tool and base of a point that no move of the file uses."""
-        return (self._everywhere,) * 2 if self._everywhere else self._or_given("", "")
+        why = self._everywhere or self._on_tool
+        return (why, why) if why else self._or_given("", "")
 
     def _or_given(self, tool: Frame, base: Frame) -> FramePair:
         pair = [
@@ -150,6 +154,9 @@ class FrameState:
             self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
         elif calls_function(statement):
             self.forget()
+        elif declared := re.fullmatch(r"DECL\s+\w+\s+([\w,\s]+)", statement.text, re.IGNORECASE):
+            inside = {s.name for body in self._changes.routines.values() for s in body if isinstance(s, st.Assignment)}
+            self._shadowed |= set(re.findall(r"\w+", declared[1].upper())) - inside
         return ""
 
     def take_trigger(self, call: st.Call) -> None:
@@ -159,29 +166,39 @@ class FrameState:
 
     def select(self, statement: Bas) -> None:
         """Take in a call of BAS that selects frames by number, or forgets them."""
-        if statement.what in self._now:
+        if statement.what in _STATE:
             index = statement.value
             known = self._values.get(f"{statement.what}_DATA[{int(index)}]", "") if index.isdigit() else ""
             self._set(statement.what, known)
         elif statement.what in RESETS_FRAMES:
-            self._set("TOOL", "")
-            self._set("BASE", "")
+            for which in self._now:
+                self._set(which, "")
 
     def assign(self, statement: st.Assignment) -> None:
         """Take in what is given to ``$TOOL``, ``$BASE`` or ``$IPO_MODE``."""
         if statement.name == "$IPO_MODE":
-            stands = statement.value.upper() != "#BASE"
-            self._on_tool = f"$IPO_MODE is {statement.value} since line {statement.line}" if stands else ""
+            self._set("IPO_MODE", statement.value.upper())
             return
         T: Frame | None = None if statement.part else _plain(statement.value)
         if T is None and not statement.part:
-            T = self._values.get(re.sub(r"\s", "", statement.value).upper())
+            name = re.sub(r"\s", "", statement.value).upper()
+            T = None if name in self._shadowed else self._values.get(name)
         self._set(statement.name[1:], _describe_change(statement) if T is None else T)
 
     def _set(self, which: str, T: Frame) -> None:
         self._now[which] = T
         if self._depth > 0:
             self._inside.add(which)
+
+
+def _stationary_tool(statements: Sequence[st.Statement]) -> str:
+    """Say where a file sets that the tool stands still and the robot carries the part; nothing where none does."""
+    for s in statements:
+        if isinstance(s, st.Assignment) and s.name == "$IPO_MODE" and s.value.upper() != _FIXED_BASE:
+            return f"$IPO_MODE is {s.value} since line {s.line}"
+        if re.search(r"IPO_FRAME\s*#TCP", s.text, re.IGNORECASE) or (isinstance(s, Bas) and s.what == "EX_TOOL"):
+            return f"$IPO_MODE may be #TCP since line {s.line}"
+    return ""
 
 
 def _variable(statement: st.Assignment) -> str:
@@ -192,9 +209,18 @@ def _describe_change(statement: st.Assignment) -> str:
     return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
 
 
-def frame_sources(statements: Sequence[st.Statement]) -> Iterator[tuple[str, int]]:
-    """Yield (name, line) of whatever a tool or a base is made from."""
-    for s in statements:
-        if isinstance(s, st.Assignment) and (s.name in ("$TOOL", "$BASE", *_EVERYWHERE) or _TABLE.fullmatch(s.name)):
-            for name in re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper()):
-                yield name, s.line
+def frame_sources(statements: Sequence[st.Statement]) -> dict[str, int]:
+    """Return the names of all that a tool or a base is made from, however many steps away, and a line each."""
+    made = [
+        (re.sub(r"\s", "", s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
+        for s in statements
+        if isinstance(s, st.Assignment)
+    ]
+    begun = {name for name, _, _ in made if name in ("$TOOL", "$BASE", *_EVERYWHERE) or _TABLE.fullmatch(name)}
+    found, size = dict[str, int](), -1
+    while size != len(found):
+        size = len(found)
+        for left, right, line in made:
+            if left in begun or left in found:
+                found |= {name: line for name in right if name not in found}
+    return found

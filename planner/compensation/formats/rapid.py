@@ -31,6 +31,9 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     targets = _RapidTargets(placed, reading)
     for p in placed:
         targets.read_changes(p)
+    for key, line in targets.frames.sources(placed).items():
+        if targets.points.has(key):
+            targets.points.compute(key, f"makes a tool or a work object (line {line})")
     for p in placed:
         targets.take(p)
     targets.finish()
@@ -60,9 +63,7 @@ class _RapidTargets:
         kind, value = statement.kind, statement.value
         if not kind:
             key = self.names.resolve(p, statement.name)
-            if self.frames.knows(key):
-                self._makes_frame(p, statement)
-            else:
+            if not self.frames.knows(key):
                 self.points.compute(key, f"{_COMPUTED} (line {statement.line})")
         elif kind in ("jointtarget", "robtarget"):
             pattern = JOINT_TARGET if kind == "jointtarget" else ROB_TARGET
@@ -72,12 +73,6 @@ class _RapidTargets:
                 numbers = None if row is None else _numbers(row[0], statement.value_start + row.start())
                 line = statement.line + (0 if row is None else value[: row.start()].count("\n"))
                 self.points.declare(DeclaredPose(f"{name}{{{k}}}" if statement.part else name, line, numbers))
-
-    def _makes_frame(self, p: Placed, statement: st.Assignment) -> None:
-        for name in re.findall(r"[A-Za-z]\w*", statement.value):
-            key = self.names.resolve(p, name)
-            if self.points.has(key):
-                self.points.compute(key, f"makes a tool or a work object (line {statement.line})")
 
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""

@@ -177,6 +177,23 @@ class FrameTable:
         """Return whether a tool or a work object has this key."""
         return key in self._tools or key in self._objects
 
+    def sources(self, placed: Sequence[Placed]) -> dict[str, int]:
+        """Return the keys of all that a tool or a work object is made from, in any number of steps, and a line each."""
+        made = list[tuple[str, set[str], int]]()
+        for p in placed:
+            if isinstance(s := p.statement, st.Assignment):
+                left = self._names.own(p, s.name) if s.kind else self._names.resolve(p, s.name)
+                right = {self._names.resolve(p, name) for name in re.findall(r"[A-Za-z]\w*", s.value)}
+                made.append((left, right, s.line))
+        found = dict[str, int]()
+        begun, size = {left for left, _, _ in made if self.knows(left)}, -1
+        while size != len(found):
+            size = len(found)
+            for left, right, line in made:
+                if left in begun or left in found:
+                    found |= {key: line for key in right if key not in found}
+        return found
+
     def of(self, p: Placed, move: RapidMove) -> FramePair:
         """Return tool and base of a move, which its last argument names (but for a signal), or why they are unknown."""
         at = 3 + move.word.startswith("movec") if re.search(r"(do|ao|go|sync)$", move.word) else -1
