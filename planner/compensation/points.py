@@ -59,6 +59,10 @@ class PointTable:
         """Return whether ``name`` is declared."""
         return bool(self._find_by_name(name))
 
+    def is_computed(self, name: str, why: str) -> bool:
+        """Return whether ``name`` has no certain value for a reason that begins with ``why``."""
+        return self._why_computed(name).startswith(why or "-")
+
     def compute(self, name: str, why: str) -> None:
         """Note why ``name`` has no certain value; an index that is computed means every one of a row."""
         self._computed.setdefault(name if _fixed_index(name) else _base(name), why)
@@ -109,6 +113,8 @@ class PointTable:
 
     def _find_by_name(self, name: str) -> list[DeclaredPose]:
         found = self._poses.get(_base(name), [])
+        if name == _base(name):
+            return found  # the bare name of a row means every one of it
         return [pose for pose in found if pose.name == name] if _fixed_index(name) else found
 
 

@@ -17,6 +17,7 @@ from tests.compensation.test_formats import krl, without_head
 
 NULL = ["$TOOL=$NULLFRAME", "$BASE=$NULLFRAME"]
 FREE = ToolAndBase(np.eye(4), np.eye(4))
+GOOD_RAPID = "MoveAbsJ [[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;"
 GOOD = "PTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}"
 
 
@@ -182,6 +183,32 @@ def test_rapid_points_that_make_a_work_object_in_two_steps(abb, tmp_path):
     assert "p1 makes a tool or a work object" in reasons(done)[2]
 
 
+@pytest.mark.parametrize("use", ["pickB pA{2};", "pickB pA;", "w.oframe:=DefFrame(pA{1},pA{2},pA{2});"])
+def test_rapid_rows_of_points_are_doubted_whole(use, abb, tmp_path):
+    rows = f"CONST robtarget pA{{2}}:=[{target(abb[0])},{target(abb[0], (5, 10, 20, 30, 40, 50))}];"
+    frame = 'PERS wobjdata w:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+    moves = "MoveL pA{1},v9,fine,tool0;\nMoveL pA{2},v9,fine,tool0;\n" + GOOD_RAPID
+    text = f"MODULE M\n{rows}\n{frame}\nPROC main()\n{moves}\n{use}\nENDPROC\nENDMODULE\n"
+    assert changed(run(tmp_path / "p.mod", text, abb), text) == [7]
+
+
+def test_a_rapid_row_of_names_and_numbers_is_left(abb, tmp_path):
+    """Its elements are not counted by the rows of numbers."""
+    other = target(abb[0], (5, 10, 20, 30, 40, 50))
+    rows = f"CONST robtarget p0:={target(abb[0])};\nCONST robtarget pA{{2}}:=[p0,{other}];"
+    moves = f"MoveL pA{{1}},v9,fine,tool0;\n{GOOD_RAPID}"
+    text = f"MODULE M\n{rows}\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n"
+    assert changed(run(tmp_path / "p.mod", text, abb), text) == [6]
+
+
+def test_krl_points_handed_to_functions_are_left(kuka, tmp_path):
+    rows = [f"XP1={pose(kuka[0])}", "OK=ADJ(XP1)", *NULL, "PTP XP1", f"XP2={pose(kuka[0])}", "OK=READS(XP2)", *NULL]
+    text = krl(GOOD, *rows, "PTP XP2", "END", "DEFFCT BOOL READS(Q:IN)", "RETURN TRUE", "ENDFCT")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == [2]
+    assert "XP1 is handed to a routine that may change it (line 4)" in reasons(done)[3]
+
+
 def test_a_stationary_tool_is_not_known_in_another_routine(kuka, tmp_path):
     rows = ["$IPO_MODE=#TCP", "GLUE()", "END", "DEF GLUE()", *NULL, f"PTP {pose(kuka[0])}", "$IPO_MODE=#BASE"]
     text = krl(GOOD, *rows, f"PTP {pose(kuka[0])}")
@@ -245,7 +272,9 @@ LEFT_RAPID = {
     "external": ("MoveL {E},v9,fine,tool0;", 7, "external axes are not at zero"),
     "tool offset": ("MoveL RelTool(p1,0,0,5),v9,fine,tool0;", 7, "RelTool from p1 found: it gets the correction"),
     **{f"cfx {k}": (f"MoveL {{cfx {k}}},v9,fine,tool0;", 7, f"cfx = {k} found; 0 … 3 are") for k in range(4, 8)},
-    "handed on": ("pick p2;", 3, "it is handed to pick in line 7"),
+    "handed on": ("pick p2;", 3, "may be changed by .pick p2. in line 7"),
+    "handed to a function": ("ok:=GetPart(p2);\nMoveL p2,v9,fine,tool0;", 3, "p2 may be changed by 'ok:=GetPart"),
+    "function in a branch": ("IF GetPart(p2) THEN\nENDIF\nMoveL p2,v9,fine,tool0;", 3, "p2 may be changed by 'IF"),
     "two tools": ("MoveL p2,v9,fine,tool0;\nMoveL p2,v9,fine,t1;", 3, "different tools or bases"),
     "add": ("Add t1.tframe.trans.z,50;\nMoveL p2,v9,fine,t1;", 3, r"t1 may be changed by 'Add t1\..*' in line 7"),
     "incr": ("Incr w1.uframe.trans.x;\nMoveL p2,v9,fine,tool0\\WObj:=w1;", 3, "w1 may be changed by 'Incr w1"),

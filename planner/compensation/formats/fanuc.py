@@ -94,6 +94,8 @@ def _read_instructions(text: str, lines: Lines, reading: TargetReading) -> _Uses
         elif _SHIFT.match(said) and not re.search(_POINT, said, re.IGNORECASE):
             uses.doubts.setdefault(_EVERY, f"{shown} may shift every target")
         else:
+            if re.match(r"[JLCAS] \w+\[", said):
+                reading.leave(line, f"'{said[:60]}' found; {_ALLOWED}")
             uses.add(said, line, f"{shown} uses it too")
     return uses
 

@@ -1,13 +1,12 @@
 """KUKA KRL: joint targets and poses, with the status, the turn and the frames that go with them."""
 
-import re
 from collections.abc import Sequence
 
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
 from planner.compensation.arm_shapes import ACCURATE, StatusTurn
-from planner.compensation.formats.krl_calls import MORE_THAN_A_MOVE, calls_function
+from planner.compensation.formats.krl_calls import MORE_THAN_A_MOVE, calls_function, names_given_away
 from planner.compensation.formats.krl_frames import FrameState, frame_sources, transform
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, agreed_frames, common_frames
 from planner.compensation.service_points import SENTENCE, is_service_name
@@ -51,6 +50,7 @@ class _KrlTargets:
     def take(self, statement: st.Statement, own: bool) -> None:
         """Take in one statement of the file itself, or of the other half of its module."""
         self.own = own
+        self._hand_points(statement)
         match statement:
             case KrlMove():
                 self._move(statement)
@@ -92,11 +92,17 @@ class _KrlTargets:
                 follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
                 self._pose(pose.line, pose.value, frames, follows, inherits=False, index=pose.index)
 
-    def _read_call(self, call: st.Call) -> None:
-        """A routine may set other frames and may drive elsewhere; it may use the points that it is given."""
-        for name in re.findall(r"[A-Z_]\w*(?:\[[^\]]*\])?", call.text.upper().partition("(")[2]):
+    def _hand_points(self, statement: st.Statement) -> None:
+        """A routine or a function may drive to the points that it is given, and may change them."""
+        for name in names_given_away(statement):
             if self.points.has(name):
                 self.points.use(name, 0, self.frames.default_frames(), None, linear=False)
+                if self.frames.may_write(statement):
+                    where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
+                    self.points.compute(name, f"is handed to a routine that may change it ({where})")
+
+    def _read_call(self, call: st.Call) -> None:
+        """A routine may set other frames and may drive elsewhere."""
         if call.triggered:
             self.frames.take_trigger(call)
         else:

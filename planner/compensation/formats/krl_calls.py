@@ -54,6 +54,15 @@ class FrameChanges:
         match = _INTERRUPT.search(statement.text)
         return match[1].upper() if match else ""
 
+    def may_write(self, statement: st.Statement) -> bool:
+        """Tell whether a called routine is not in the file, or takes anything but values (``:IN``)."""
+        called = {m[0].rstrip("( \t").upper() for m in _FUNCTION.finditer(statement.text)}
+        heads = [self.routines[name][0].text.upper() for name in called & self.routines.keys()]
+        given = [
+            re.findall(r"\w+\s*(?:\[[^\]]*\]\s*)?(:\s*IN\b)?\s*(?=[,)])", head.partition("(")[2]) for head in heads
+        ]
+        return len(heads) < len(called) or not all(all(ways) for ways in given)
+
     def is_harmless(self, routine: str) -> bool:
         """Tell whether a routine is in the file and leaves tool and base as they are."""
         return routine in self.routines and not any(self._changes(s) for s in self.routines[routine])

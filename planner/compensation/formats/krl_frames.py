@@ -159,6 +159,10 @@ class FrameState:
             self._shadowed |= set(re.findall(r"\w+", declared[1].upper())) - inside
         return ""
 
+    def may_write(self, statement: st.Statement) -> bool:
+        """Tell whether a routine that the statement calls may change what it is given."""
+        return self._changes.may_write(statement)
+
     def take_trigger(self, call: st.Call) -> None:
         """Take in that a routine is run while the next move is driven."""
         if not self._changes.is_harmless(call.name):

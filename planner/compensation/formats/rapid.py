@@ -9,7 +9,15 @@ import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import MM, Array, read_only
 from planner.compensation.arm_shapes import ConfData
-from planner.compensation.formats.rapid_frames import FrameTable, Names, Placed, handed_names, may_change, place
+from planner.compensation.formats.rapid_frames import (
+    FrameTable,
+    Names,
+    Placed,
+    handed_names,
+    is_read_only,
+    may_change,
+    place,
+)
 from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.service_points import SENTENCE, is_service_name
@@ -47,6 +55,9 @@ class _RapidTargets:
         self.names = Names(placed)
         self.frames = FrameTable(placed, self.names, reading.frames)
         self.points = PointTable(reading, "module")
+        self.heads = {
+            r.name.lower(): r.text.partition("(")[2] for p in placed if isinstance(r := p.statement, st.Routine)
+        }
         self.displaced = next((p.statement for p in placed if _DISPLACED.search(p.statement.text)), None)
         self.conf_off = {m[1].lower(): p.statement.line for p in placed if (m := _CONF_OFF.search(p.statement.text))}
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
@@ -56,8 +67,15 @@ class _RapidTargets:
         if isinstance(p.statement, st.Assignment):
             self._read_value(p, p.statement)
         for name, part in handed_names(p.statement):
-            if part:
+            if part or self._may_write(p.statement):
                 self.points.compute(self.names.resolve(p, name), may_change(p.statement))
+
+    def _may_write(self, statement: st.Statement) -> bool:
+        """Tell whether a routine that a statement calls is not in the file, or takes anything to be written."""
+        called = {statement.name} if isinstance(statement, st.Call) else set[str]()
+        called |= set(re.findall(r"(?<![\w.\\])([a-z]\w*)\s*\(", statement.text.lower()))
+        called = {name.lower() for name in called if not is_read_only(name)}
+        return any(re.search(r"\b(INOUT|VAR|PERS)\b", self.heads.get(name, "INOUT"), re.IGNORECASE) for name in called)
 
     def _read_value(self, p: Placed, statement: st.Assignment) -> None:
         kind, value = statement.kind, statement.value
@@ -69,6 +87,9 @@ class _RapidTargets:
             pattern = JOINT_TARGET if kind == "jointtarget" else ROB_TARGET
             rows = list(pattern.finditer(value)) if statement.part else [pattern.fullmatch(value)]
             name = self.names.own(p, statement.name)
+            if statement.part and (others := re.findall(r"[A-Za-z]\w*", pattern.sub(" ", value))):
+                for other in (name, *(self.names.resolve(p, o) for o in others)):
+                    self.points.compute(other, f"stands in a row of names and numbers (line {statement.line})")
             for k, row in enumerate(rows, start=1):
                 numbers = None if row is None else _numbers(row[0], statement.value_start + row.start())
                 line = statement.line + (0 if row is None else value[: row.start()].count("\n"))
@@ -77,6 +98,7 @@ class _RapidTargets:
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""
         said = p.statement
+        self._hand_points(p)
         if type(said) in (st.Call, st.Statement) and (ROB_TARGET.search(said.text) or JOINT_TARGET.search(said.text)):
             self.reading.leave(said.line, f"a target in '{said.text[:60]}' found; those of moves are corrected")
         match said:
@@ -84,14 +106,20 @@ class _RapidTargets:
                 self._move(p, move)
                 if not move.text.lower().startswith(move.word):
                     self.last = None  # behind a condition
-            case st.Call() as call:
-                frames = self.frames.default_frames(f"it is handed to {call.name} in line {call.line}")
-                for name in re.findall(r"[A-Za-z]\w*", call.text.partition(call.text.split()[0])[2]):
-                    if self.points.has(key := self.names.resolve(p, name)):
-                        self.points.use(key, 0, frames, None, linear=False)
+            case st.Call() | st.Flow() | st.Routine() | st.RoutineEnd():
                 self.last = None
-            case st.Flow() | st.Routine() | st.RoutineEnd():
-                self.last = None
+
+    def _hand_points(self, p: Placed) -> None:
+        """A routine or a function may drive to the points that it is given."""
+        said = p.statement
+        names = {name for name, part in handed_names(said) if not part}
+        if isinstance(said, st.Call):
+            names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
+        frames = self.frames.default_frames(f"it is handed to a routine in line {said.line}")
+        for name in sorted(names):
+            key = self.names.resolve(p, name)
+            if self.points.has(key) and not self.points.is_computed(key, _COMPUTED):
+                self.points.use(key, 0, frames, None, linear=False)
 
     def finish(self) -> None:
         """Note the targets that are declared by name, with the frames of the moves that use them."""

@@ -99,6 +99,11 @@ _TOKEN = spaces_once(
 )
 
 
+def is_read_only(routine: str) -> bool:
+    """Tell whether a word before a bracket is none of a routine that may write what it is handed."""
+    return bool(_READERS.fullmatch(routine) or _WORDS.fullmatch(routine))
+
+
 def handed_names(statement: st.Statement) -> Iterator[tuple[str, bool]]:
     """Yield the names that a statement hands to routines which may write them, and whether a part of each."""
     text = re.sub(r"(?<!\s)\s*+\.\s*+", ".", statement.text)
