@@ -109,12 +109,16 @@ export class FixtureEditor {
   // What is to be expected of the place; an earlier question that is still open is dropped.
   ask() {
     clearTimeout(this.timer);
+    const place = JSON.stringify([this.which, ...this.handle.position.toArray()]);
+    if (place === this.asked) return; // the same question would be the same job: its answer comes, it is not cancelled
+    this.asked = place;
     const number = ++this.wanted, position_mm = this.handle.position.toArray(), away = !this.handle.position.equals(this.start);
     find("#fixture-facts").setAttribute("aria-busy", "true");
     if (this.open) post(`/api/jobs/${this.open}/cancel`).catch(() => {});
     this.answer = this.foresee(number, { ...this.request, fixture: this.which, position_mm }, away);
     this.answer.catch((problem) => {
       if (number !== this.wanted) return;
+      this.asked = null;
       say(find("#fixture-wait"), "");
       say(find("#fixture-problem"), problem.message, true);
     });
@@ -155,7 +159,7 @@ export class FixtureEditor {
   async chosen(name) {
     clearTimeout(this.timer);
     if (this.handle.position.equals(this.start)) return this.request;
-    if (!this.moved || this.timer) this.ask();
+    this.ask();
     const job = await this.answer, text = await get(`/api/jobs/${job}/files/cell.toml`);
     const answer = await fetch(`/api/cells?name=${encodeURIComponent(name)}`, { method: "POST", body: text });
     if (!answer.ok) throw new Error("the moved cell was not taken");
