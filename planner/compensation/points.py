@@ -153,3 +153,17 @@ def agreed_frames(taught: FramePair, used: Sequence[FramePair]) -> FramePair:
                 why = "it was taught with another tool or base than a move to it uses"
                 return why, why
     return taught
+
+
+def trace_sources(made: Sequence[tuple[str, set[str], int]], begun: set[str]) -> dict[str, int]:
+    """Return all that the names ``begun`` are made from, however many steps away, and the line of one use each.
+
+    ``made``: of every assignment the name that gets a value, those that it is made from, and the line.
+    """
+    found, size = dict[str, int](), -1
+    while size != len(found):
+        size = len(found)
+        for left, right, line in made:
+            if left in begun or left in found:
+                found |= {name: line for name in right if name not in found}
+    return found

@@ -14,7 +14,7 @@ from planner.compensation.formats.krl_calls import (
     calls_function,
     names_given_away,
 )
-from planner.compensation.points import Frame, FramePair
+from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
@@ -221,10 +221,4 @@ def frame_sources(statements: Sequence[st.Statement]) -> dict[str, int]:
         if isinstance(s, st.Assignment)
     ]
     begun = {name for name, _, _ in made if name in ("$TOOL", "$BASE", *_EVERYWHERE) or _TABLE.fullmatch(name)}
-    found, size = dict[str, int](), -1
-    while size != len(found):
-        size = len(found)
-        for left, right, line in made:
-            if left in begun or left in found:
-                found |= {name: line for name in right if name not in found}
-    return found
+    return trace_sources(made, begun)

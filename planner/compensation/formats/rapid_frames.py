@@ -8,7 +8,7 @@ import numpy as np
 
 import planner.programs.languages.statements as st
 from planner.common.units import MM, Array
-from planner.compensation.points import Frame, FramePair
+from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.rapid import POSE, RapidMove, parse
@@ -190,14 +190,7 @@ class FrameTable:
                 left = self._names.own(p, s.name) if s.kind else self._names.resolve(p, s.name)
                 right = {self._names.resolve(p, name) for name in re.findall(r"[A-Za-z]\w*", s.value)}
                 made.append((left, right, s.line))
-        found = dict[str, int]()
-        begun, size = {left for left, _, _ in made if self.knows(left)}, -1
-        while size != len(found):
-            size = len(found)
-            for left, right, line in made:
-                if left in begun or left in found:
-                    found |= {key: line for key in right if key not in found}
-        return found
+        return trace_sources(made, {left for left, _, _ in made if self.knows(left)})
 
     def of(self, p: Placed, move: RapidMove) -> FramePair:
         """Return tool and base of a move, which its last argument names (but for a signal), or why they are unknown."""
