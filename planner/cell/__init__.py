@@ -9,7 +9,6 @@ __all__ = [
     "gauge_types",
     "places",
     "reading",
-    "session_guide",
     "setup",
     "workspace",
 ]

@@ -14,9 +14,9 @@ from planner.cell.gauge import Gauge
 from planner.common.choices import Aim
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
+from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
 

@@ -13,11 +13,18 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge_types import FilterStage, GaugeBody, JointSamples, PlannedVisit, PointTravel, RecordedPose
-from planner.cell.session_guide import SessionGuide
+from planner.cell.gauge_types import (
+    FilterStage,
+    GaugeBody,
+    JointSamples,
+    PlannedVisit,
+    PointTravel,
+    RecordedPose,
+    SessionGuide,
+)
+from planner.common.determinism import sobol_points
 from planner.common.errors import InputError
 from planner.common.schema import validate
-from planner.common.sequences import sobol_points
 from planner.common.units import MM, UM, Array, from_deg
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot

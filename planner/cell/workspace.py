@@ -14,8 +14,8 @@ import numpy as np
 from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge_types import FilterStage
 from planner.common.units import Array, read_only
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Transform
+from planner.kinematics.geometry import bar_state
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 STAGES: tuple[FilterStage, ...] = ("joint_limits", "workspace", "cones", "cable")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli.terminal import (
+    IDENTIFY,
     CellOption,
     Json,
     MeasuredPlan,
@@ -20,7 +21,6 @@ from planner.cli.terminal import (
     give_file,
     print_notes,
 )
-from planner.cli.time_left import IDENTIFY
 from planner.common.errors import PARTLY_DONE
 from planner.common.files import check_writing
 from planner.common.lazy_modules import LazyModule

@@ -8,6 +8,8 @@ import typer
 
 from planner.cli.terminal import (
     CELL,
+    PLAN,
+    STUDY,
     CellArgument,
     Dialects,
     Json,
@@ -20,7 +22,6 @@ from planner.cli.terminal import (
     give,
     print_next,
 )
-from planner.cli.time_left import PLAN, STUDY
 from planner.common.choices import Aim, IndexName
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
@@ -28,12 +29,11 @@ from planner.report.standby import stand_by
 
 if TYPE_CHECKING:
     from planner.studies import cell_study, sweep
-    from planner.workflow import both_bars, loaded_places, planning
+    from planner.workflow import loaded_planning, planning
 else:  # imported by the work itself, once its progress shows
     cell_study = LazyModule("planner.studies.cell_study")
     sweep = LazyModule("planner.studies.sweep")
-    both_bars = LazyModule("planner.workflow.both_bars")
-    loaded_places = LazyModule("planner.workflow.loaded_places")
+    loaded_planning = LazyModule("planner.workflow.loaded_planning")
     planning = LazyModule("planner.workflow.planning")
 
 
@@ -146,7 +146,7 @@ def both_command(
     from planner.session.options import PlanOptions
 
     options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
-    give(lambda stages: both_bars.plan_both(unloaded, loaded, places, options, stages), output, as_json, PLAN)
+    give(lambda stages: loaded_planning.plan_both(unloaded, loaded, places, options, stages), output, as_json, PLAN)
 
 
 def places_command(
@@ -160,4 +160,4 @@ def places_command(
     as_json: Json = False,
 ) -> None:
     """Find the places where loaded circles tell the joints' compliances apart."""
-    give(lambda stages: loaded_places.study_places(cell, places, seed, stages, plan), output, as_json)
+    give(lambda stages: loaded_planning.study_places(cell, places, seed, stages, plan), output, as_json)

@@ -2,7 +2,6 @@
 
 __all__ = [
     "choices",
-    "circles_in_space",
     "determinism",
     "errors",
     "files",
@@ -13,7 +12,6 @@ __all__ = [
     "result_folder",
     "schema",
     "second_process",
-    "sequences",
     "time_limit",
     "units",
 ]

@@ -11,10 +11,8 @@ __all__ = [
     "gauge_errors",
     "gauge_shapes",
     "gears",
-    "geometry",
     "nonparametric",
     "parameters",
     "phi_keys",
-    "size_text",
     "steps",
 ]

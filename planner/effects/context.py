@@ -9,8 +9,8 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup, RobotSetup
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import BarState, bar_state
 from planner.kinematics.chain import Chain, ForwardPass, Transform
+from planner.kinematics.geometry import BarState, bar_state
 from planner.runs.run import Samples
 
 

@@ -15,8 +15,7 @@ from pydantic import PositiveFloat
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody, PlannedVisit
-from planner.cell.session_guide import CellStep, SessionGuide, place_text
+from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionGuide, place_text
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg

@@ -9,8 +9,7 @@ import numpy as np
 
 from planner.cell.cell import Ball, Cell
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge_types import GaugeBody
-from planner.cell.session_guide import CellStep, place_text
+from planner.cell.gauge_types import CellStep, GaugeBody, place_text
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm

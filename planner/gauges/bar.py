@@ -11,9 +11,8 @@ from pydantic import Field
 from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose
+from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose, SessionGuide
 from planner.cell.places import read_fixtures
-from planner.cell.session_guide import SessionGuide
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
@@ -23,15 +22,14 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect
 from planner.effects.excitation import Excitation
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
-from planner.effects.geometry import tool_parameters
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.gauges.bar_checklist import LOADED, BarChecklist
 from planner.gauges.lines import LineGauge
 from planner.gauges.placement.lengths import place_lengths
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
+from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, Run, Samples
 

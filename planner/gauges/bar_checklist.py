@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from planner.cell.file import CellFile
-from planner.cell.session_guide import CellStep, SessionGuide, place_text
+from planner.cell.gauge_types import CellStep, SessionGuide, place_text
 
 
 @dataclass(frozen=True)

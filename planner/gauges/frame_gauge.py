@@ -22,8 +22,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect
 from planner.effects.excitation import Excitation
 from planner.effects.gauge_errors import POSITION_ERRORS, PointLag
-from planner.effects.geometry import tool_parameters
-from planner.effects.parameters import Parameter, ParameterMove, transform_move
+from planner.effects.parameters import Parameter, ParameterMove, tool_parameters, transform_move
 from planner.gauges.lines import LineGauge
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA
 from planner.kinematics.chain import ForwardPass

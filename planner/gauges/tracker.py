@@ -12,9 +12,8 @@ from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody
+from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_text
 from planner.cell.places import nests_frame
-from planner.cell.session_guide import CellStep, SessionGuide, place_text
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
 from planner.common.errors import InputError, NoSolutionError

@@ -9,7 +9,7 @@ import numpy as np
 from planner.cell.cell import Cell, IndicatorHead
 from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.session_guide import CellStep, SessionGuide, place_text
+from planner.cell.gauge_types import CellStep, SessionGuide, place_text
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.gauges.balls import BallGauge, artifact_step, check_names

@@ -6,7 +6,6 @@ __all__ = [
     "calibration",
     "covariance",
     "cross_validation",
-    "estimates",
     "expected_error",
     "identifiable_parameters",
     "least_squares",

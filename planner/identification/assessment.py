@@ -10,7 +10,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
-from planner.effects.size_text import DISPLAY_UNITS, format_value
+from planner.effects.effect import DISPLAY_UNITS, format_value
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
@@ -22,8 +22,7 @@ from planner.identification.covariance import (
     workspace_warning,
 )
 from planner.identification.cross_validation import Split, finer_split, new_frames, number_poses, predict_held_out
-from planner.identification.estimates import estimate_parameters
-from planner.identification.identifiable_parameters import FittedParameters
+from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_robot import ReleasedRobot

@@ -1,13 +1,3 @@
 """The chain of elementary transforms and its forward pass, robots by DH, MDH and URDF, bodies, inverse kinematics."""
 
-__all__ = [
-    "bar_geometry",
-    "bodies",
-    "chain",
-    "inverse_kinematics",
-    "robot",
-    "robot_reader",
-    "robot_writer",
-    "srdf",
-    "urdf",
-]
+__all__ = ["bodies", "chain", "geometry", "inverse_kinematics", "robot", "robot_reader", "robot_writer", "srdf", "urdf"]

@@ -13,16 +13,17 @@ from planner.common.files import data_folder
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel, read_toml, validate
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import LinkBodyFile, Vector
-from planner.kinematics.calibration_tables import (
+from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
+from planner.kinematics.robot import LinkMass, Priors, Robot
+from planner.kinematics.robot_tables import (
+    SPEED_TIME,
     LoadsTable,
     RobotEffectTable,
     effects_from_tables,
     loads_from_table,
     nominal_from_table,
+    read_dh_table,
 )
-from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
-from planner.kinematics.dh_table import SPEED_TIME, read_dh_table
-from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.srdf import NEXT_BUT_ONE, read_allowed_pairs
 from planner.kinematics.urdf import UrdfChain, UrdfJoint, is_urdf, plain_name, read_urdf
 

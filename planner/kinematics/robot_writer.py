@@ -14,10 +14,10 @@ import tomli_w
 
 from planner.common.lazy_modules import LazyModule
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
-from planner.kinematics.calibration_tables import nominal_key
 from planner.kinematics.chain import Transform
 from planner.kinematics.robot import Loads, Robot, RobotEffect, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
+from planner.kinematics.robot_tables import nominal_key
 from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
 
 if TYPE_CHECKING:

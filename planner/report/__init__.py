@@ -12,11 +12,9 @@ __all__ = [
     "formatting",
     "loaded_report",
     "matplotlib_backend",
-    "overview",
     "page",
     "plan_charts",
     "plan_data",
     "plan_report",
-    "record_report",
     "standby",
 ]

@@ -9,7 +9,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.effects.context import Context
 from planner.identification.calibration import Calibration
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.model.identification_document import Stage, error_size
 
 LOOKED_SAMPLES = 20_000  # samples of a long run that means are taken over

@@ -8,7 +8,7 @@ from planner.common.units import UM, to_deg, to_mm
 from planner.instruments.circular.evaluation import CircularTest
 from planner.instruments.circular.figures import CircleFigures, PathFigures
 from planner.instruments.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.report.cell_view import VIEW_FRAMES, CellView, ViewFrames, ViewPose, carrier_poses, compose_cell_view
 from planner.report.chart import BASE, BLUE, GREY, RED, Chart, Panel, ReferenceLine, Series, joint_series
 from planner.report.formatting import clearance_fact, duration_text, in_um, verdict_rows

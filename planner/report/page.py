@@ -1,6 +1,7 @@
-"""Reports: one page that needs nothing else, and a PNG of each of its charts."""
+"""Reports: one page that needs nothing else, a PNG of each of its charts, and the page of a study."""
 
 import pickle
+import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -150,3 +151,38 @@ def draw_pictures(charts: Sequence[Chart], view: CellView | None, small: bool) -
     from planner.report.matplotlib_backend import chart_png
 
     return ({} if view is None else {"view": view_png(view)}) | {c.name: chart_png(c, small) for c in charts}
+
+
+KEY = 12  # signs of a key at most
+
+
+def report_overview(
+    title: str,
+    cell: Cell,
+    summary: str,
+    charts: Sequence[Chart],
+    files: Sequence[tuple[str, str]],
+    pictures: Mapping[str, bytes] | None = None,
+) -> Report:
+    """Return the page of a study.
+
+    Args:
+        title: of the page.
+        cell: whose robot and gauge are named.
+        summary: as the screen says it, one finding a line; the first is the heading, a key may lead with two spaces
+            or more behind it.
+        charts: in their order.
+        files: name, and what it holds.
+        pictures: PNGs that are no charts, by title; they come first.
+    """
+    first, *lines = summary.splitlines()
+    shown = {name: b64encode(png).decode("ascii") for name, png in (pictures or {}).items()}
+    rows = [_columns(line) for line in lines]
+    content = {"title": title, "first": first, "rows": rows, "files": tuple(files), "pictures": shown}
+    return Report("overview.html.j2", content, tuple(charts)).about(cell)
+
+
+def _columns(line: str) -> tuple[str, str]:
+    """Return the key that leads a line of the screen, or nothing, and its text."""
+    found = re.match(rf"  (.{{0,{KEY}}}?) {{2,}}(?=\S)", line)
+    return ("", line.strip()) if found is None else (found[1].strip(), line[found.end() :].strip())

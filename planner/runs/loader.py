@@ -9,9 +9,15 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.runs.joint_motion import check_order, looks_continuous, number_sessions, session_numbers
+from planner.runs.joint_motion import (
+    average_rests,
+    check_order,
+    looks_continuous,
+    marks_rests,
+    number_sessions,
+    session_numbers,
+)
 from planner.runs.quantities import check_jumps, joint_angles, reading_kind, readings_of
-from planner.runs.rests import average_rests, marks_rests
 from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table

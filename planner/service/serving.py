@@ -13,11 +13,10 @@ from planner.common.errors import InputError
 from planner.service.commands import CommandBuilder
 from planner.service.context import ServiceContext
 from planner.service.database import Database
-from planner.service.event_api import EVENTS
 from planner.service.file_api import FILES
 from planner.service.file_store import FileStore, disk_error
 from planner.service.guards import Guard
-from planner.service.job_api import JOBS
+from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_store import JobStore
 from planner.service.list_api import LISTS
 from planner.service.pages import PAGES, STATIC, add_problem_pages

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.cell.file import CellFile
+from planner.cell.gauge_types import CellStep
 from planner.cell.reading import gauge_class
-from planner.cell.session_guide import CellStep
 from planner.instruments.circular.document import CircularDocument
 from planner.report.formatting import duration_text
 from planner.service.answers import OutputFile

@@ -214,7 +214,7 @@ def _check_cell(reference: str) -> BaseModel:
 
 def _view_fixture(reference: str, which: int, position_mm: list[str]) -> BaseModel:
     from planner import load_cell
-    from planner.service.fixture_views import view_fixture
+    from planner.service.views import view_fixture
 
     x, y, z = map(float, position_mm)
     return view_fixture(load_cell(reference), which, (x, y, z), RESULT.parent)

@@ -1,6 +1,7 @@
 """The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
 
 __all__ = [
+    "bar_poses",
     "course",
     "document",
     "mount",
@@ -11,7 +12,7 @@ __all__ = [
     "plan_types",
     "planned_session",
     "planning",
-    "pose_sources",
+    "point_poses",
     "release",
     "tour_cost",
     "tour_drive",

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.motion.timing.limits import Limits, ReadingLimits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
 from planner.runs.run import Mounting

@@ -7,11 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.circles_in_space import fit_circle_in_space, points_on_arc
 from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.chain import Chain
+from planner.kinematics.geometry import bar_state, fit_circle_in_space, points_on_arc
 from planner.motion.timing.limits import Limits, axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.circles_in_space import points_on_arc
 from planner.common.units import Array, to_mm
+from planner.kinematics.geometry import points_on_arc
 from planner.programs.dialect import Dialect, PathForm, load_dialect
 from planner.programs.instructions import (
     Centre,

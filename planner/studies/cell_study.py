@@ -16,8 +16,7 @@ from planner.common.progress import Progress, no_progress
 from planner.common.result import Plot, Result
 from planner.common.result_folder import draft_folder, move_all
 from planner.design.observability.information import find_rule
-from planner.report.overview import report_overview
-from planner.report.page import Report
+from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
 from planner.studies.fixture_places import map_fixture_places

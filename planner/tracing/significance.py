@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array
-from planner.effects.effect import Role
-from planner.effects.size_text import implausible_text
+from planner.effects.effect import Role, implausible_text
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.problem import LinearPiece

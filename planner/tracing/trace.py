@@ -7,8 +7,7 @@ import numpy as np
 
 from planner.common.units import MM, Array
 from planner.effects.catalogue import catalogue
-from planner.effects.effect import Role
-from planner.effects.size_text import DISPLAY_UNITS, format_value
+from planner.effects.effect import DISPLAY_UNITS, Role, format_value
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage

@@ -2,12 +2,11 @@
 
 __all__ = [
     "accuracy",
-    "both_bars",
     "checking",
     "circle_evaluation",
     "compensation",
     "identification",
-    "loaded_places",
+    "loaded_planning",
     "plan_reading",
     "plan_results",
     "planning",

@@ -26,7 +26,7 @@ from planner.runs.loader import load_runs
 from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
-from planner.workflow.unit_checks import check_unit
+from planner.workflow.run_checks import check_unit
 
 USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
 

@@ -23,9 +23,9 @@ from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
-from planner.session.pose_sources import pose_session
 from planner.workflow.plan_results import PlanResult, evaluation_command
-from planner.workflow.unit_checks import check_unit
+from planner.workflow.planning import pose_session
+from planner.workflow.run_checks import check_unit
 from planner.workflow.writing import write_plan
 
 POSES = 10

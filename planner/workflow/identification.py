@@ -31,8 +31,7 @@ from planner.runs.reference_readings import read_reference_readings
 from planner.runs.run import Run
 from planner.session.document import read_plan
 from planner.tracing.trace import trace
-from planner.workflow.run_of_plan import split_by_plan
-from planner.workflow.unit_checks import check_unit
+from planner.workflow.run_checks import check_unit, split_by_plan
 
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult

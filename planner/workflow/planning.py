@@ -12,10 +12,11 @@ from planner.design.free_parameters import check_effects
 from planner.motion.tour.solve import Method
 from planner.report.plan_report import report_plan
 from planner.report.standby import begin_standing_by, drawing_process
-from planner.session.options import PlanOptions, check_circle_options
+from planner.session.bar_poses import BarPoses
+from planner.session.options import PlanOptions, check_circle_options, check_point_options
 from planner.session.plan_types import Plan
-from planner.session.planning import plan_session
-from planner.session.pose_sources import pose_session
+from planner.session.planning import PoseChooser, PoseSession, plan_session
+from planner.session.point_poses import PointPoses
 from planner.session.unproven_poses import PathNotProvenError
 from planner.workflow.plan_results import CircularPlanResult, PlanResult, PosesResult
 
@@ -86,3 +87,15 @@ def _begin_drawing(plan: Plan) -> None:
     """Let a process that stands by draw the pictures while the programs are written."""
     if drawing_process():
         report_plan(plan).draw_beside()
+
+
+def pose_session(cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> PoseSession:
+    """Return the session of poses of a bar, at the balls of an artifact, or for a tracker.
+
+    Raises:
+        InputError: an option is not for this gauge.
+    """
+    if cell.has_bar():
+        return BarPoses(cell, options, chooser)
+    check_point_options(cell, options)
+    return PointPoses(cell, options, chooser)

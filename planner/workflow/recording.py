@@ -55,7 +55,7 @@ class RecordResult(Result):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``history.json``, ``history.csv``, ``opcua.json`` and the report."""
-        from planner.report.record_report import HEAD, record_rows, report_record  # plotting takes long to load
+        from planner.report.check_report import HEAD, record_rows, report_record  # plotting takes long to load
 
         table = io.StringIO()
         csv.writer(table, lineterminator="\n").writerows([HEAD, *record_rows(self.record)])

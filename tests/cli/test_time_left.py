@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from planner.cli.time_left import IDENTIFY, PLAN, STUDY, UNKNOWN, TimeLeft
+from planner.cli.terminal import IDENTIFY, PLAN, STUDY, UNKNOWN, TimeLeft
 
 
 @pytest.mark.parametrize("starts", [IDENTIFY, PLAN, STUDY])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.common.circles_in_space import fit_circle_in_space, points_on_arc
+from planner.kinematics.geometry import fit_circle_in_space, points_on_arc
 
 
 @pytest.mark.parametrize("n", [3, 4, 40, 200_000])

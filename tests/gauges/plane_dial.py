@@ -14,8 +14,7 @@ from planner.cell.setup import Targets
 from planner.common.units import MM, from_mm
 from planner.effects.basis import ONE
 from planner.effects.gauge_errors import PointLag
-from planner.effects.geometry import tool_parameters
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.runs.run import Readings
 
 

@@ -15,7 +15,7 @@ from planner.instruments.simulation.measurement import simulate
 from planner.instruments.simulation.truth import draw_truth
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
 from planner.runs.run import Samples
-from planner.workflow.run_of_plan import FAR, check_angles
+from planner.workflow.run_checks import FAR, check_angles
 
 CELL = load_cell("so101/sockets")
 BARE = load_cell("so101/sockets", planning=False)  # as it is read for a run

@@ -12,7 +12,7 @@ from planner.design.observability.information import all_indices
 from planner.design.pose_selection import PoseChoice, identify_candidates
 from planner.design.selection.index_curves import compute_index_curve
 from planner.design.selection.index_search import exchange_poses
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import solve_tour

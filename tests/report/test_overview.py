@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.report.overview import report_overview
+from planner.report.page import report_overview
 
 
 @pytest.mark.parametrize(

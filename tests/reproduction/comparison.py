@@ -18,7 +18,7 @@ from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation.measurement import SAMPLE_RATE
 from planner.instruments.simulation.truth import draw_truth
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
 from planner.runs.run import Samples

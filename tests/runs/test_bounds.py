@@ -13,7 +13,7 @@ from planner.identification.run_setup import setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_run
 from planner.runs.run import Readings
-from planner.workflow.run_of_plan import check_angles
+from planner.workflow.run_checks import check_angles
 
 CELL = load_cell("comau-nj130/edbb")
 Q = "q1_deg,q2_deg,length_mm"

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.runs.joint_motion import find_rests, joint_speeds
+from planner.runs.joint_motion import average_rests, find_rests, joint_speeds
 from planner.runs.loader import load_run
-from planner.runs.rests import average_rests
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run
 from tests.runs.made import sine_path, write

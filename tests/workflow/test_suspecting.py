@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.runs.run import Readings, Run, Samples
-from planner.workflow.unit_checks import check_unit
+from planner.workflow.run_checks import check_unit
 from tests.command import edbb
 
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'

@@ -15,8 +15,7 @@ from planner.design.discrimination.criterion import PoolCoordinates, noncentrali
 from planner.design.discrimination.power import ALIKE, EVIDENCE
 from planner.design.discrimination.predicted_readings import PredictedReadings, candidate_visits
 from planner.design.discrimination.questions import QuestionSet, RivalPair
-from planner.effects.geometry import gauge_parameters
-from planner.effects.parameters import Parameter
+from planner.effects.parameters import Parameter, gauge_parameters
 from planner.runs.run import FIRST_MOUNTING, Samples
 
 FEW = 800  # candidates of a cell that is tried

@@ -17,7 +17,6 @@ from planner.gauges.placement.flange_poses import (
     unpack_frames,
 )
 from planner.gauges.placement.lengths import solve_reweighted
-from planner.gauges.placement.rotations import exp3, log3, nearest_rotation, registration, skew
 from planner.gauges.placement.solver import (
     PlacementUnknown,
     best_first,
@@ -26,6 +25,7 @@ from planner.gauges.placement.solver import (
     require_determined,
     robust_scale,
 )
+from planner.kinematics.geometry import exp3, log3, nearest_rotation, registration, skew
 
 
 def frame_starts(s: FlangePoses, p_GM: Array, R_GM: Array | None, p_FM: Array | None) -> PlacementFrames:

@@ -15,8 +15,8 @@ from planner.gauges.placement.flange_poses import (
     unpack_frames,
 )
 from planner.gauges.placement.frames import LAST, MANY, FrameProblem
-from planner.gauges.placement.rotations import registration
 from planner.gauges.placement.solver import LIMIT, refine
+from planner.kinematics.geometry import registration
 
 _SURE = 1e-3  # [m] directions that even such a small error would leave open are not moved at all
 

@@ -9,7 +9,7 @@ import numpy as np
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.gauges.placement.flange_poses import FlangePoses, IntArray
-from planner.gauges.placement.rotations import log3
+from planner.kinematics.geometry import log3
 
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
 _MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}

@@ -9,8 +9,8 @@ from planner.cell.places import nests_frame
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, to_mm
 from planner.gauges.placement.frames import are_collinear
-from planner.gauges.placement.rotations import registration, skew
 from planner.identification.calibrated_robot import CalibratedRobot
+from planner.kinematics.geometry import registration, skew
 from planner.kinematics.robot import Robot
 from planner.model.model import Model
 from planner.runs.run import Run

@@ -12,7 +12,7 @@ from planner.cell.circles import Circle
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
 SAGITTA = 1e-6  # [m] between the circle and the straight line from point to point

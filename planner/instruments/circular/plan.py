@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CircleDirection
 from planner.common.units import Array, read_only, to_mm
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import Verdict
 from planner.motion.timing.trajectory import Trajectory
 from planner.runs.run import Mounting, Samples

@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.circles import NEAR_CIRCLE, Circle, CircleAtFixture
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
 

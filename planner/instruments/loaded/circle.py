@@ -4,10 +4,10 @@ import numpy as np
 
 from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
-from planner.common.circles_in_space import fit_circle_in_space
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.instruments.loaded.types import CentringOffset, DrivenCircle
+from planner.kinematics.geometry import fit_circle_in_space
 from planner.runs.run import Run
 
 CIRCLE_ROUNDS = 8

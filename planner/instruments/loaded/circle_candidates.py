@@ -25,7 +25,7 @@ from planner.effects.compliance import compliance_parameters
 from planner.instruments.circular.configurations import follow_poses
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
-from planner.kinematics.bar_geometry import bar_state, tilt_angle
+from planner.kinematics.geometry import bar_state, tilt_angle
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 from planner.model.model import Model
 from planner.runs.run import Samples

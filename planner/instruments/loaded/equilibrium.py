@@ -12,7 +12,7 @@ from planner.effects.context import Context
 from planner.effects.parameters import Parameter
 from planner.instruments.loaded.circle import measured_points
 from planner.instruments.loaded.types import AveragedCurves
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.model.model import Model
 from planner.runs.run import Samples
 

@@ -26,7 +26,7 @@ from planner.instruments.loaded.types import (
     LoadedEvaluation,
     TrackerComparison,
 )
-from planner.kinematics.bar_geometry import bar_state
+from planner.kinematics.geometry import bar_state
 from planner.runs.run import Run
 
 ROOM = 10.0 * MM  # beyond the bar's range that cell and program may be wrong by

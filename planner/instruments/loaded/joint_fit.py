@@ -12,8 +12,7 @@ from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
 from planner.effects.compliance import compliance_parameters
 from planner.identification.covariance import correlation_time
-from planner.identification.estimates import estimate_parameters
-from planner.identification.identifiable_parameters import identifiable_subset
+from planner.identification.identifiable_parameters import estimate_parameters, identifiable_subset
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run

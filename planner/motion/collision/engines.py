@@ -8,9 +8,8 @@ import pinocchio as pin
 from planner.cell.cell import Cell
 from planner.common.second_process import available_threads
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import bar_state
-from planner.motion.collision.pieces import coal_shape
-from planner.motion.collision.scene import Scene, build_scene
+from planner.kinematics.geometry import bar_state
+from planner.motion.collision.scene import Scene, build_scene, coal_shape
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 OVERLAP_SAMPLES = 256  # states that decide which pairs always overlap

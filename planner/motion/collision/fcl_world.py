@@ -6,14 +6,13 @@ import fcl
 import numpy as np
 
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
+from planner.kinematics.geometry import bar_state
 from planner.motion.collision.engines import UNKNOWN
 from planner.motion.collision.meshes import mesh_faces
-from planner.motion.collision.pieces import SceneBody, fcl_shape
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
-from planner.motion.collision.scene import Scene
+from planner.motion.collision.scene import Scene, SceneBody, fcl_shape
 
 SLACK = 1e-5  # [m] that a proof of a distance may lack of it, and that fcl's collision test is given
 BISECTIONS = 14  # of a distance that was too large

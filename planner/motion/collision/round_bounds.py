@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
+from planner.kinematics.geometry import bar_state
 from planner.motion.collision.meshes import mesh_faces
 from planner.motion.collision.scene import Scene
 

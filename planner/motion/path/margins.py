@@ -8,11 +8,10 @@ import numpy as np
 from planner.cell.gauge_types import PointTravel
 from planner.cell.workspace import Workspace, axis_reach, bar_twist, perpendicular, wrap_angle
 from planner.common.units import Array
-from planner.kinematics.bar_geometry import bar_state
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
-from planner.motion.collision.pieces import SceneBody
-from planner.motion.collision.scene import Scene
+from planner.kinematics.geometry import bar_state
+from planner.motion.collision.scene import Scene, SceneBody
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import pytest
 import tests.identification.rigs as rigs
 from planner.effects.catalogue import catalogue
 from planner.effects.context import Context
+from planner.effects.effect import implausible_text
 from planner.effects.gauge_errors import BallShape
-from planner.effects.size_text import implausible_text
 from tests.effects.catalogue.test_phis import everything
 
 NEEDS = {

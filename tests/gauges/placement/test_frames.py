@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError, NoSolutionError
 from planner.gauges.placement.flange_poses import flange_poses
 from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_frames
-from planner.gauges.placement.rotations import exp3, log3
+from planner.kinematics.geometry import exp3, log3
 from tests.gauges.placement.arms import ARMS, ball_in, poses, turned
 
 ERROR = 3e-3

@@ -7,10 +7,9 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.effects.compliance import compliance_parameters
-from planner.effects.geometry import robot_parameters
-from planner.effects.parameters import Parameter, transform_move
+from planner.effects.parameters import Parameter, robot_parameters, transform_move
 from planner.gauges.tracker import Tracker
-from planner.identification.estimates import estimate_parameters
+from planner.identification.identifiable_parameters import estimate_parameters
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.runs.run import Samples

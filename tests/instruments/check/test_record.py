@@ -11,7 +11,7 @@ from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
-from planner.report.record_report import drift_chart, record_rows, report_record
+from planner.report.check_report import drift_chart, record_rows, report_record
 from planner.workflow.plan_results import FORECAST, evaluation_command
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import planner.workflow.both_bars as loaded_both
+import planner.workflow.loaded_planning as loaded_both
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
@@ -24,7 +24,7 @@ from planner.instruments.loaded.common_fit import (
 )
 from planner.instruments.loaded.place_results import common_fit_content, describe_common_fit
 from planner.session.options import PlanOptions
-from planner.workflow.both_bars import fit_cell, plan_both
+from planner.workflow.loaded_planning import fit_cell, plan_both
 
 FREE = "abb-irb6700/edbb"
 FEW = {"loads_N = [125, 250, 375, 500, 625]": "loads_N = [125, 625]", "repeats = 5": "repeats = 1",

@@ -27,7 +27,7 @@ from planner.instruments.loaded.compliance import fit_compliances
 from planner.instruments.loaded.curves import average_curves
 from planner.instruments.loaded.place_results import places_content, places_csv
 from planner.runs.run import Samples
-from planner.workflow.loaded_places import CirclePlacesResult, study_places
+from planner.workflow.loaded_planning import CirclePlacesResult, study_places
 
 BINS = 36
 
@@ -186,7 +186,7 @@ def test_a_circle_out_of_the_arms_reach_is_refused(cell):
 
 
 def test_more_places_than_there_are(monkeypatch, places, cell):
-    monkeypatch.setattr("planner.workflow.loaded_places.study_circle_places", lambda *_: places)
+    monkeypatch.setattr("planner.workflow.loaded_planning.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
         study_places(shared.CELL, 5, 0, Stages(lambda *_: None))
     assert len(with_circles(cell, places.best(2)).file.circles) == 2
