@@ -89,16 +89,21 @@ LEFT_KRL = {
     "function in a condition": (["IF F(1)==2 THEN", "ENDIF", "PTP {P}"], 7, "does not say the tool and base"),
     "function waited for": (["WAIT FOR F()", "PTP {P}"], 6, "does not say the tool and base"),
     "trigger": (["TRIGGER WHEN DISTANCE=0 DELAY=0 DO $BASE.X=5", "PTP {P}"], 6, "line 5 sets it"),
+    "valued after its use": (["BAS(#BASE,1)", "PTP {P}", "BASE_DATA[1]={B}"], 6, r"BASE_DATA\[1\] has its value only after"),
+    "valued in a branch": (
+        ["IF $IN[1] THEN", "BASE_DATA[1]={B}", "ENDIF", "$BASE=BASE_DATA[1]", "PTP {P}"],
+        9,
+        r"BASE_DATA\[1\] has its value only after line 6, where that is run",
+    ),
+    "valued in another routine": (
+        ["BAS(#TOOL,2)", "PTP {P}", "END", "DEF NEVER ( )", "TOOL_DATA[2]={T}"],
+        6,
+        r"TOOL_DATA\[2\] has its value only after line 9",
+    ),
+    "not of the language": (["TECHNOLOGY USE 5", "PTP {P}"], 6, "what line 5 does is not known: 'TECHNOLOGY USE 5'"),
     "taught with another": (
-        [
-            "TOOL_DATA[1]={B}",
-            "BASE_DATA[1]={B}",
-            "DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}",
-            "XP1={P}",
-            "$TOOL={T}",
-            "PTP XP1",
-        ],
-        8,
+        ["DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE}", "XP1={P}", "$TOOL={T}", "PTP XP1"],
+        6,
         "taught with another tool or base",
     ),
     "taught, then changed": (
@@ -150,6 +155,20 @@ def test_krl_lines_that_are_not_certain_are_left_and_named(name, kuka, tmp_path)
     assert changed(done, text) == [4, 5 + len(rows)] == list(done.report.corrected)
     with pytest.raises(InputError, match=why):
         compensate_file(tmp_path / "p.src", *kuka, strict=True)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["BASE_DATA[1]={B}", "IF $IN[1] THEN", "BAS(#BASE,1)", "PTP {P}", "ENDIF"],
+        ["DECL FRAME F", "F={B}", "X()", "$TOOL=$NULLFRAME", "$BASE=F", "PTP {P}"],
+    ],
+)
+def test_krl_frames_hold_where_they_have_certainly_got_their_value(rows, kuka, tmp_path):
+    words = {"{P}": pose(kuka[0]), "{B}": frame_text(np.zeros(6)), "{T}": frame_text(TOOL)}
+    for word, value in words.items():
+        rows = [row.replace(word, value) for row in rows]
+    assert run(tmp_path / "p.src", krl(*NULL, *rows), kuka).report.poses == 1
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import re
 import numpy as np
 
 from planner.common.units import DEG, read_only
+from planner.compensation.formats.gcode_lines import calls_program, is_statement, shift_in
 from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.execution import known_statements
@@ -45,14 +46,6 @@ _HARMLESS = (  # they neither move an axis nor change what its angle means
 _SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M30", *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
-_SHIFTS = re.compile(  # words and variables that turn axis angles into something else
-    r"\b(A?TRANS|A?ROTS?|A?SCALE|A?MIRROR|TRA\w+|CYCLE800|REPOS\w*|SETINT|EXECSTRING|TOFRAME\w*|TOROT\w*|PAROT|PRESETON)\b"
-    r"|\$P_\w*(?:FR|FRAME)\b(?:\[[^\[\]]*\])*\s*=(?!=)|(?<![A-Z0-9_$])G\s*[=\[#(]|#52[12]\d\s*=(?!=)"
-)
-_CALLS = re.compile(r"[MPI]?CALL\b|EXTCALL\b|O\s*[\w\[<]*.*\bCALL\b|[A-Z_]\w*\s*(\(.*\)\s*)?$|[^=]*=\s*[A-Z_]\w*\s*\(")
-_NO_CALLS = re.compile(
-    r"(IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|GOTO\w?|MSG|STOPRE|DEF|WRITE|RET)\b"
-)
 _JUMP_TO_NUMBER = re.compile(r"\bGOTO[BFCS]?\b\s*\(?\s*N?\d", re.IGNORECASE)
 
 
@@ -142,16 +135,19 @@ class _GcodeTargets:
         if axis := re.search(rf"(?<!{edge})({'|'.join(self.joints)})(?!{edge})", said):
             sentence = f"'{block.text}' computes or moves axis {axis[1]}; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)
-        elif match := _SHIFTS.search(re.sub(r'"[^"]*"', " ", block.text)):
-            self.reading.refuse(block.line, f"{match[0].strip()} found: what it does to the axes is not known here")
+        elif shift := shift_in(block.text):
+            self.reading.refuse(block.line, f"{shift} found: what it does to the axes is not known here")
         elif match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", said):
             self._refuse_unit(block, match[1])
         elif re.search(r"(?<![A-Z0-9_])G\s*\d", said):
             sentence = f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
             self.reading.refuse(block.line, sentence)
-        self.forget()
-        if _CALLS.match(said) and not _NO_CALLS.match(said):
+        elif calls_program(said.strip()):
             self.called = block.line
+        elif not is_statement(said.strip()):
+            sentence = f"'{block.text[:60]}' found: what it does to the axes is not known here"
+            self.reading.refuse(block.line, sentence)
+        self.forget()
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
         wrong = self._why_not(block, [name for name, _ in words])

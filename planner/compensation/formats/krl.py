@@ -157,6 +157,7 @@ class _KrlTargets:
             self.frames.forget()
         if name.startswith("$"):
             return
+        self.frames.assign_named(statement)
         if statement.part or not statement.value.startswith("{"):
             if not kind and (not statement.part or statement.part in _COMPONENTS):
                 self.points.compute(name, f"is computed while the program runs ({where})")

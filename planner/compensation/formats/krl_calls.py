@@ -15,6 +15,13 @@ _SET_FRAMES, _NUMBERED_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE"), ("TOOL", "BASE"
 _BUILT_IN = "SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|FORWARD|INVERSE|STRLEN|STRDECLLEN|VARSTATE"
 _KEYWORDS = "IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP|PULSE|SEC|DO|THEN|WAIT|RETURN"
 _FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b|B_)[A-Z_]\w*\s*\(", re.IGNORECASE)
+_TYPES = "INT|REAL|BOOL|CHAR|FRAME|POS|E6POS|AXIS|E6AXIS"
+_LEAVES_FRAMES = re.compile(  # statements that the parser yields as unknown, and that leave tool and base alone
+    rf"(?:{_TYPES}|SIGNAL|EXT|EXTP|EXTFCT|EXTFCTP|ENUM|CHANNEL|IMPORT)\s+\S.*|(?:END)?SPLINE|(?:END)?PTP_?SPLINE"
+    r"|CONTINUE|BRAKE(\s+F)?|EXIT|RESUME|RETURN\b.*|ON_ERROR_PROCEED|WAIT\b.*|(?:AN(?:OUT|IN)|CWRITE|CREAD|S(?:WRITE|READ))\b.*"
+    r"|(?:TRIGGER\b.*\bDO\s+)?(?!\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|(?:TOOL|BASE)_DATA\b)\$?[A-Z_][\w$]*(?:\s*[.\[][^=]*)?=(?!=).*",
+    re.IGNORECASE,
+)
 _LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
 _INTERRUPT = re.compile(r"INTERRUPT\b.*\bDECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
 
@@ -22,6 +29,11 @@ _INTERRUPT = re.compile(r"INTERRUPT\b.*\bDECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECA
 def calls_function(statement: st.Statement) -> bool:
     """Tell whether a routine of somebody's own is called in an expression of the statement."""
     return _FUNCTION.search(statement.text) is not None
+
+
+def leaves_frames(statement: st.Statement) -> bool:
+    """Tell whether a statement is known to leave tool and base as they are, calls in it apart."""
+    return type(statement) is not st.Statement or _LEAVES_FRAMES.fullmatch(statement.text) is not None
 
 
 def names_given_away(statement: st.Statement) -> set[str]:
@@ -47,7 +59,14 @@ class FrameChanges:
             if isinstance(s, st.Routine):
                 here = self.routines.setdefault(s.name, [])
             here.append(s)
+            if isinstance(s, st.RoutineEnd):
+                here = []
+        self._inside = {id(s) for body in self.routines.values() for s in body}
         self.loops = self._changing_loops(statements)
+
+    def is_in_routine(self, statement: st.Statement) -> bool:
+        """Tell whether a statement is run, rather than being data of the module."""
+        return id(statement) in self._inside
 
     def interrupt(self, statement: st.Statement) -> str:
         """Return the routine that a statement declares for an interrupt, or nothing."""
@@ -83,7 +102,8 @@ class FrameChanges:
             case st.Routine() | st.RoutineEnd():
                 return False
         declares = self.interrupt(statement) != ""
-        return not declares and (calls_function(statement) or SET_BESIDE.search(statement.text) is not None)
+        leaves = leaves_frames(statement) and SET_BESIDE.search(statement.text) is None
+        return not declares and (calls_function(statement) or not leaves)
 
     def _changing_loops(self, statements: Sequence[st.Statement]) -> set[int]:
         found, begun = set[int](), list[st.Flow]()

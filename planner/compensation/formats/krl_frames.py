@@ -12,6 +12,7 @@ from planner.compensation.formats.krl_calls import (
     SET_BESIDE,
     FrameChanges,
     calls_function,
+    leaves_frames,
     names_given_away,
 )
 from planner.compensation.points import Frame, FramePair, trace_sources
@@ -48,13 +49,14 @@ class FrameState:
     def __init__(self, statements: Sequence[st.Statement], given: ToolAndBase) -> None:
         self._given = given.T_FT, given.T_WB
         self._values: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
+        self._set_by_code = dict[str, int]()  # line of each frame that has its value only while the program runs
         self._everywhere = ""
         self._on_tool = _stationary_tool(statements)
+        self._changes = FrameChanges(statements)
         own = [s for s in statements if isinstance(s, st.Assignment)]
         for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
             self._take_value(statement)
         self._take_doubts(statements)
-        self._changes = FrameChanges(statements)
         self._changed = {s.name: _describe_change(s) for s in own if s.part and _FDAT.fullmatch(s.name)}
         self._taught = {s.name[1:]: s.value.upper() for s in own if s.kind == "FDAT" and s.name.startswith("F")}
         self.begin_routine()
@@ -73,6 +75,10 @@ class FrameState:
         elif T is None or not np.array_equal(T, self._values.get(name, T)):
             self._values[name] = _describe_change(statement)
         else:
+            if not self._changes.is_in_routine(statement):
+                self._set_by_code.pop(name, None)
+            elif name not in self._values:
+                self._set_by_code[name] = statement.line
             self._values[name] = T
 
     def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
@@ -88,6 +94,7 @@ class FrameState:
     def begin_routine(self, routine: st.Statement | None = None) -> None:
         """Forget all: who calls may have set anything, and hands over what has the names of parameters."""
         self._shadowed = set(re.findall(r"\w+", routine.text.upper().partition("(")[2])) if routine else set[str]()
+        self._variables = set[str]()  # of the routine's own: without a value they stop the program
         self._depth = 0
         self._inside: set[str] = set()  # what was set in IF or a loop that has not ended
         self.forget()
@@ -126,7 +133,15 @@ class FrameState:
             return why, why
         if self._everywhere or len(numbers) != 2:
             return (self._everywhere,) * 2
-        return self._or_given(*(self._values.get(f"{which}_DATA[{numbers[which]}]", "") for which in _STATE))
+        return self._or_given(*(self._find_frame(f"{which}_DATA[{numbers[which]}]") for which in _STATE))
+
+    def _find_frame(self, name: str) -> Frame:
+        """Return a frame by its name as it is at this statement."""
+        T, line = self._values.get(name, ""), self._set_by_code.get(name)
+        everywhere = line is None or name in self._variables or isinstance(T, str)
+        if everywhere or isinstance(self._now.get(name), np.ndarray):
+            return T
+        return f"{name} has its value only after line {line}, where that is run"
 
     def branch(self, flow: st.Flow) -> None:
         """Take in a branch, a loop or a label: what was set in one of them is not certain after it, nor in the next."""
@@ -152,11 +167,14 @@ class FrameState:
             if routine not in self._changes.routines:
                 return "" if _MAKERS_OWN.fullmatch(routine) else routine
             self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
+        elif not leaves_frames(statement):
+            self.forget(f"what line {statement.line} does is not known: '{statement.text[:40]}'")
         elif calls_function(statement):
             self.forget()
         elif declared := re.fullmatch(r"DECL\s+\w+\s+([\w,\s]+)", statement.text, re.IGNORECASE):
             inside = {s.name for body in self._changes.routines.values() for s in body if isinstance(s, st.Assignment)}
-            self._shadowed |= set(re.findall(r"\w+", declared[1].upper())) - inside
+            self._variables |= set(re.findall(r"\w+", declared[1].upper()))
+            self._shadowed |= self._variables - inside
         return ""
 
     def may_write(self, statement: st.Statement) -> bool:
@@ -172,7 +190,7 @@ class FrameState:
         """Take in a call of BAS that selects frames by number, or forgets them."""
         if statement.what in _STATE:
             index = statement.value
-            known = self._values.get(f"{statement.what}_DATA[{int(index)}]", "") if index.isdigit() else ""
+            known = self._find_frame(f"{statement.what}_DATA[{int(index)}]") if index.isdigit() else ""
             self._set(statement.what, known)
         elif statement.what in RESETS_FRAMES:
             for which in self._now:
@@ -186,8 +204,14 @@ class FrameState:
         T: Frame | None = None if statement.part else _plain(statement.value)
         if T is None and not statement.part:
             name = re.sub(r"\s", "", statement.value).upper()
-            T = None if name in self._shadowed else self._values.get(name)
+            T = None if name in self._shadowed or name not in self._values else self._find_frame(name)
         self._set(statement.name[1:], _describe_change(statement) if T is None else T)
+
+    def assign_named(self, statement: st.Assignment) -> None:
+        """Take in that a frame with a name gets its value here."""
+        name = re.sub(r"\s", "", statement.name)
+        if name in self._set_by_code:
+            self._set(name, self._values[name])
 
     def _set(self, which: str, T: Frame) -> None:
         self._now[which] = T

@@ -108,6 +108,8 @@ class _RapidTargets:
                     self.last = None  # behind a condition
             case st.Call() | st.Flow() | st.Routine() | st.RoutineEnd():
                 self.last = None
+            case _ if type(said) is st.Statement:
+                self.last = None
 
     def _hand_points(self, p: Placed) -> None:
         """A routine or a function may drive to the points that it is given."""

@@ -1,0 +1,38 @@
+"""What a line of G-code does that is no row of words: a statement, a call, a shift of what angles mean, or unknown."""
+
+import re
+
+_SHIFTS = re.compile(  # words and variables that turn axis angles into something else
+    r"\b(A?TRANS|A?ROTS?|A?SCALE|A?MIRROR|TRA\w+|CYCLE800|REPOS\w*|SETINT|EXECSTRING|TOFRAME\w*|TOROT\w*|PAROT|PRESETON)\b"
+    r"|\$P_\w*(?:FR|FRAME)\b(?:\[[^\[\]]*\])*\s*=(?!=)|(?<![A-Z0-9_$])G\s*[=\[#(]|#52[12]\d\s*=(?!=)"
+)
+_VARIABLE = r"(?:R\s*\d+|R\[[^\]]*\]|#\s*(?:\d+|<\w+>)|\$A_(?:OUTA?|DB[BWDR])\[[^\]]*\]|(?!IDS?\b|[A-Z]\d*\s*=)[A-Z_]\w*(?:\[[^\]]*\])?)"
+_STATEMENTS = (  # that neither move an axis nor change what its angle means, calls in them apart
+    r"(?:IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|CASE|GOTO\w?)\b.*",
+    r"O\s*(?:\d+|<\w+>)\s*(?:(?:END)?(?:SUB|IF|WHILE|REPEAT)|RETURN|ELSE(?:IF)?|DO|BREAK|CONTINUE)\b.*",
+    r"(?:DEF|EXTERN|PROC|END_PROC|LOCAL|VAR|END_VAR)\b.*",
+    r"[A-Z_]\w*:",
+    r"(?:MSG|WRITE|LOGOPEN|LOGAPPEND|LOGCLOSE|DEBUG|PRINT|SETAL|WAIT[ME])\s*\(.*\)?",
+    r"STOPRE|STOPFIFO|STARTFIFO|RET|(?:SOFT|BRISK|DRIVE|FFW(?:ON|OF)|FNORM|FLIN|CFC|CFIN|CFTCP|DISPLO[FN]|SBLO[FN])\s*",
+    rf"(?:{_VARIABLE}|[FSTM]\d?)\s*=(?!=)(?:[^=]|[<>=]=)*",
+)
+_STATEMENT = re.compile("|".join(_STATEMENTS))
+_CALLED = r"(?!(?:IF|WHILE|UNTIL|AND|OR|NOT|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|POT|TRUNC|ROUND|EXISTS|ISVAR)\b)[A-Z_]\w*"
+_CALL = re.compile(rf"[MPI]?CALL\b.*|EXTCALL\b.*|O\s*[\w\[<]*.*\bCALL\b.*|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*")
+_CALLS_NOTHING = re.compile(_STATEMENTS[0] + "|" + "|".join(_STATEMENTS[2:6]))
+
+
+def shift_in(text: str) -> str:
+    """Return the word of a line that makes axis angles mean something else, or nothing."""
+    match = _SHIFTS.search(re.sub(r'"[^"]*"', " ", text))
+    return match[0].strip() if match else ""
+
+
+def calls_program(text: str) -> bool:
+    """Tell whether a line runs a program or a function of somebody's own."""
+    return _CALL.fullmatch(text) is not None and _CALLS_NOTHING.fullmatch(text) is None
+
+
+def is_statement(text: str) -> bool:
+    """Tell whether a line is known to leave the axes and the meaning of their angles alone."""
+    return _STATEMENT.fullmatch(text) is not None
