@@ -89,7 +89,11 @@ LEFT_KRL = {
     "function in a condition": (["IF F(1)==2 THEN", "ENDIF", "PTP {P}"], 7, "does not say the tool and base"),
     "function waited for": (["WAIT FOR F()", "PTP {P}"], 6, "does not say the tool and base"),
     "trigger": (["TRIGGER WHEN DISTANCE=0 DELAY=0 DO $BASE.X=5", "PTP {P}"], 6, "line 5 sets it"),
-    "valued after its use": (["BAS(#BASE,1)", "PTP {P}", "BASE_DATA[1]={B}"], 6, r"BASE_DATA\[1\] has its value only after"),
+    "valued after its use": (
+        ["BAS(#BASE,1)", "PTP {P}", "BASE_DATA[1]={B}"],
+        6,
+        r"BASE_DATA\[1\] has its value only after",
+    ),
     "valued in a branch": (
         ["IF $IN[1] THEN", "BASE_DATA[1]={B}", "ENDIF", "$BASE=BASE_DATA[1]", "PTP {P}"],
         9,

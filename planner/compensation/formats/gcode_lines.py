@@ -17,8 +17,12 @@ _STATEMENTS = (  # that neither move an axis nor change what its angle means, ca
     rf"(?:{_VARIABLE}|[FSTM]\d?)\s*=(?!=)(?:[^=]|[<>=]=)*",
 )
 _STATEMENT = re.compile("|".join(_STATEMENTS))
-_CALLED = r"(?!(?:IF|WHILE|UNTIL|AND|OR|NOT|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|POT|TRUNC|ROUND|EXISTS|ISVAR)\b)[A-Z_]\w*"
-_CALL = re.compile(rf"[MPI]?CALL\b.*|EXTCALL\b.*|O\s*[\w\[<]*.*\bCALL\b.*|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*")
+_CALLED = (
+    r"(?!(?:IF|WHILE|UNTIL|AND|OR|NOT|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|POT|TRUNC|ROUND|EXISTS|ISVAR)\b)[A-Z_]\w*"
+)
+_CALL = re.compile(
+    rf"[MPI]?CALL\b.*|EXTCALL\b.*|O\s*[\w\[<]*.*\bCALL\b.*|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*"
+)
 _CALLS_NOTHING = re.compile(_STATEMENTS[0] + "|" + "|".join(_STATEMENTS[2:6]))
 
 
