@@ -6,7 +6,10 @@ _SHIFTS = re.compile(  # words and variables that turn axis angles into somethin
     r"\b(A?TRANS|A?ROTS?|A?SCALE|A?MIRROR|TRA\w+|CYCLE800|REPOS\w*|SETINT|EXECSTRING|TOFRAME\w*|TOROT\w*|PAROT|PRESETON)\b"
     r"|\$P_\w*(?:FR|FRAME)\b(?:\[[^\[\]]*\])*\s*=(?!=)|(?<![A-Z0-9_$])G\s*[=\[#(]|#52[12]\d\s*=(?!=)"
 )
-_VARIABLE = r"(?:R\s*\d+|R\[[^\]]*\]|#\s*(?:\d+|<\w+>)|\$A_(?:OUTA?|DB[BWDR])\[[^\]]*\]|(?!IDS?\b|[A-Z]\d*\s*=)[A-Z_]\w*(?:\[[^\]]*\])?)"
+_VARIABLE = (
+    r"(?:R\s*\d+|R\[[^\]]*\]|#\s*(?:\d+|<\w+>)|\$A_(?:OUTA?|DB[BWDR])\[[^\]]*\]"
+    r"|(?!IDS?\b|[A-Z]\d*\s*=)[A-Z_]\w*(?:\[[^\]]*\])?)"
+)
 _STATEMENTS = (  # that neither move an axis nor change what its angle means, calls in them apart
     r"(?:IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|CASE|GOTO\w?)\b.*",
     r"O\s*(?:\d+|<\w+>)\s*(?:(?:END)?(?:SUB|IF|WHILE|REPEAT)|RETURN|ELSE(?:IF)?|DO|BREAK|CONTINUE)\b.*",
@@ -17,11 +20,11 @@ _STATEMENTS = (  # that neither move an axis nor change what its angle means, ca
     rf"(?:{_VARIABLE}|[FSTM]\d?)\s*=(?!=)(?:[^=]|[<>=]=)*",
 )
 _STATEMENT = re.compile("|".join(_STATEMENTS))
-_CALLED = (
-    r"(?!(?:IF|WHILE|UNTIL|AND|OR|NOT|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|POT|TRUNC|ROUND|EXISTS|ISVAR)\b)[A-Z_]\w*"
-)
+_MATHS = "IF|WHILE|UNTIL|AND|OR|NOT|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|POT|TRUNC|ROUND|EXISTS|ISVAR"
+_CALLED = rf"(?!(?:{_MATHS})\b)[A-Z_]\w*"
 _CALL = re.compile(
-    rf"[MPI]?CALL\b.*|EXTCALL\b.*|O\s*[\w\[<]*.*\bCALL\b.*|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*"
+    r"[MPI]?CALL\b.*|EXTCALL\b.*|O\s*[\w\[<]*.*\bCALL\b.*"
+    rf"|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*"
 )
 _CALLS_NOTHING = re.compile(_STATEMENTS[0] + "|" + "|".join(_STATEMENTS[2:6]))
 
