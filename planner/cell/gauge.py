@@ -22,9 +22,9 @@ from planner.cell.gauge_types import (
     RecordedPose,
     SessionGuide,
 )
-from planner.common.determinism import sobol_points
 from planner.common.errors import InputError
 from planner.common.schema import validate
+from planner.common.sequences import sobol_points
 from planner.common.units import MM, UM, Array, from_deg
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot

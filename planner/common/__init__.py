@@ -12,6 +12,7 @@ __all__ = [
     "result_folder",
     "schema",
     "second_process",
+    "sequences",
     "time_limit",
     "units",
 ]

@@ -1,6 +1,6 @@
-"""The same bytes on any machine: one BLAS thread where a number decides, ties broken alike, even draws."""
+"""The same bytes on any machine: one BLAS thread where a number decides, and ties that rounding cannot break."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
@@ -52,19 +52,3 @@ def first_maximum(values: Array) -> int:
     """Position of the largest value; of values equal to within rounding (1e-11) the first."""
     top = float(np.max(values))
     return int(np.argmax(values >= top - 1e-11 * abs(top))) if np.isfinite(top) else int(np.argmax(values))
-
-
-def sobol_points(dimensions: int, seed: int | Sequence[int]) -> Callable[[int], Array]:
-    """Return what draws so many scrambled Sobol points in the unit cube, (count, dimensions)."""
-    from scipy.stats import qmc  # costs most of a second, and few commands need it
-
-    sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
-    first = sequence.random(1)
-
-    def draw(count: int) -> Array:
-        nonlocal first
-        points = np.vstack([first[:count], sequence.random(max(0, count - len(first)))])
-        first = first[count:]
-        return points
-
-    return draw

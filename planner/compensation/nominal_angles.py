@@ -4,8 +4,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.stats import qmc
 
+from planner.common.sequences import sobol_points
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shape, shape_of
 from planner.compensation.correction import NominalPoser, solve_flange_ik
@@ -206,4 +206,4 @@ def _choose_turns(
 
 @lru_cache(maxsize=4)
 def _unit_points(dimension: int) -> Array:
-    return np.asarray(qmc.Sobol(dimension, scramble=False).random_base2(SEEDS))
+    return sobol_points(dimension, None)(1 << SEEDS)

@@ -10,9 +10,9 @@ import numpy as np
 from planner.cell.cell import Cell, Fixture
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_types import FilterStage, JointSamples, PointTravel
-from planner.common.determinism import sobol_points
 from planner.common.errors import InputError
 from planner.common.second_process import available_threads
+from planner.common.sequences import sobol_points
 from planner.common.units import Array
 from planner.kinematics.geometry import bar_state, tilt_angle
 from planner.runs.run import Mounting

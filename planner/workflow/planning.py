@@ -11,7 +11,7 @@ from planner.common.time_limit import TimeLimit, limit_time
 from planner.design.free_parameters import check_effects
 from planner.motion.tour.solve import Method
 from planner.report.plan_report import report_plan
-from planner.report.standby import begin_standing_by, drawing_process
+from planner.report.standby import drawing_process
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions, check_circle_options, check_point_options
 from planner.session.plan_types import Plan
@@ -55,7 +55,6 @@ def plan(
         InputError: the cell or an argument is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
-    begin_standing_by()
     file = None if separate is None else Path(separate)
     options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim)
     stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))

@@ -7,7 +7,7 @@ import pytest
 
 from planner.report.chart import Chart, Panel, Series
 from planner.report.page import Report, draw_pictures
-from planner.report.standby import begin_standing_by, drawing_process, stand_by
+from planner.report.standby import drawing_process, stand_by
 
 LINE = Panel("a line", "x", "y", (Series("one", np.arange(3.0), np.arange(3.0), "#000000"),))
 PAGE = Report("plan.html.j2", {}, (Chart("line", "A line", "drawn", (LINE,)),))
@@ -17,7 +17,6 @@ PAGE = Report("plan.html.j2", {}, (Chart("line", "A line", "drawn", (LINE,)),))
 def process(monkeypatch):
     monkeypatch.setattr("planner.common.second_process.available_threads", lambda: 2)
     with stand_by():
-        begin_standing_by()
         yield drawing_process()
     assert drawing_process() is None
 

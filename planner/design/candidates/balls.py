@@ -8,8 +8,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
-from planner.common.determinism import sobol_points
 from planner.common.errors import NoSolutionError
+from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, smallest_singular_value, solve_point_ik

@@ -11,13 +11,17 @@ min-P).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2
-from scipy.stats import f as fisher
 
+from planner.common.lazy_modules import LazyModule
 from planner.common.units import Array
+
+if TYPE_CHECKING:
+    from scipy import optimize, stats
+else:  # they take most of a second, and a plan only shows what a check will find
+    optimize, stats = LazyModule("scipy.optimize"), LazyModule("scipy.stats")
 
 FALSE_ALARM = 0.01  # of all tests together
 POWER = 0.9  # with which a change of the stated size is found
@@ -99,7 +103,7 @@ class Detector:
         """Return what each change explains of readings less their expectation (n,) [m], last anything at all."""
         explained = np.array([((self._whitening @ difference @ b) ** 2).sum() for b in self._bases])
         d = np.array([b.shape[1] for b in self._bases])
-        p = fisher.sf(explained / d, d, self.freedom)
+        p = stats.f.sf(explained / d, d, self.freedom)
         return tuple(Explanation(k, float(explained[k]), int(d[k]), float(p[k])) for k in range(len(d)))
 
     def _log_tails(self, explained: Array) -> Array:
@@ -108,7 +112,7 @@ class Detector:
         for d in {b.shape[1] for b in self._bases}:
             mine = [k for k, b in enumerate(self._bases) if b.shape[1] == d]
             table = np.geomspace(1e-4, 1e6, TABLE)
-            out[:, mine] = np.interp(explained[:, mine] / d, table, fisher.logsf(table, d, self.freedom))
+            out[:, mine] = np.interp(explained[:, mine] / d, table, stats.f.logsf(table, d, self.freedom))
         return out
 
     @cached_property
@@ -162,16 +166,16 @@ def shift_for_power(d: int, freedom: float, threshold: float) -> float:
 
     λ counts in the noise as it was estimated, which is what sizes are stated by: averaged over what it may really be.
     """
-    critical = fisher.isf(threshold, d, freedom)
-    true = freedom / chi2.ppf((np.arange(SIZES) + 0.5) / SIZES, freedom)  # variance over the estimated one
+    critical = stats.f.isf(threshold, d, freedom)
+    true = freedom / stats.chi2.ppf((np.arange(SIZES) + 0.5) / SIZES, freedom)  # variance over the estimated one
 
     def lacking(shift: float) -> float:
-        return POWER - float(ncx2.sf(critical * d / true, d, shift / true).mean())
+        return POWER - float(stats.ncx2.sf(critical * d / true, d, shift / true).mean())
 
     high = 10.0 * d * critical
     while lacking(high) > 0:
         high *= 2.0
-    return float(brentq(lacking, 1e-6, high))
+    return float(optimize.brentq(lacking, 1e-6, high))
 
 
 def rank_explanations(found: Sequence[Explanation], readings: int) -> list[tuple[float, Explanation]]:

@@ -129,6 +129,26 @@ class WorkspaceBounds:
 
 
 @dataclass(frozen=True)
+class BarPairs:
+    """The pairs of a part of the bar with another piece.
+
+    Attributes:
+        pair: position of each among the scene's pairs, (m,) int.
+        housing: whether the part is the housing, else the rod, (m,) bool.
+        end: reach of the part's core, (m,) [m].
+        reach: largest distance of the other piece from each axis before it, (m, N) [m]; zero where it stands still.
+        at_tool: whether the tool carries the other piece, (m,) bool; to_map: its distance from the MAP then [m].
+    """
+
+    pair: np.ndarray
+    housing: np.ndarray
+    end: Array
+    reach: Array
+    at_tool: np.ndarray
+    to_map: Array
+
+
+@dataclass(frozen=True)
 class PairBounds:
     """Bounds for the checked pairs of a scene."""
 
@@ -136,36 +156,40 @@ class PairBounds:
 
     def changes(self, far: Travel) -> Array:
         """Return what the distance of each pair can lose in the neighbourhoods, (n, pairs) [m]."""
-        out = far.step @ self._reach.T
-        for k, bar, other in self._bar_pairs:
-            out[:, k] = self._bar_change(far, self.scene.pieces[bar], self.scene.pieces[other])
+        out, bar = far.step @ self._reach.T, self._bar
+        if len(bar.pair):
+            # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
+            own = np.repeat(far.move[:, None], len(bar.pair), axis=1)
+            own[:, bar.housing] = bar.end[bar.housing] * far.swing[:, None]
+            at_tool = np.flatnonzero(bar.at_tool)
+            carried = far.step @ bar.reach.T
+            by_tool = far.move[:, None] + bar.to_map[at_tool] * far.turn[:, None]
+            carried[:, at_tool] = np.minimum(carried[:, at_tool], by_tool)
+            apart = own + carried
+            both = np.flatnonzero(bar.at_tool & ~bar.housing)  # both hold the MAP: only the angle between them changes
+            turned = np.minimum(bar.end, bar.to_map)[both] * (far.swing + far.turn)[:, None]
+            apart[:, both] = np.minimum(apart[:, both], turned)
+            out[:, bar.pair] = apart
         return out
 
-    def _bar_change(self, far: Travel, bar: SceneBody, other: SceneBody) -> Array:
-        """Housing or rod against another piece, (n,) [m]."""
-        end = core_reach(bar)
-        # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
-        own = end * far.swing if bar.carrier == "housing" else far.move
-        if other.carrier == "world":
-            return np.asarray(own)
-        carried = far.step @ self._link_reach(other)
-        at_tool = other.link == self.scene.cell.robot.n_joints
-        to_map = self._distance_from_map(other) if at_tool else np.inf
-        if at_tool:
-            carried = np.minimum(carried, far.move + to_map * far.turn)
-        apart = own + carried
-        if bar.carrier == "housing":
-            return np.asarray(apart)
-        if at_tool:  # both hold the MAP: only the angle between bar and tool changes
-            return np.asarray(np.minimum(apart, min(end, to_map) * (far.swing + far.turn)))
-        return np.asarray(apart)
-
     @cached_property
-    def _bar_pairs(self) -> list[tuple[int, int, int]]:
-        """Position of each pair with a part of the bar, then that part and the other piece."""
-        pieces = self.scene.pieces
+    def _bar(self) -> "BarPairs":
+        """The pairs with a part of the bar."""
+        pieces, robot = self.scene.pieces, self.scene.cell.robot
         found = [(k, *pair) for k, pair in enumerate(self.scene.pairs) if any(pieces[i].of_bar for i in pair)]
-        return [(k, a, b) if pieces[a].of_bar else (k, b, a) for k, a, b in found]
+        found = [(k, a, b) if pieces[a].of_bar else (k, b, a) for k, a, b in found]
+        bars, others = [pieces[a] for _, a, _ in found], [pieces[b] for *_, b in found]
+        at_tool = np.array([p.carrier == "link" and p.link == robot.n_joints for p in others], dtype=bool)
+        to_map = np.array([self._distance_from_map(p) if p.link == robot.n_joints else np.inf for p in others])
+        still = np.zeros(robot.n_joints)
+        return BarPairs(
+            pair=np.array([k for k, *_ in found], dtype=int),
+            housing=np.array([p.carrier == "housing" for p in bars], dtype=bool),
+            end=np.array([core_reach(p) for p in bars]),
+            reach=np.array([still if p.carrier == "world" else self._link_reach(p) for p in others]),
+            at_tool=at_tool,
+            to_map=to_map,
+        )
 
     @cached_property
     def _reach(self) -> Array:

@@ -3,11 +3,12 @@ branch and bound."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from planner.common.second_process import Beside
+from planner.common.second_process import Assistant
 from planner.common.time_limit import check_time
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
@@ -124,9 +125,22 @@ class Prover:
         """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles; many on two processors."""
         if len(corners) < MANY:
             return self._prove(corners)
-        beside = Beside(lambda: self._prove(corners[1::2]))
-        both = Proof.concatenate([self._prove(corners[::2]), beside.result()])
+        both = Proof.concatenate(self._prove_halves(corners[::2], corners[1::2]))
         return both.take(np.argsort(np.concatenate([np.arange(k, len(corners), 2) for k in range(2)])))
+
+    def _prove_halves(self, one: Array, other: Array) -> list[Proof]:
+        if not self._assistant.runs:
+            return [self._prove(one), self._prove(other)]
+        self._assistant.begin(other)
+        try:
+            return [self._prove(one), self._assistant.result()]
+        except BaseException:  # else its answer would be taken for that of the next question
+            self._assistant.stop()
+            raise
+
+    @cached_property
+    def _assistant(self) -> Assistant[Array, Proof]:
+        return Assistant(self._prove)
 
     def _prove(self, corners: Array) -> Proof:
         record, cells = _Record(len(corners)), Neighbourhoods.of(corners)

@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 from planner.cell.reading import load_cell, shipped_cells
-from planner.common.determinism import sobol_points
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.sequences import sobol_points
 from planner.design.candidates.pool import draw_candidates
 from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
