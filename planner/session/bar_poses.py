@@ -23,11 +23,10 @@ from planner.design.pose_selection import (
 )
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import Samples
 from planner.session.approaches import TourStop
 from planner.session.course import is_continuous
-from planner.session.mount import drop_unreachable, join_to_mounts, move_mounts, with_mounts
+from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, with_mounts
 from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
@@ -41,6 +40,7 @@ class BarPoses(PoseSession):
     """Where the poses of a bar come from."""
 
     near: Certificate
+    reach: MountMaps
 
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
         super().__init__(cell, options, chooser)
@@ -61,14 +61,15 @@ class BarPoses(PoseSession):
             given, self.cell = self.cell, with_mounts(self.cell, seed)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
         with stages.stage("roadmap"):
-            joined = join_to_mounts(self.cell, pool, seed)
-            moved = move_mounts(self.cell, given, pool, joined, seed)
+            reach = join_to_mounts(self.cell, pool, seed)
+            moved = move_mounts(self.cell, given, pool, reach.joined, seed)
             if moved is not self.cell and not must_stop(ROADMAP, "another mount pose was not tried"):
                 other = draw_candidates(moved, moved.plan.candidates, seed)
                 there = join_to_mounts(moved, other, seed)
-                if there.sum() > joined.sum():
-                    self.cell, pool, joined = moved, other, there
-            self.pool, notes, self.near = drop_unreachable(self.cell, pool, joined, self.index, self.poses, seed)
+                if there.joined.sum() > reach.joined.sum():
+                    self.cell, pool, reach = moved, other, there
+            kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed)
+            self.pool, self.reach, notes, self.near = kept
             self.notes += notes
 
     def select(self, stages: Stages) -> Selection:
@@ -108,13 +109,10 @@ class BarPoses(PoseSession):
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
-        lost, seed = [], self.options.seed
+        lost = []
         for m in self.cell.mountings:
             mine = np.flatnonzero(choice.samples.at_mounting(m))
-            near = self.pool.q[self.pool.samples.at_mounting(m)]
-            states = np.vstack([np.array(self.cell.mount(m)), choice.q[mine], near])
-            part = connected_parts(Constraints(self.cell, m), states, seed, 1 + len(mine), REFINEMENT)
-            lost.append(mine[part[1 : 1 + len(mine)] != part[0]])
+            lost.append(mine[self.reach.maps[m].find_unjoined(choice.q[mine], REFINEMENT)])
         return np.concatenate(lost)
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Where a session starts and ends: the cell's own mount pose, or a good one that is found."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import connected_parts
+from planner.motion.path.roadmap import PartMap, connected_parts
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
@@ -80,46 +80,59 @@ def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed
     return cell
 
 
+@dataclass(frozen=True)
+class MountMaps:
+    """What can be reached from the mount poses.
+
+    Attributes:
+        joined: which candidates lie in their mount pose's part, (n,) bool.
+        maps: the parts of the valid states at each mounting, the mount pose first.
+    """
+
+    joined: np.ndarray
+    maps: dict[Mounting, PartMap]
+
+
 def drop_unreachable(
-    cell: Cell, pool: PoseSet, joined: np.ndarray, index: str, poses: int | None, seed: int
-) -> tuple[PoseSet, tuple[str, ...], Certificate]:
+    cell: Cell, pool: PoseSet, reach: MountMaps, index: str, poses: int | None, seed: int
+) -> tuple[PoseSet, MountMaps, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
     The certificate bounds the index over them, roughly: later bounds begin there.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
-    by their neighbours in a roadmap (``joined``, of :func:`join_to_mounts`); those whose price in the bound singles
+    by their neighbours in a roadmap (``reach``, of :func:`join_to_mounts`); those whose price in the bound singles
     them out are in it themselves.
     """
-    likely = pool.take(joined)
+    likely = pool.take(reach.joined)
     _, _, rows = identify_candidates(cell, likely)
     n = min(poses or POSES, len(rows))
     rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
     if must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
-        kept = np.ones(len(likely), dtype=bool)
+        reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:
         order, _ = price_core(rows, rough, n)
-        kept = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
-    lost = len(pool) - int(kept.sum())
+        reach = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
+    lost = len(pool) - int(reach.joined.sum())
     note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
-    return likely.take(kept), (note,) if lost else (), rough.among(kept)
+    return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
 
 
-def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE) -> np.ndarray:
-    """Tell which candidates lie in their mount pose's part, (n,) bool.
+def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE) -> MountMaps:
+    """Tell which candidates lie in their mount pose's part.
 
     The roadmap has those in ``certain`` (positions in the pool) as nodes, and a sample of the others.
     """
-    kept = np.zeros(len(pool), dtype=bool)
+    kept, maps = np.zeros(len(pool), dtype=bool), {}
     for m in cell.mountings:
         held = pool.samples.at_mounting(m)
         mine, first = np.flatnonzero(held), certain[held[certain]]
         rows = np.concatenate([first, np.setdiff1d(mine, first)])
-        part = connected_parts(
-            Constraints(cell, m), np.vstack([np.array(cell.mount(m)), pool.q[rows]]), seed, 1 + len(first)
-        )
+        q = np.vstack([np.array(cell.mount(m)), pool.q[rows]])
+        maps[m] = PartMap.of(Constraints(cell, m), q, seed, 1 + len(first))
+        part = maps[m].parts(q)
         kept[rows] = part[1:] == part[0]
-    return kept
+    return MountMaps(kept, maps)
 
 
 def _find_mount(cell: Cell, mounting: Mounting, seed: int) -> Array:

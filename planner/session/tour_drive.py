@@ -6,6 +6,7 @@ or the reflector is put in.
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,7 +17,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.second_process import Beside
 from planner.common.units import Array
 from planner.design.candidates.balls import FirstContact
-from planner.motion.path.connection import connect_poses
+from planner.motion.path.connection import connect_poses, prove_detours
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
@@ -138,11 +139,16 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
     cost = tour_costs(place.cell, place.mounting, nodes)
     proof = 0 if len(nodes) > MANY and not place.measuring.bar else None
     forbidden: dict[tuple[int, int], str] = {}
+    known: Beside[np.ndarray] | None = Beside(partial(prove_detours, place.measuring, nodes, seed, place.detours))
     for _ in range(TRIES):
-        tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
-        order = [*(int(k) for k in tour.order), 0]
-        order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
-        path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
+        with known or nullcontext():
+            tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
+            order = [*(int(k) for k in tour.order), 0]
+            order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
+            path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours, known=known)
+        if known:
+            known.stop()
+            known = None
         if isinstance(path, ProvenPath):
             return _note_forbidden_legs(tour, forbidden), path
         if 0 in path.unreachable:

@@ -6,6 +6,7 @@ a criterion, such as the score of a swap or the update, is its own matter; the s
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,7 +42,7 @@ class SequentialCriterion(Protocol):
         """How much each candidate would better the criterion if it came in, (N,)."""
 
     def change(self, candidate: int, sign: int = 1) -> None:
-        """Add a candidate, or remove it where ``sign`` is −1."""
+        """Add a candidate, or remove it where ``sign`` is −1; arrays are replaced, so that copies stay as they were."""
 
 
 def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions) -> Positions:
@@ -98,12 +99,15 @@ def exchange_singly(
         for k in order(out):
             if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 return out
+            kept = copy(criterion)
             criterion.change(int(out[k]), -1)
             gains = criterion.gains()
             best = _best_addition(gains, np.delete(out, k))
             if gains[best] > gains[out[k]] * (1 + _BETTER):
                 out[k] = best
-            criterion.change(int(out[k]))
+                criterion.change(best)
+            else:
+                vars(criterion).update(vars(kept))
         if np.array_equal(out, before):
             break
     return out

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from planner.common.second_process import Beside
 from planner.common.units import Array, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
@@ -77,8 +78,24 @@ SPREAD = 0.4  # [rad] about the poses
 ROOMS = (1e-4, 1e-3)  # [m] beyond the clearance for detours: the judges' distances differ by 1e-5; and a wider try
 
 
+def prove_detours(constraints: Constraints, q: Array, seed: int, pool: Array) -> np.ndarray:
+    """Prove the parts of the roadmap over which :func:`connect_poses` leads detours; return what is known of its edges.
+
+    It takes as long as the search for the order of the poses, and does not depend on it.
+    """
+    graph = Roadmap.grow(_roomy(constraints, q, ROOMS[0]), q, pool, seed).graph
+    graph.parts()
+    return graph.known
+
+
 def connect_poses(
-    constraints: Constraints, q: Array, order: Sequence[int], *, seed: int = 0, pool: Array | None = None
+    constraints: Constraints,
+    q: Array,
+    order: Sequence[int],
+    *,
+    seed: int = 0,
+    pool: Array | None = None,
+    known: Beside[np.ndarray] | None = None,
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 
@@ -92,6 +109,7 @@ def connect_poses(
         order: rows of ``q`` in visiting order; a row may come twice.
         seed: of everything random.
         pool: valid states (P, N) [rad] to lead detours over, for instance the candidates; drawn at random if ``None``.
+        known: :func:`prove_detours` of all of ``q`` and the pool, which has been begun.
 
     Returns:
         The path, or the legs that could not be joined and the poses that cannot be reached.
@@ -106,8 +124,10 @@ def connect_poses(
     reasons: tuple[str, ...] = ()
     for room in ROOMS:
         if len(bent):
-            wide = constraints.with_room(_affordable_room(constraints, q[visits], room))
+            wide = _roomy(constraints, q[visits], room)
             roadmap = Roadmap.grow(wide, q, _draw_states(wide, q, seed) if pool is None else pool, seed)
+            if known and room == ROOMS[0]:
+                roadmap.graph.known = known.result()
             found = _find_detours(roadmap, bent)
             ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
             failed = tuple(_pair(leg) for leg, way in zip(bent, found, strict=True) if way is None)
@@ -120,9 +140,9 @@ def connect_poses(
     return PathGaps(tuple(_pair(leg) for leg in bent), (), reasons)
 
 
-def _affordable_room(constraints: Constraints, q: Array, room: float) -> float:
-    """Return ``room`` [m], or none if a pose to be visited (n, N) has not that much itself."""
-    return 0.0 if constraints.world.near(q, constraints.clearance + room).any() else room
+def _roomy(constraints: Constraints, q: Array, room: float) -> Constraints:
+    """Return the constraints with ``room`` [m] more, if every pose to be visited (n, N) has that much itself."""
+    return constraints.with_room(0.0 if constraints.world.near(q, constraints.clearance + room).any() else room)
 
 
 def _unproven_legs(path: ProvenPath) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -139,9 +139,13 @@ class LazyGraph:
         inner = len(self.q) + np.arange(len(way) - 2)
         chain = np.concatenate([ends[:1], inner, ends[1:]])
         new = np.column_stack([chain[:-1], chain[1:]])
-        grown = LazyGraph(self.constraints, np.concatenate([self.q, way[1:-1]]), np.concatenate([self.edges, new]))
+        self.add_states(way[1:-1], new)
+        self.known[self._rows(new)] = PROVEN
+
+    def add_states(self, q: Array, edges: np.ndarray) -> None:
+        """Add states (n, N) [rad], which come last, and edges (m, 2) that may join them."""
+        grown = LazyGraph(self.constraints, np.concatenate([self.q, q]), np.concatenate([self.edges, edges]))
         grown.known[grown._rows(self.edges)] = self.known
-        grown.known[grown._rows(new)] = PROVEN
         self.__dict__.update(grown.__dict__)
 
     def strike(self, edges: np.ndarray) -> None:
@@ -328,18 +332,53 @@ def connected_parts(
 ) -> np.ndarray:
     """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
 
-    Between different parts no way was found, so a tour must keep to one of them. The parts are those of a roadmap over
-    the first ``certain`` poses and a sample of the others; poses that are not in it go with the nearest that is.
-
-    Args:
-        constraints: what states and motions must keep.
-        q: valid poses (n, N) [rad], those that matter most (the start) first.
-        seed: of the sample.
-        certain: how many of the first poses must be in the roadmap itself.
-        share: of a limit of time after which no more ways are proven.
+    See :class:`PartMap`.
     """
-    roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
-    part = roadmap.graph.parts(share)
-    speed = constraints.cell.robot.speed
-    _, nearest = cKDTree(roadmap.graph.q / speed).query(q / speed, workers=-1)
-    return np.asarray(part[nearest])
+    return PartMap.of(constraints, q, seed, certain, share).parts(q)
+
+
+@dataclass(frozen=True)
+class PartMap:
+    """The connected parts of the valid states, as a roadmap shows them.
+
+    Between different parts no way was found, so a tour must keep to one of them.
+
+    Attributes:
+        roadmap: over the first poses and a sample of the others.
+        part: of each of its states, largest part 0.
+    """
+
+    roadmap: Roadmap
+    part: np.ndarray
+
+    @classmethod
+    def of(
+        cls, constraints: Constraints, q: Array, seed: int = 0, certain: int = 1, share: float = ROADMAP
+    ) -> "PartMap":
+        """Return the parts of valid poses.
+
+        Args:
+            constraints: what states and motions must keep.
+            q: valid poses (n, N) [rad], those that matter most (the start) first.
+            seed: of the sample.
+            certain: how many of the first poses must be in the roadmap itself.
+            share: of a limit of time after which no more ways are proven.
+        """
+        roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
+        return cls(roadmap, roadmap.graph.parts(share))
+
+    def parts(self, q: Array) -> np.ndarray:
+        """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""
+        speed = self.roadmap.constraints.cell.robot.speed
+        _, nearest = cKDTree(self.roadmap.graph.q / speed).query(q / speed, workers=-1)
+        return np.asarray(self.part[nearest])
+
+    def find_unjoined(self, q: Array, share: float) -> np.ndarray:
+        """Positions of those poses (n, N) [rad] that no proven way joins to the first pose; they join the roadmap."""
+        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
+        count = len(graph.q)
+        _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)
+        own = np.repeat(count + np.arange(len(q)), near.shape[1])
+        graph.add_states(q, np.column_stack([near.ravel(), own]))
+        part = graph.parts(share)
+        return np.flatnonzero(part[count:] != part[self.roadmap.place[0]])
