@@ -4,32 +4,12 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 
+import planner.service.job_requests as ask
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.runs.run import SIMULATED
 from planner.service.file_store import FileStore
-from planner.service.job_requests import (
-    CellCheckRequest,
-    CellRequest,
-    CheckPlanRequest,
-    CheckRequest,
-    CommandRequest,
-    CompensationRequest,
-    ErrorMapRequest,
-    ExportRequest,
-    FileInFolder,
-    FileReference,
-    FixtureViewRequest,
-    IdentificationRequest,
-    JobRequest,
-    MeasuredRequest,
-    PlanRequest,
-    PlanViewRequest,
-    RunCheckRequest,
-    SimulationRequest,
-    StudyRequest,
-    ValidationRequest,
-)
+from planner.service.job_requests import FileInFolder, FileReference, JobRequest
 from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
 from planner.service.uploads import UploadList
 
@@ -53,21 +33,21 @@ class CommandBuilder:
     def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList) -> None:
         self._jobs, self._files, self._uploads = jobs, files, uploads
         self._makers: dict[type[JobRequest], Callable[..., JobCommand]] = {
-            CommandRequest: self._command,
-            PlanRequest: self._plan,
-            StudyRequest: self._study,
-            CellCheckRequest: self._cell_check,
-            FixtureViewRequest: self._fixture_view,
-            PlanViewRequest: self._plan_view,
-            SimulationRequest: self._simulation,
-            ExportRequest: self._export,
-            RunCheckRequest: self._run_check,
-            IdentificationRequest: self._identification,
-            ErrorMapRequest: self._error_map,
-            CheckPlanRequest: self._check_plan,
-            CheckRequest: self._check,
-            ValidationRequest: self._validation,
-            CompensationRequest: self._compensation,
+            ask.CommandRequest: self._command,
+            ask.PlanRequest: self._plan,
+            ask.StudyRequest: self._study,
+            ask.CellCheckRequest: self._cell_check,
+            ask.FixtureViewRequest: self._fixture_view,
+            ask.PlanViewRequest: self._plan_view,
+            ask.SimulationRequest: self._simulation,
+            ask.ExportRequest: self._export,
+            ask.RunCheckRequest: self._run_check,
+            ask.IdentificationRequest: self._identification,
+            ask.ErrorMapRequest: self._error_map,
+            ask.CheckPlanRequest: self._check_plan,
+            ask.CheckRequest: self._check,
+            ask.ValidationRequest: self._validation,
+            ask.CompensationRequest: self._compensation,
         }
 
     def submit(self, request: JobRequest) -> JobRecord:
@@ -86,19 +66,19 @@ class CommandBuilder:
         )
 
     def _title(self, request: JobRequest) -> str:
-        if isinstance(request, CellRequest):
+        if isinstance(request, ask.CellRequest):
             return self._cell_title(request.cell)
-        if isinstance(request, MeasuredRequest):
+        if isinstance(request, ask.MeasuredRequest):
             simulated = f"simulated run of {self._jobs.get(request.simulation).title}" if request.simulation else ""
             place = self._place(request.plan) if request.plan else self._cell_title(str(request.cell))
             return f"{', '.join(r.name for r in request.runs)} of {place}" if request.runs else simulated
-        if isinstance(request, CommandRequest):
+        if isinstance(request, ask.CommandRequest):
             return request.title or " ".join(request.words)[:TITLE]
-        if isinstance(request, CompensationRequest):
+        if isinstance(request, ask.CompensationRequest):
             return request.program.name
-        if isinstance(request, CheckRequest):
+        if isinstance(request, ask.CheckRequest):
             return f"{request.run.name} of {self._place(request.check_plan)}"
-        if isinstance(request, ErrorMapRequest | CheckPlanRequest):
+        if isinstance(request, ask.ErrorMapRequest | ask.CheckPlanRequest):
             return self._place(request.identification)
         return self._jobs.get(str(getattr(request, "plan"))).title  # noqa: B009
 
@@ -110,10 +90,10 @@ class CommandBuilder:
         """What a job was for, without the names of runs."""
         return self._jobs.get(job).title.rpartition(" of ")[2]
 
-    def _command(self, r: CommandRequest) -> JobCommand:
+    def _command(self, r: ask.CommandRequest) -> JobCommand:
         return JobCommand(tuple(r.words), tuple(self._file(f) for f in r.files))
 
-    def _plan(self, r: PlanRequest) -> JobCommand:
+    def _plan(self, r: ask.PlanRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
         words = ["plan", cell, "-o", "out", JSON, "--seed", str(r.seed), "--tsp", r.tsp]
         words += _options(poses=r.poses, index=r.index, fixtures=r.fixtures, aim=r.aim)
@@ -123,23 +103,23 @@ class CommandBuilder:
             words, inputs = [*words, "--separate", "before/identification.json"], [*inputs, *found]
         return JobCommand(tuple(words), tuple(inputs))
 
-    def _study(self, r: StudyRequest) -> JobCommand:
+    def _study(self, r: ask.StudyRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
         words = ["study", cell, "-o", "out", JSON, "--seed", str(r.seed), *_options(index=r.index)]
         return JobCommand(tuple(words), tuple(inputs))
 
-    def _cell_check(self, r: CellCheckRequest) -> JobCommand:
+    def _cell_check(self, r: ask.CellCheckRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
         return JobCommand(("cell-check", cell), tuple(inputs), task=True)
 
-    def _fixture_view(self, r: FixtureViewRequest) -> JobCommand:
+    def _fixture_view(self, r: ask.FixtureViewRequest) -> JobCommand:
         cell, inputs = self._cell(r.cell, r.files)
         return JobCommand(("fixture-view", cell, str(r.fixture), *map(str, r.position_mm)), tuple(inputs), task=True)
 
-    def _plan_view(self, r: PlanViewRequest) -> JobCommand:
+    def _plan_view(self, r: ask.PlanViewRequest) -> JobCommand:
         return JobCommand(("plan-view",), tuple(self._plan_files(r.plan)), task=True)
 
-    def _simulation(self, r: SimulationRequest) -> JobCommand:
+    def _simulation(self, r: ask.SimulationRequest) -> JobCommand:
         inputs = self._plan_files(r.plan)
         words = ["simulate", "plan/plan.json", "-o", "out/run.csv", "--seed", str(r.seed)]
         if r.truth:
@@ -162,14 +142,14 @@ class CommandBuilder:
             "are known; drive the check and give its log"
         )
 
-    def _export(self, r: ExportRequest) -> JobCommand:
+    def _export(self, r: ask.ExportRequest) -> JobCommand:
         inputs = self._plan_files(r.plan)
         suffix = load_dialect(r.dialect).extensions[0]
         return JobCommand(
             ("export", "plan/plan.json", "--dialect", r.dialect, "-o", f"out/program{suffix}"), tuple(inputs)
         )
 
-    def _measured_files(self, r: MeasuredRequest, also: str = "") -> tuple[list[str], list[str], list[JobInput]]:
+    def _measured_files(self, r: ask.MeasuredRequest, also: str = "") -> tuple[list[str], list[str], list[JobInput]]:
         """Runs, then the options of cell and plan, then all files."""
         inputs = [self._file(f) for f in (*r.runs, *(r.files if r.cell is None else ()))]
         runs = [f.name for f in r.runs]
@@ -187,11 +167,11 @@ class CommandBuilder:
             options, inputs = [*options, "--cell", cell], [*inputs, *found]
         return runs, options, inputs
 
-    def _run_check(self, r: RunCheckRequest) -> JobCommand:
+    def _run_check(self, r: ask.RunCheckRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r, "check-plan")
         return JobCommand(("run-check", *options, *runs), tuple(inputs), task=True)
 
-    def _identification(self, r: IdentificationRequest) -> JobCommand:
+    def _identification(self, r: ask.IdentificationRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r)
         words = ["identify", *runs, *options, "-o", "out", JSON, "--seed", str(r.seed), "--hold-out", str(r.hold_out)]
         words += [
@@ -201,7 +181,7 @@ class CommandBuilder:
             words, inputs = [*words, "--validate", r.validate_with.name], [*inputs, self._file(r.validate_with)]
         return JobCommand(tuple(words), tuple(inputs))
 
-    def _error_map(self, r: ErrorMapRequest) -> JobCommand:
+    def _error_map(self, r: ask.ErrorMapRequest) -> JobCommand:
         results = self._results(r.identification, "identification", "calibrated")
         table = [i for i in results if i.name in ("calibrated/expected_error.csv", "calibrated/identification.json")]
         if len(table) < 2:
@@ -214,14 +194,14 @@ class CommandBuilder:
         done = self._jobs.get(job).command
         return str(done.option("--cell")), done.inputs
 
-    def _check_plan(self, r: CheckPlanRequest) -> JobCommand:
+    def _check_plan(self, r: ask.CheckPlanRequest) -> JobCommand:
         known = self._results(r.identification, "identification", "calibrated")
         cell, inputs = self._cell_of_identification(r.identification)
         words = ["plan-check", cell, "--baseline", "calibrated", "-o", "out", JSON, "--poses", str(r.poses)]
         words += ["--seed", str(r.seed), *(w for d in r.dialects for w in ("--dialect", d))]
         return JobCommand(tuple(words), (*inputs, *known))
 
-    def _check(self, r: CheckRequest) -> JobCommand:
+    def _check(self, r: ask.CheckRequest) -> JobCommand:
         planned = self._results(r.check_plan, "check-plan", "check")
         known = self._jobs.get(r.check_plan).command.inputs_of("--baseline")
         words = ["check", r.run.name, "--plan", "check/plan.json", "--baseline", "calibrated", "-o", "out", JSON]
@@ -229,7 +209,7 @@ class CommandBuilder:
         baseline = (JobInput(f"calibrated/{name}", sha256) for name, sha256 in known.items())
         return JobCommand(tuple(words), (self._file(r.run), *planned, *baseline))
 
-    def _validation(self, r: ValidationRequest) -> JobCommand:
+    def _validation(self, r: ask.ValidationRequest) -> JobCommand:
         runs, options, inputs = self._measured_files(r)
         if len(runs) != 1:
             raise InputError(f"a validation is of one run, found {len(runs)}")
@@ -239,7 +219,7 @@ class CommandBuilder:
             words += ["--model", "calibrated/robot.toml"]
         return JobCommand(tuple(words), tuple(inputs))
 
-    def _compensation(self, r: CompensationRequest) -> JobCommand:
+    def _compensation(self, r: ask.CompensationRequest) -> JobCommand:
         inputs = [self._file(r.program), *self._results(r.model, "identification", "calibrated")]
         words = ["compensate", r.program.name, "--model", "calibrated/robot.toml", "-o", f"out/{r.program.name}"]
         words += _options(dialect=r.dialect, tool=r.tool, base=r.base) + (["--strict"] if r.strict else [])

@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from planner.service.answers import Job, describe_job
 from planner.service.commands import CommandBuilder
 from planner.service.file_store import FileStore
 from planner.service.job_requests import JobRequest
@@ -37,6 +38,10 @@ class ServiceContext:
         job = self.commands.submit(request)
         self.supervisor.wake()
         return job
+
+    def describe(self, job: JobRecord) -> Job:
+        """Return a job as the interface shows it."""
+        return describe_job(job, self.jobs.outputs(job.id) if job.ended else [])
 
 
 async def context_of(request: Request) -> ServiceContext:

@@ -10,90 +10,43 @@ from fastapi.responses import FileResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
-from planner.service.answers import Job, describe_job
+from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
-from planner.service.job_requests import (
-    EXAMPLES,
-    CellCheckRequest,
-    CheckPlanRequest,
-    CheckRequest,
-    CommandRequest,
-    CompensationRequest,
-    ErrorMapRequest,
-    ExportRequest,
-    FixtureViewRequest,
-    IdentificationRequest,
-    JobId,
-    JobRequest,
-    PlanRequest,
-    PlanViewRequest,
-    RunCheckRequest,
-    SimulationRequest,
-    StudyRequest,
-    ValidationRequest,
-)
+from planner.service.job_requests import REQUESTS, JobId, JobRequest
 from planner.service.job_store import JobEvent, JobOutput, JobRecord, JobStore
 from planner.service.problems import Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
-ROUTES: dict[str, type[JobRequest]] = {
-    "commands": CommandRequest,
-    "plans": PlanRequest,
-    "plan-views": PlanViewRequest,
-    "cell-checks": CellCheckRequest,
-    "fixture-views": FixtureViewRequest,
-    "run-checks": RunCheckRequest,
-    "simulations": SimulationRequest,
-    "exports": ExportRequest,
-    "studies": StudyRequest,
-    "identifications": IdentificationRequest,
-    "error-maps": ErrorMapRequest,
-    "check-plans": CheckPlanRequest,
-    "checks": CheckRequest,
-    "validations": ValidationRequest,
-    "compensations": CompensationRequest,
-}
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
     "compensation", "error-map", "command", "check-plan", "check", "fixture-view",
 ]  # fmt: skip
-RESULTS = {
-    "plan": "plan.json",
-    "identification": "identification.json",
-    "validation": "accuracy.json",
-    "check-plan": "plan.json",
-    "check": "check.json",
-    "cell-check": "view.json",
-    "fixture-view": "view.json",
-    "plan-view": "view.json",
-    "run-check": "view.json",
-    "error-map": "view.json",
-}
+PLURALS = {"study": "studies"}
 
 
 def _submit_route(request_type: type[JobRequest]) -> Callable[..., Job]:
     def submit(request: JobRequest, context: Context, response: Response) -> Job:
         job = context.submit(request)
         response.headers["location"] = f"/api/jobs/{job.id}"
-        return _job(context, job)
+        return context.describe(job)
 
-    example = Body(openapi_examples={"example": {"value": EXAMPLES[request_type]}})
+    example = Body(openapi_examples={"example": {"value": request_type.example}})
     submit.__annotations__["request"] = Annotated[request_type, example]
     submit.__doc__ = f"{request_type.__doc__} The same content gives the same job."
     return submit
 
 
-for _path, _type in ROUTES.items():
+for _kind, _type in REQUESTS.items():
     JOBS.add_api_route(
-        f"/{_path}",
+        f"/{PLURALS.get(_kind, f'{_kind}s')}",
         _submit_route(_type),
         methods=["POST"],
         status_code=202,
         response_model=Job,
-        name=f"submit {_type.kind}",
-        operation_id=f"submit_{_type.kind.replace('-', '_')}",
+        name=f"submit {_kind}",
+        operation_id=f"submit_{_kind.replace('-', '_')}",
         responses={404: {"model": Problem}, 409: {"model": Problem}},
     )
 
@@ -103,21 +56,21 @@ def list_jobs(
     context: Context, kind: Kind | None = None, most: Annotated[int, Query(ge=1, le=1000)] = 100
 ) -> list[Job]:
     """List jobs, the latest first."""
-    return [_job(context, j) for j in context.jobs.list_jobs(kind, most)]
+    return [context.describe(j) for j in context.jobs.list_jobs(kind, most)]
 
 
 @JOBS.get("/jobs/{id}", responses={404: {"model": Problem}})
 async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
-    return _job(context, find_job(context, id))
+    return context.describe(find_job(context, id))
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is."""
     find_job(context, id)
-    return _job(context, context.jobs.cancel(id))
+    return context.describe(context.jobs.cancel(id))
 
 
 @JOBS.get("/jobs/{id}/result", responses={404: {"model": Problem}, 409: {"model": Problem}})
@@ -125,7 +78,7 @@ def get_result(id: JobId, context: Context) -> FileResponse:
     """Get the document of a finished job: plan.json, identification.json, accuracy.json, view.json or summary."""
     job = find_job(context, id)
     _check_ended(job)
-    wanted = (RESULTS.get(job.kind, ""), "printed")
+    wanted = (REQUESTS[job.kind].document, "printed")
     found = next((o for name in wanted for o in context.jobs.outputs(id) if o.name == name), None)
     if found is None:
         raise HTTPException(404, f"the {job.kind} {id} has no document; its files are listed in the job")
@@ -179,10 +132,6 @@ def find_output(context: ServiceContext, id: str, name: str) -> JobOutput:
 def _check_ended(job: JobRecord) -> None:
     if not job.ended:
         raise HTTPException(409, f"the {job.kind} {job.id} has no result yet: it is {job.state}")
-
-
-def _job(context: ServiceContext, job: JobRecord) -> Job:
-    return describe_job(job, context.jobs.outputs(job.id) if job.ended else [])
 
 
 EVENTS = APIRouter(prefix="/api", tags=["events"])

@@ -65,10 +65,26 @@ ExtraFiles = Annotated[
 ]
 
 
+REQUESTS: dict[str, type["JobRequest"]] = {}
+"""Every request by its kind."""
+SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
+
+
 class JobRequest(ServiceModel):
-    """Something that a job does."""
+    """Something that a job does.
+
+    ``document`` is the file of its results that pages and programs read, ``example`` a request for the interface.
+    """
 
     kind: ClassVar[str]
+    document: ClassVar[str] = ""
+    example: ClassVar[dict[str, Any]]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Keep every request that has a kind."""
+        if "kind" in vars(cls):
+            REQUESTS[cls.kind] = cls
 
     @property
     def job_kind(self) -> str:
@@ -87,6 +103,7 @@ class CommandRequest(JobRequest):
     """Run a command of ``edbb`` as it would run at the client's: its words, and the files that they name."""
 
     kind: ClassVar[str] = "command"
+    example: ClassVar[dict[str, Any]] = {"words": ["plan", "comau-nj130/edbb", "--poses", "60", "-o", "out"]}
     words: Annotated[list[Word], Field(min_length=1, max_length=100)]
     files: Annotated[list[FileInFolder], Field(max_length=500)] = []
     title: Annotated[str, Field(max_length=120, pattern=r"^[^\x00-\x1f]*$", description="of what the job is")] = ""
@@ -110,6 +127,8 @@ class PlanRequest(CellRequest):
     """Plan a measuring session: poses, certificate, collision-free path, robot programs, report."""
 
     kind: ClassVar[str] = "plan"
+    document: ClassVar[str] = "plan.json"
+    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
     poses: Annotated[int, Field(ge=1, le=1000)] | None = None
     index: IndexName | None = None
     seed: Seed = 0
@@ -126,6 +145,7 @@ class StudyRequest(CellRequest):
     """Observability offline: what can be seen, with how many poses, from which fixture."""
 
     kind: ClassVar[str] = "study"
+    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb"}
     index: IndexName | None = None
     seed: Seed = 0
 
@@ -134,12 +154,16 @@ class CellCheckRequest(CellRequest):
     """Check a cell, and make the view of it."""
 
     kind: ClassVar[str] = "cell-check"
+    document: ClassVar[str] = "view.json"
+    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb"}
 
 
 class FixtureViewRequest(CellRequest):
     """See a cell with a fixture at another place: what is reached from there, and the error to be expected."""
 
     kind: ClassVar[str] = "fixture-view"
+    document: ClassVar[str] = "view.json"
+    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb", "position_mm": [300, 1400, 700]}
     fixture: Annotated[int, Field(ge=0, le=50, description="its number, from 0")] = 0
     position_mm: tuple[Coordinate, Coordinate, Coordinate]
 
@@ -154,12 +178,15 @@ class PlanViewRequest(OfPlanRequest):
     """Make the view of a plan: poses, path and the robot along it."""
 
     kind: ClassVar[str] = "plan-view"
+    document: ClassVar[str] = "view.json"
+    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB}
 
 
 class SimulationRequest(OfPlanRequest):
     """Simulate the measured run of a plan, on a robot with known or drawn errors; of a check on the calibrated one."""
 
     kind: ClassVar[str] = "simulation"
+    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB, "seed": 1}
     seed: Seed = 0
     truth: FileReference | None = None
     change: Annotated[str, Field(pattern=r"^[a-z]+[a-z0-9_]{0,40}=-?[0-9]{1,6}(\.[0-9]{1,9})?$")] | None = Field(
@@ -171,6 +198,7 @@ class ExportRequest(OfPlanRequest):
     """Write the robot program of a plan in another language."""
 
     kind: ClassVar[str] = "export"
+    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB, "dialect": "rapid"}
     dialect: Dialect
 
 
@@ -196,12 +224,16 @@ class RunCheckRequest(MeasuredRequest):
     """Read a run as an identification would, and show what is in it."""
 
     kind: ClassVar[str] = "run-check"
+    document: ClassVar[str] = "view.json"
+    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
 
 
 class IdentificationRequest(MeasuredRequest):
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
 
     kind: ClassVar[str] = "identification"
+    document: ClassVar[str] = "identification.json"
+    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
     validate_with: FileReference | None = None
     no_trace: bool = False
     geometry: bool = False
@@ -214,6 +246,8 @@ class ErrorMapRequest(JobRequest):
     """Make the map of the error to be expected over the workspace, around the robot of the cell."""
 
     kind: ClassVar[str] = "error-map"
+    document: ClassVar[str] = "view.json"
+    example: ClassVar[dict[str, Any]] = {"identification": SOME_JOB}
     identification: JobId
 
 
@@ -221,6 +255,8 @@ class ValidationRequest(MeasuredRequest):
     """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
 
     kind: ClassVar[str] = "validation"
+    document: ClassVar[str] = "accuracy.json"
+    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
     model: JobId | None = Field(None, description="the identification whose robot is judged")
 
 
@@ -228,6 +264,8 @@ class CheckPlanRequest(JobRequest):
     """Plan about ten poses that tell whether and where a calibrated robot has changed."""
 
     kind: ClassVar[str] = "check-plan"
+    document: ClassVar[str] = "plan.json"
+    example: ClassVar[dict[str, Any]] = {"identification": SOME_JOB, "poses": 10}
     identification: JobId = Field(description="the baseline")
     poses: Annotated[int, Field(ge=4, le=60)] = 10
     seed: Seed = 0
@@ -238,6 +276,8 @@ class CheckRequest(JobRequest):
     """Judge the run of a check: has the robot changed, where most likely, and what is to be done."""
 
     kind: ClassVar[str] = "check"
+    document: ClassVar[str] = "check.json"
+    example: ClassVar[dict[str, Any]] = {"check_plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
     check_plan: JobId
     run: FileReference
     limit_mm: Annotated[float, Field(ge=0, le=100)] | None = Field(
@@ -249,6 +289,7 @@ class CompensationRequest(JobRequest):
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
 
     kind: ClassVar[str] = "compensation"
+    example: ClassVar[dict[str, Any]] = {"program": {"id": SOME_FILE, "name": "p.src"}, "model": SOME_JOB}
     program: FileReference
     model: JobId = Field(description="the identification whose robot is used")
     dialect: Dialect | None = None
@@ -256,22 +297,3 @@ class CompensationRequest(JobRequest):
     base: FrameText | None = None
     frames: FileReference | None = None
     strict: bool = False
-
-
-EXAMPLES: dict[type[JobRequest], dict[str, Any]] = {
-    CommandRequest: {"words": ["plan", "comau-nj130/edbb", "--poses", "60", "-o", "out"]},
-    PlanRequest: {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]},
-    StudyRequest: {"cell": "comau-nj130/edbb"},
-    CellCheckRequest: {"cell": "comau-nj130/edbb"},
-    FixtureViewRequest: {"cell": "comau-nj130/edbb", "position_mm": [300, 1400, 700]},
-    PlanViewRequest: {"plan": "0123456789abcdef01234567"},
-    SimulationRequest: {"plan": "0123456789abcdef01234567", "seed": 1},
-    ExportRequest: {"plan": "0123456789abcdef01234567", "dialect": "rapid"},
-    RunCheckRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
-    IdentificationRequest: {"runs": [{"id": "0" * 64, "name": "run.csv"}], "plan": "0123456789abcdef01234567"},
-    ErrorMapRequest: {"identification": "0123456789abcdef01234567"},
-    CheckPlanRequest: {"identification": "0123456789abcdef01234567", "poses": 10},
-    CheckRequest: {"check_plan": "0123456789abcdef01234567", "run": {"id": "0" * 64, "name": "check.csv"}},
-    ValidationRequest: {"runs": [{"id": "0" * 64, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"},
-    CompensationRequest: {"program": {"id": "0" * 64, "name": "p.src"}, "model": "0123456789abcdef01234567"},
-}

@@ -4,7 +4,7 @@ import json
 import os
 import sqlite3
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal
 
@@ -330,26 +330,9 @@ class JobStore:
 
 
 def _record(r: sqlite3.Row) -> JobRecord:
-    return JobRecord(
-        id=r["id"],
-        kind=r["kind"],
-        title=r["title"],
-        request=r["request"],
-        command=COMMAND.validate_json(r["command"]),
-        state=r["state"],
-        fence=r["fence"],
-        crashes=r["crashes"],
-        cancelled=bool(r["cancelled"]),
-        stage=r["stage"],
-        done=r["done"],
-        total=r["total"],
-        created=r["created"],
-        started=r["started"],
-        finished=r["finished"],
-        exit_code=r["exit_code"],
-        problem=PROBLEM.validate_json(r["problem"]) if r["problem"] else None,
-        version=r["version"],
-    )
+    problem = PROBLEM.validate_json(r["problem"]) if r["problem"] else None
+    parsed = {"command": COMMAND.validate_json(r["command"]), "cancelled": bool(r["cancelled"]), "problem": problem}
+    return JobRecord(**{f.name: r[f.name] for f in fields(JobRecord)} | parsed)
 
 
 def _problem_text(problem: JobProblem | None) -> str:

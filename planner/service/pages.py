@@ -22,12 +22,12 @@ from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
 from planner.report.formatting import duration_text
-from planner.service.answers import Job, describe_job
+from planner.service.answers import Job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.guards import COOKIE, is_secure, session_cookie
-from planner.service.job_api import RESULTS, find_job, find_output
-from planner.service.job_requests import JobId, Sha256
+from planner.service.job_api import find_job, find_output
+from planner.service.job_requests import REQUESTS, JobId, Sha256
 from planner.service.list_api import dialect_entries, robot_entries, robot_title
 from planner.service.page_content import (
     AnyPlan,
@@ -177,7 +177,7 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
-    if job.state == "done" and RESULTS.get(job.kind, "") not in {f.name for f in job.files}:
+    if job.state == "done" and REQUESTS[job.kind].document not in {f.name for f in job.files}:
         return _show_any(context, job)
     if job.kind in PLANS:
         return _show_plan(context, job)
@@ -313,8 +313,8 @@ def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
 
 def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:
     """The finished plans, the latest first."""
-    done = (describe_job(j, context.jobs.outputs(j.id)) for j in context.jobs.list_jobs(kind) if j.state == "done")
-    return [j for j in done if any(f.name == RESULTS[kind] for f in j.files)]
+    done = (context.describe(j) for j in context.jobs.list_jobs(kind) if j.state == "done")
+    return [j for j in done if any(f.name == REQUESTS[kind].document for f in j.files)]
 
 
 def _plan_header(context: ServiceContext, job: Job) -> PlanHeader:
@@ -345,8 +345,7 @@ def _own_cells(context: ServiceContext) -> list[OwnCell]:
 
 
 def _job(context: ServiceContext, id: str) -> Job:
-    job = find_job(context, id)
-    return describe_job(job, context.jobs.outputs(id) if job.ended else [])
+    return context.describe(find_job(context, id))
 
 
 def _plan(context: ServiceContext, job: Job) -> AnyPlan:

@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, Field
 
-from planner import load_run
+from planner import load_cell, load_run
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.units import Array, to_deg, to_mm
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.model.identification_document import Identification
+from planner.motion.collision.surroundings import check_surroundings
 from planner.report.cell_view import ViewFrames, ViewPose, carrier_poses, compose_cell_view
 from planner.runs.run import Run
 from planner.service.job_requests import ServiceModel
-from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene
+from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene, view_fixture
 from planner.session.course import Course
 from planner.session.document import read_plan
 from planner.session.planned_session import load_session
@@ -177,7 +178,7 @@ def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose,
     return tuple(spots.values())
 
 
-RESULT = Path("out/view.json")
+RESULT, CALIBRATED = Path("out/view.json"), Path("calibrated")
 
 
 def run_task(words: list[str]) -> BaseModel:
@@ -187,55 +188,22 @@ def run_task(words: list[str]) -> BaseModel:
         InputError: the cell, the plan or the run is wrong.
     """
     name, *rest = words
+    if name == "run-check":
+        options = {k + j for k, w in enumerate(rest) if w in ("--cell", "--plan") for j in (0, 1)}
+        cell = load_cell(rest[rest.index("--cell") + 1], planning=False)
+        return check_run([Path(w) for k, w in enumerate(rest) if k not in options], cell)
     if name == "cell-check":
-        return _check_cell(rest[0])
+        cell = load_cell(rest[0])
+        check_surroundings(cell)
+        return check_view(cell)
     if name == "fixture-view":
-        return _view_fixture(rest[0], int(rest[1]), rest[2:])
+        x, y, z = map(float, rest[2:])
+        return view_fixture(load_cell(rest[0]), int(rest[1]), (x, y, z), RESULT.parent)
     if name == "plan-view":
-        from planner.service.tasks import plan_view
-
         return plan_view(Path("plan/plan.json"))
     if name == "error-map":
-        return _map_errors(rest[0])
-    if name == "run-check":
-        return _check_run(rest)
+        return map_errors(load_cell(rest[0]), *(CALIBRATED / n for n in ("expected_error.csv", "identification.json")))
     raise InputError(f"there is no task '{name}'")
-
-
-def _check_cell(reference: str) -> BaseModel:
-    from planner import load_cell
-    from planner.motion.collision.surroundings import check_surroundings
-    from planner.service.views import check_view
-
-    cell = load_cell(reference)
-    check_surroundings(cell)
-    return check_view(cell)
-
-
-def _view_fixture(reference: str, which: int, position_mm: list[str]) -> BaseModel:
-    from planner import load_cell
-    from planner.service.views import view_fixture
-
-    x, y, z = map(float, position_mm)
-    return view_fixture(load_cell(reference), which, (x, y, z), RESULT.parent)
-
-
-def _map_errors(reference: str) -> BaseModel:
-    from planner import load_cell
-    from planner.service.tasks import map_errors
-
-    return map_errors(
-        load_cell(reference), *(Path("calibrated", n) for n in ("expected_error.csv", "identification.json"))
-    )
-
-
-def _check_run(words: list[str]) -> BaseModel:
-    from planner import load_cell
-    from planner.service.tasks import check_run
-
-    cell = load_cell(words[words.index("--cell") + 1], planning=False)
-    options = {k + j for k, w in enumerate(words) if w in ("--cell", "--plan") for j in (0, 1)}
-    return check_run([Path(w) for k, w in enumerate(words) if k not in options], cell)
 
 
 def main() -> None:
