@@ -17,8 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
-from planner.common.files import OVERWRITING, short_path
-from planner.common.reading import INPUTS
+from planner.common.files import INPUTS, OVERWRITING, short_path
 
 PLANNING, CALIBRATION = "plan_commands", "calibration_commands"
 VERBS = {  # name: (module, function, line in the list of commands)

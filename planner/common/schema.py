@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from planner.common.errors import InputError, did_you_mean, printable
-from planner.common.reading import MOST_TOML, read_utf8
+from planner.common.files import MOST_TOML, read_utf8
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.reading import read_bytes
+from planner.common.files import read_bytes
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints

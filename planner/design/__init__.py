@@ -9,5 +9,4 @@ __all__ = [
     "observability",
     "pose_selection",
     "selection",
-    "undeclared_errors",
 ]

@@ -17,9 +17,9 @@ from planner.common.errors import NoSolutionError
 from planner.common.second_process import Beside
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
+from planner.design.free_parameters import ASSUMED, UndeclaredErrors, undeclared_errors
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
-from planner.design.undeclared_errors import ASSUMED, UndeclaredErrors, undeclared_errors
 from planner.runs.run import Samples
 
 

@@ -7,12 +7,10 @@ __all__ = [
     "compliance",
     "context",
     "effect",
-    "excitation",
     "gauge_errors",
     "gauge_shapes",
     "gears",
     "nonparametric",
-    "parameters",
     "phi_keys",
     "steps",
 ]

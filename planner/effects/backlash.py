@@ -7,12 +7,20 @@ import numpy as np
 
 from planner.common.units import Array, to_deg
 from planner.effects.basis import BasisFunction, EffectVariable
-from planner.effects.catalogue import register
+from planner.effects.catalogue import CONTINUOUS_RUN, Excitation, register
 from planner.effects.compliance import LoadTorque
 from planner.effects.context import Context
-from planner.effects.effect import Background, Effect, NonlinearParameter, Place, Role, joint_place
-from planner.effects.excitation import CONTINUOUS_RUN, Excitation
-from planner.effects.parameters import Parameter, ParameterMove, transform_move
+from planner.effects.effect import (
+    Background,
+    Effect,
+    NonlinearParameter,
+    Parameter,
+    ParameterMove,
+    Place,
+    Role,
+    joint_place,
+    transform_move,
+)
 
 HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
 

@@ -8,11 +8,18 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable, Times
-from planner.effects.catalogue import register
+from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Background, Effect, Place, Role, joint_place
-from planner.effects.excitation import Excitation
-from planner.effects.parameters import Parameter, ParameterMove, transform_move
+from planner.effects.effect import (
+    Background,
+    Effect,
+    Parameter,
+    ParameterMove,
+    Place,
+    Role,
+    joint_place,
+    transform_move,
+)
 
 JOINT_COMPLIANCE = "joint compliance"
 USUAL_TURN, LARGEST_TURN = 3e-4, 1e-2  # [rad] under the run's largest load: one sigma, and the most that is plausible

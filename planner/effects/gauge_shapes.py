@@ -11,9 +11,9 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
+from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
-from planner.effects.excitation import Excitation
-from planner.effects.parameters import Parameter, ParameterMove
+from planner.effects.effect import Parameter, ParameterMove
 
 BAR_DEGREE, RAY_DEGREE = 3, 3
 USUAL_BAR, USUAL_RAY = 2e-5, 1e-5  # [m], one sigma of all powers together

@@ -13,11 +13,9 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
-from planner.effects.catalogue import register
-from planner.effects.effect import Effect, Role, joint_place
-from planner.effects.excitation import Excitation
+from planner.effects.catalogue import Excitation, register
+from planner.effects.effect import Effect, Parameter, Role, joint_place, transform_move
 from planner.effects.gears import FULL_TURN, WAVES, BoundedWave
-from planner.effects.parameters import Parameter, transform_move
 
 GEAR_CURVE, NONPARAMETRIC = "gear error curve", "unnamed"
 QUICKEST_MODELLED = 2.0  # times the quickness: the quickest waves of a curve

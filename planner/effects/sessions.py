@@ -8,11 +8,9 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable
-from planner.effects.catalogue import register
+from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Place
-from planner.effects.excitation import Excitation
-from planner.effects.parameters import Parameter, reading_move, transform_move
+from planner.effects.effect import Effect, Parameter, Place, reading_move, transform_move
 
 STEP, LARGEST_STEP = 5e-5, 5e-3  # [m]
 TURN, LARGEST_TURN = 1e-4, 1e-2  # [rad]

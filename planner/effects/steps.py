@@ -11,12 +11,19 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.basis import ONE, BasisFunction, EffectVariable, Times
-from planner.effects.catalogue import register
+from planner.effects.catalogue import Excitation, register
 from planner.effects.compliance import LEAST_LOAD, WeightTorque
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Place, Role, joint_place
-from planner.effects.excitation import Excitation
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+from planner.effects.effect import (
+    Effect,
+    Parameter,
+    ParameterMove,
+    Place,
+    Role,
+    joint_place,
+    reading_move,
+    transform_move,
+)
 
 STEP, SLIP = "step", "wrong row"
 USUAL_STEP, LARGEST_STEP = 2e-4, 0.2  # [m, rad]: one sigma, and the most that is plausible

@@ -10,11 +10,19 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable, Times
-from planner.effects.catalogue import register
+from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Place, Role, joint_place
-from planner.effects.excitation import Excitation
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, transform_move
+from planner.effects.effect import (
+    Effect,
+    NonlinearParameter,
+    Parameter,
+    ParameterMove,
+    Place,
+    Role,
+    joint_place,
+    reading_move,
+    transform_move,
+)
 
 GROWTH, LARGEST_GROWTH = 1.2e-5, 1e-4  # [1/K] steel; several times as much where the air is not as warm as the arm
 TURN, LARGEST_TURN = 2e-4, 5e-3  # [rad] over a run; the latter in no less than an hour or for no less than 5 K

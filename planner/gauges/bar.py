@@ -18,11 +18,10 @@ from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only, to_mm
 from planner.effects.basis import AtPlace
+from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
-from planner.effects.effect import Effect
-from planner.effects.excitation import Excitation
+from planner.effects.effect import Effect, Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.gauges.bar_checklist import LOADED, BarChecklist
 from planner.gauges.lines import LineGauge
 from planner.gauges.placement.lengths import place_lengths

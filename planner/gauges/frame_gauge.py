@@ -18,11 +18,10 @@ from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, from_deg, read_only, to_mm
 from planner.effects.basis import ONE, AtPlace
+from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
-from planner.effects.effect import Effect
-from planner.effects.excitation import Excitation
+from planner.effects.effect import Effect, Parameter, ParameterMove, tool_parameters, transform_move
 from planner.effects.gauge_errors import POSITION_ERRORS, PointLag
-from planner.effects.parameters import Parameter, ParameterMove, tool_parameters, transform_move
 from planner.gauges.lines import LineGauge
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA
 from planner.kinematics.chain import ForwardPass

@@ -18,7 +18,7 @@ from planner.cell.setup import MeasurementSetup, Targets
 from planner.cell.workspace import axis_reach
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
-from planner.effects.parameters import Parameter, transform_move
+from planner.effects.effect import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
 from planner.gauges.run_places import flange_poses, points_of

@@ -22,11 +22,11 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.reading import read_bytes
+from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
-from planner.effects.parameters import Parameter, ParameterMove
+from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import columns_of, depends_on_run, phi_from_key
 from planner.identification.noise import Noise, Whitener
 from planner.identification.released_robot import ReleasedRobot

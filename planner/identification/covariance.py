@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import MM, Array
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.identification.least_squares import MEDIAN_RMS, Fit
 from planner.model.identification_document import Metrics
 from planner.model.tool_error import STATES, ToolError, moves_robot, uniform_states

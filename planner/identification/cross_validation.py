@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import ONE, Times
-from planner.effects.parameters import ParameterMove
+from planner.effects.effect import ParameterMove
 from planner.effects.phi_keys import columns_of, depends_on_run
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem

@@ -20,10 +20,10 @@ from pydantic import Field
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.reading import read_bytes
+from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, from_deg, from_mm, read_only, to_deg, to_mm
-from planner.effects.parameters import Parameter, ParameterMove
+from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import phi_from_key
 from planner.identification.calibrated_robot import loaded_robot
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects

@@ -17,8 +17,8 @@ from planner.design.free_parameters import (
 )
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, find_identifiable
 from planner.effects.compliance import compliance_parameters
+from planner.effects.effect import Parameter
 from planner.effects.gauge_errors import clock_offset_parameter
-from planner.effects.parameters import Parameter
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Whitener
 from planner.model.identification_document import Estimate

@@ -12,13 +12,11 @@ import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import Array
-from planner.effects.catalogue import catalogue, effect_kinds, registration_of
-from planner.effects.effect import Background, Effect, Role
-from planner.effects.excitation import Excitation
+from planner.effects.catalogue import Excitation, catalogue, effect_kinds, registration_of
+from planner.effects.effect import Background, Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
 from planner.effects.nonparametric import NONPARAMETRIC
-from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.runs.run import Samples
 

@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise
 from planner.identification.posterior_background import EffectFamily, is_left_to_background

@@ -16,7 +16,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.reading import read_utf8
+from planner.common.files import read_utf8
 from planner.common.schema import StrictModel
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
 from planner.kinematics.bodies import Vector

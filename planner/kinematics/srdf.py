@@ -5,7 +5,7 @@ from itertools import product
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.reading import MOST_TOML, read_bytes
+from planner.common.files import MOST_TOML, read_bytes
 from planner.kinematics.urdf import UrdfChain
 
 NEXT_BUT_ONE = 2  # links apart

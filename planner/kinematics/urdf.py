@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
+from planner.common.files import MOST_TOML, read_bytes
 from planner.common.lazy_modules import LazyModule
-from planner.common.reading import MOST_TOML, read_bytes
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors

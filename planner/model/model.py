@@ -16,7 +16,7 @@ from planner.cell.setup import MeasurementSetup, Targets, setup_of
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
-from planner.effects.parameters import Parameter, gauge_parameters, robot_parameters
+from planner.effects.effect import Parameter, gauge_parameters, robot_parameters
 from planner.kinematics.chain import ForwardPass
 from planner.runs.run import Samples
 

@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, RobotSetup, setup_of
 from planner.common.units import Array, read_only
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.gauges.frame_gauge import ToolPosition
 from planner.model.model import Model
 from planner.runs.run import Samples

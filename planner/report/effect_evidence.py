@@ -8,7 +8,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_mm
 from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.effects.steps import BeforeSample, acting_throughout
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model

@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import Array
 from planner.design.observability.information import predict_covariance
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.motion.timing.trajectory import MotionSamples
 from planner.runs.run import Mounting
 from planner.session.course import axis_limits

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.common.errors import InputError
+from planner.common.files import check_readable
 from planner.common.lazy_modules import LazyModule
-from planner.common.reading import check_readable
 from planner.common.units import Array, read_only
 from planner.runs.columns import NAMES, PLAUSIBLE, WHOLE, RunColumn, recognise_columns, spellings, split_key
 from planner.runs.run import IntArray, index_names

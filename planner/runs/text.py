@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.common.errors import InputError, printable
+from planner.common.files import read_bytes
 from planner.common.lazy_modules import LazyModule
-from planner.common.reading import read_bytes
 from planner.common.schema import MOST_NAME
 from planner.runs.run import IntArray
 

@@ -19,8 +19,7 @@ from pydantic import TypeAdapter
 
 import planner
 from planner.common.errors import PlannerError
-from planner.common.files import data_folder
-from planner.common.reading import INPUTS
+from planner.common.files import INPUTS, data_folder
 from planner.service.file_store import copy_checked
 from planner.service.job_store import JobCommand
 

@@ -16,6 +16,4 @@ __all__ = [
     "release",
     "tour_cost",
     "tour_drive",
-    "trust",
-    "unproven_poses",
 ]

@@ -8,8 +8,7 @@ from pathlib import Path
 import tomli_w
 
 from planner.cell.cell import Cell
-from planner.common.files import data_folder
-from planner.common.reading import read_bytes
+from planner.common.files import data_folder, read_bytes
 from planner.common.schema import read_toml_content
 from planner.kinematics.robot_writer import mesh_names, urdf_path
 from planner.kinematics.urdf import plain_name, write_urdf

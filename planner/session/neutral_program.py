@@ -25,9 +25,8 @@ from planner.programs.instructions import (
     WaitInput,
 )
 from planner.programs.languages.execution import ReadBack
-from planner.programs.program_files import write_checked
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, write_checked
 from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath, is_continuous
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves

@@ -13,7 +13,7 @@ from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import Method, require_concorde
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Centre, Instruction, JointMove
-from planner.programs.program_files import write_program
+from planner.programs.verification import write_program
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.neutral_program import build_program, preparation
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.common.units import MM, UM, Array
 from planner.design.fixtures.places import find_stands
-from planner.design.observability.explanations import join_names
+from planner.design.observability.identifiability import join_names
 from planner.design.observability.information import INDEX_RULES
 from planner.studies.basis import StudyBasis
 from planner.studies.fixture_count import FixtureCount

@@ -28,9 +28,9 @@ from planner.common.result import Result
 from planner.common.schema import StrictModel, read_toml
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import draw_candidates
+from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.index_search import exchange_poses
-from planner.design.undeclared_errors import UndeclaredErrors, undeclared_errors
 from planner.kinematics.bodies import Vector
 
 Triple = tuple[float, float, float]

@@ -13,8 +13,7 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.context import Context
-from planner.effects.effect import Effect
-from planner.effects.parameters import Parameter, ParameterMove, transform_move
+from planner.effects.effect import Effect, Parameter, ParameterMove, transform_move
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from planner.effects.effect import Effect, Role
-from planner.tracing.auxiliary_parameters import MASS_PRIOR, grid_spacings, link_mass_parameters
 from planner.tracing.dictionary import DictionaryItem, EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest
-from planner.tracing.state import FittedEffect, known_values, may_join
+from planner.tracing.state import MASS_PRIOR, FittedEffect, grid_spacings, known_values, link_mass_parameters, may_join
 
 # noise variances that a parameter must explain beyond what fits by chance, about the log of a run's length
 PARAMETER_COST = 7.0

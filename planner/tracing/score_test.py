@@ -15,8 +15,8 @@ from planner.common.units import Array
 from planner.effects.effect import Effect
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
-from planner.tracing.auxiliary_parameters import clip_to_grid, grid_spacing
 from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary
+from planner.tracing.state import clip_to_grid, grid_spacing
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown

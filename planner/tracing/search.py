@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
+from planner.effects.catalogue import Excitation
 from planner.effects.effect import Effect, Role
-from planner.effects.excitation import Excitation
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.stages import FitContext

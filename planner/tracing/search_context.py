@@ -6,15 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.common.errors import NoSolutionError
-from planner.effects.effect import Effect, Role
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
-from planner.tracing.auxiliary_parameters import LINK_MASSES
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest, linearise, posterior_basis
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
-from planner.tracing.state import FittedEffect, SearchState
+from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
 RETRY_RATIO = 1.3  # times more of the residual than when it was refused: an effect is tried again
 Progress = Callable[[str], None]

@@ -12,8 +12,7 @@ from planner.identification.cross_validation import predict_held_out, predict_he
 from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction, held_out_improvement
 from planner.model.identification_document import Metrics
-from planner.tracing.auxiliary_parameters import LINK_MASSES
-from planner.tracing.state import FittedEffect, SearchState
+from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
 # segments of a run whose means are taken out before its autocorrelation is measured: a missing effect is slow
 DETREND_SEGMENTS = 40

@@ -11,8 +11,7 @@ import numpy as np
 from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import write_text
-from planner.common.reading import read_bytes
+from planner.common.files import read_bytes, write_text
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only

@@ -10,14 +10,13 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Plot, Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import Plot, Result, draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
+from planner.identification.baseline import NAME as EXPECTED_ERROR
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
-from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace

@@ -10,8 +10,7 @@ from typing import Any
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Plot, Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import Plot, Result, draft_folder, move_all
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.identifiability import DroppedParameter
@@ -21,10 +20,9 @@ from planner.instruments.simulation.measurement import SimulatedRun
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument
-from planner.session.plan_record import plan_document
+from planner.session.plan_record import UnprovenPoses, plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.session.tour_cost import cost_name
-from planner.session.unproven_poses import UnprovenPoses
 from planner.workflow.writing import FORECAST, plan_content, write_cell, write_plan, write_program_as
 
 

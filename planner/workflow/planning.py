@@ -14,10 +14,10 @@ from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions, check_circle_options, check_point_options
+from planner.session.plan_record import PathNotProvenError
 from planner.session.plan_types import Plan
 from planner.session.planning import PoseChooser, PoseSession, plan_session
 from planner.session.point_poses import PointPoses
-from planner.session.unproven_poses import PathNotProvenError
 from planner.workflow.plan_results import CircularPlanResult, PlanResult, PosesResult
 
 

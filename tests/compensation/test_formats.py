@@ -13,7 +13,7 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.languages import READERS
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.dialect import dialects
-from planner.programs.program_files import read_back, write_program
+from planner.programs.verification import read_back, write_program
 from tests.compensation.robots import BentRobot, bent, exact, regular_angles, unlimited
 
 HALF = np.radians(0.5)

@@ -6,8 +6,7 @@ import numpy as np
 
 from planner.effects.basis import BasisFunction
 from planner.effects.catalogue import register
-from planner.effects.effect import Effect, joint_place
-from planner.effects.parameters import Parameter, transform_move
+from planner.effects.effect import Effect, Parameter, joint_place, transform_move
 
 SLACK = 0.2  # [rad] of the winding joint, before the hose is taut
 

@@ -24,8 +24,7 @@ from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Identification
 from planner.motion.collision.meshes import mesh_faces
 from planner.programs.dialect import load_dialect
-from planner.programs.program_files import write_program
-from planner.programs.verification import read_texts
+from planner.programs.verification import read_texts, write_program
 from planner.runs.loader import load_run
 from planner.runs.traces import import_run
 from planner.session.document import read_plan, read_waypoints

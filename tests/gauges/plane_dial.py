@@ -13,8 +13,8 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.setup import Targets
 from planner.common.units import MM, from_mm
 from planner.effects.basis import ONE
+from planner.effects.effect import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import PointLag
-from planner.effects.parameters import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.runs.run import Readings
 
 

@@ -9,8 +9,8 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.backlash import Hysteresis
 from planner.effects.catalogue import catalogue
+from planner.effects.effect import Parameter, transform_move
 from planner.effects.nonparametric import gear_curve
-from planner.effects.parameters import Parameter, transform_move
 from planner.identification.angle_hints import angle_hint
 from planner.identification.cross_validation import validate_fit
 from planner.identification.least_squares import fit

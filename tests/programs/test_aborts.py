@@ -8,8 +8,7 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.languages.statements import MotionStatement, Waiting
-from planner.programs.program_files import write_program
-from planner.programs.verification import EXECUTIONS
+from planner.programs.verification import EXECUTIONS, write_program
 from tests.programs.test_linuxcnc import RS274, _canonical
 
 SESSIONS = [sessions.static(), sessions.continuous(), sessions.mixed(), sessions.dense(), sessions.resumable()]

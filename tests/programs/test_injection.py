@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Comment, Program
-from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import EXECUTIONS, ProgramMismatchError
+from planner.programs.verification import EXECUTIONS, ProgramMismatchError, read_back, verify, write_program
 
 NAMES = [d.name for d in dialects()]
 STATEMENTS = {

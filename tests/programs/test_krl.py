@@ -11,7 +11,7 @@ from lark import Lark
 
 import tests.programs.sessions as sessions
 from planner.programs.instructions import LogAxes
-from planner.programs.program_files import import_map, write_program
+from planner.programs.verification import import_map, write_program
 
 GRAMMAR = Lark((Path(__file__).parent / "grammars" / "krl.lark").read_text(), parser="lalr")
 SYSTEM = {

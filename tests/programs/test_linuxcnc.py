@@ -12,7 +12,7 @@ import pytest
 
 import tests.programs.sessions as sessions
 from planner.programs.instructions import Dwell, Pause, Program, Sync
-from planner.programs.program_files import import_map, write_program
+from planner.programs.verification import import_map, write_program
 
 RS274 = shutil.which("rs274")
 pytestmark = pytest.mark.skipif(RS274 is None, reason="rs274 is not installed (Debian package linuxcnc-uspace)")

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-import planner.programs.program_files as catalogue
+import planner.programs.verification as catalogue
 import tests.programs.sessions as sessions
-from planner.programs.program_files import write_program
+from planner.programs.verification import write_program
 
 checker = pytest.importorskip(
     "rapidchecker.cli", reason="rapidchecker is not installed (pip install 'edbb-planner[dev]')"

@@ -10,9 +10,8 @@ import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
-from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.rendering import render_program
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, read_back, verify, write_program
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {

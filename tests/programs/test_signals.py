@@ -9,7 +9,7 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program, Sync, WaitInput
-from planner.programs.program_files import program_notes, read_back, verify, write_program
+from planner.programs.verification import program_notes, read_back, verify, write_program
 
 NAMES = sessions.BY_LINES
 PASSING = [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")]

@@ -9,9 +9,8 @@ import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Pause, Program
-from planner.programs.program_files import read_back, verify, write_program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, read_texts
+from planner.programs.verification import ProgramMismatchError, read_back, read_texts, verify, write_program
 
 NAMES = [d.name for d in dialects()]
 BY_LINES = sessions.BY_LINES

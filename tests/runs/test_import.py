@@ -7,7 +7,7 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects
-from planner.programs.program_files import import_map, write_program
+from planner.programs.verification import import_map, write_program
 from planner.runs.loader import load_runs
 from planner.runs.traces import import_run
 from tests.programs.sessions import PLAN_ID, static

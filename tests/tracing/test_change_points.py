@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner.effects.excitation import Excitation
+from planner.effects.catalogue import Excitation
 from planner.effects.steps import steppables
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples

@@ -7,8 +7,7 @@ from planner.effects.catalogue import catalogue
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
 from planner.identification.stages import FitContext
-from planner.tracing.auxiliary_parameters import LARGEST_MASS_PRIOR, LINK_MASSES, link_mass_uncertainty
-from planner.tracing.state import FittedEffect, SearchState
+from planner.tracing.state import LARGEST_MASS_PRIOR, LINK_MASSES, FittedEffect, SearchState, link_mass_uncertainty
 from tests.tracing.worlds import arm, calibrated, effect
 
 

@@ -11,16 +11,14 @@ from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
 from planner.common.units import MM, round_angles
 from planner.programs.dialect import dialect_names, load_dialect
-from planner.programs.program_files import shared_notes, write_checked
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, shared_notes, write_checked
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import assemble_programs, check_emitted_speeds, session_program
 from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
-from planner.session.planned_session import load_session
-from planner.session.trust import NOT_HASHED
+from planner.session.planned_session import NOT_HASHED, load_session
 from planner.workflow.plan_reading import export_plan
 from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb

@@ -14,8 +14,8 @@ from planner.common.time_limit import TimeIsOverError
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
-from planner.programs.program_files import read_back
 from planner.programs.rendering import ProgramFile
+from planner.programs.verification import read_back
 from planner.runs.run import Samples
 from planner.session.document import read_plan
 from planner.session.planning import PoseSession

@@ -13,9 +13,8 @@ from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
 from planner.design.discrimination.power import ALIKE, EVIDENCE
-from planner.design.discrimination.predicted_readings import PredictedReadings, candidate_visits
-from planner.design.discrimination.questions import QuestionSet, RivalPair
-from planner.effects.parameters import Parameter, gauge_parameters
+from planner.design.discrimination.questions import PredictedReadings, QuestionSet, RivalPair, candidate_visits
+from planner.effects.effect import Parameter, gauge_parameters
 from planner.runs.run import FIRST_MOUNTING, Samples
 
 FEW = 800  # candidates of a cell that is tried

@@ -1,24 +1,195 @@
 """The questions of a discrimination design: for each finding and rival, what would show if either were the truth."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.common.units import Array
+from planner.cell.cell import Cell
+from planner.common.determinism import even_positions
+from planner.common.units import Array, read_only
+from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.criterion import DiscriminationQuestion
 from planner.design.discrimination.findings import IdentificationResult, IdentifiedEffect
-from planner.design.discrimination.predicted_readings import (
-    PredictedReadings,
-    best_matching_inner,
-    flatten_rows,
-    found_values,
-    orthonormal_span,
-    project_out,
-)
-from planner.effects.catalogue import needs_of
-from planner.effects.effect import Effect
-from planner.effects.parameters import Parameter
+from planner.effects.catalogue import catalogue, needs_of
+from planner.effects.effect import Effect, Parameter
+from planner.model.model import Model
+from planner.runs.run import Samples
+
+INNER_SEARCH_CANDIDATES = 1_500  # candidates over which inner numbers are looked for
+SPANNED = 1e-9  # share of the largest singular value below which columns span nothing new
+NARROWINGS = 3  # rounds of the search between grid neighbours, each five times finer
+PIECE = 300  # columns at a time
+
+
+@dataclass(frozen=True)
+class PredictedReadings:
+    """How readings depend on parameters: a model, and samples of every candidate, with the noise of each.
+
+    Attributes:
+        model: the plan's own parameters.
+        samples: of every visit of a candidate, see :func:`candidate_visits`.
+        sigma: noise of one reading, (n,) [m].
+    """
+
+    model: Model
+    samples: tuple[Samples, ...]
+    sigma: Array
+
+    @classmethod
+    def of(cls, model: Model, samples: tuple[Samples, ...], scale: float) -> "PredictedReadings":
+        """Take the noise of the model's gauge times ``scale``."""
+        return cls(model, samples, np.asarray(scale * model.reading_noise(samples[0]).std))
+
+    def repeat(self, **change: tuple[float, float]) -> "PredictedReadings":
+        """Return all visits twice, see :func:`repeat_visits`."""
+        twice = tuple(repeat_visits(s, **change) for s in self.samples)
+        return replace(self, samples=twice, sigma=np.tile(self.sigma, 2))
+
+    def entries(self) -> dict[str, Effect]:
+        """Every effect that these samples can show, by name."""
+        return {e.name: e for e in catalogue(self.model.setup, Samples.concatenate(self.samples))}
+
+    def rows(self, parameters: Sequence[Parameter]) -> Array:
+        """Whitened rows of every candidate, (n, r, P), per unit of the parameters; r numbers over all visits."""
+        model = replace(self.model, parameters=tuple(parameters))
+        whole = np.concatenate([model.rows(s) for s in self.samples], axis=1)
+        return np.asarray(whole / self.sigma[:, None, None])
+
+    def thin(self) -> "PredictedReadings":
+        """Return a few of the candidates, evenly over all."""
+        return self.at(even_positions(len(self.sigma), INNER_SEARCH_CANDIDATES))
+
+    def at(self, which: np.ndarray) -> "PredictedReadings":
+        """Return only some of the candidates."""
+        return PredictedReadings(self.model, tuple(s.take(which) for s in self.samples), self.sigma[which])
+
+
+def flatten_rows(rows: Array) -> Array:
+    """Rows (n, r, P) as a tall matrix (n r, P)."""
+    return rows.reshape(-1, rows.shape[2])
+
+
+def orthonormal_span(columns: Array) -> Array:
+    """Orthonormal basis (m, p) of what columns (m, P) span."""
+    size = np.linalg.norm(columns, axis=0)
+    Q, mu, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(Q[:, mu > SPANNED * mu[0]])
+
+
+def project_out(columns: Array, basis: Array) -> Array:
+    """What is left of columns (m, k) beside an orthonormal basis (m, p)."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def found_values(found: IdentifiedEffect, parameters: Sequence[Parameter], values: dict[str, float]) -> Array:
+    """Found values of an effect's parameters, (k,): by name, else the finding's size on the first of them."""
+    out = np.array([values.get(p.name, 0.0) for p in parameters])
+    if not np.any(out):
+        out[0] = found.size
+    return out
+
+
+def best_matching_inner(sight: PredictedReadings, entry: Effect, signal: Array, base: Array) -> float | None:
+    """Inner number with which an entry explains most of a signal (n r,); ``None`` where there is none.
+
+    Args:
+        sight: few candidates.
+        entry: the entry.
+        signal: of which it is to explain as much as it can, after the base took its part.
+        base: orthonormal basis (n r, p) of what is in the model anyway.
+    """
+    if entry.nonlinear is None:
+        return None
+    grid = entry.nonlinear.values
+    value = _best_on_grid(sight, entry, signal, base, grid)
+    near = int(np.argmin(np.abs(grid - value)))
+    width = float(max(np.abs(np.diff(grid[max(0, near - 1) : near + 2]))))
+    for _ in range(NARROWINGS):
+        tries = np.clip(value + width * np.linspace(-1, 1, 11), grid.min(), grid.max())
+        value = _best_on_grid(sight, entry, signal, base, np.unique(tries))
+        width /= 5
+    return value
+
+
+def _best_on_grid(sight: PredictedReadings, entry: Effect, signal: Array, base: Array, grid: Array) -> float:
+    shares: list[float] = []
+    each = len(entry.make(float(grid[0])))
+    for start in range(0, len(grid), max(1, PIECE // each)):
+        part = grid[start : start + max(1, PIECE // each)]
+        columns = flatten_rows(sight.rows([p for v in part for p in entry.make(float(v))]))
+        left = project_out(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), base)
+        for k in range(len(part)):
+            own = left[:, k * each : (k + 1) * each]
+            shares.append(float(np.sum((own @ np.linalg.lstsq(own, signal, rcond=1e-6)[0]) ** 2)))
+    return float(grid[int(np.argmax(shares))])
+
+
+TIME_BETWEEN = 10.0  # [s] from pose to pose, about
+POSES_BEFORE = 3  # poses before that a joint's friction may remember
+
+
+def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[Samples, ...]:
+    """Return the samples that one visit of each candidate gives: one at rest; in motion one for each way driven.
+
+    Which pose comes before is not known before the tour is: each candidate is taken to be come to from another one,
+    and at any time of the run.
+    """
+    rng = np.random.default_rng([seed, 5])
+    before = pool.q[rng.permutation(len(pool))]
+    way = pool.q - before
+    t = rng.random(len(pool)) * poses * (TIME_BETWEEN + cell.motion.settle + cell.motion.dwell)
+    at = replace(pool.samples, t=read_only(t))
+    if cell.motion.measure == "static":
+        return (replace(at, direction=read_only(np.sign(way))),)
+    speed = _measuring_speed(cell, pool.q, way)
+    earlier = [pool.q[rng.permutation(len(pool))] for _ in range(POSES_BEFORE)]
+    there = replace(at, speed=read_only(speed), reversals=read_only(np.stack([*earlier, before], axis=2)))
+    if not cell.motion.both_ways:
+        return (there,)
+    turned = read_only(np.stack([*earlier, pool.q + way], axis=2))
+    return there, replace(there, t=read_only(2 * t.max() - t), speed=read_only(-speed), reversals=turned)
+
+
+def repeat_visits(samples: Samples, **change: tuple[float, float]) -> Samples:
+    """All visits twice: a column that is there times either number, or else the numbers themselves."""
+    n = len(samples)
+    twice = samples.take(np.tile(np.arange(n), 2))
+    columns = {}
+    for name, pair in change.items():
+        factor, now = np.repeat(pair, n), getattr(twice, name)
+        columns[name] = read_only(factor if now is None else now * factor[:, None])
+    return replace(twice, **columns)
+
+
+def approach_both_sides(samples: Samples) -> Samples:
+    """Return the visits at rest (n), and the same with every axis come from the other side (n more)."""
+    return repeat_visits(samples, direction=(1.0, -1.0))
+
+
+def _measuring_speed(cell: Cell, q: Array, way: Array) -> Array:
+    """Speeds (n, N) [rad/s] along the ways (n, N) with the tool at measuring speed, no axis faster than it can."""
+    tool = np.linalg.norm(np.einsum("nij,nj->ni", cell.map_jacobian(q), way), axis=1)
+    axis = (np.abs(way) / cell.robot.speed).max(axis=1)
+    seconds = np.maximum(tool / cell.motion.tool_speed, axis)
+    return np.asarray(way / np.maximum(seconds, 1e-9)[:, None])
+
+
+def approach_axes(identified: IdentificationResult, cell: Cell) -> tuple[int, ...]:
+    """Axes whose side of approach a pose at rest must be come to from: those whose play is in question."""
+    if cell.motion.measure != "static":
+        return ()
+    names = {n for f in identified.found if f.rivals for n in (f.name, *f.rivals)}
+    return tuple(i for i in range(cell.robot.n_joints) if f"backlash, joint {i + 1}" in names)
+
+
+def approach_signs(samples: Samples, axes: tuple[int, ...]) -> np.ndarray:
+    """Wanted signs (n, N) of the last movement of some axes, 0 for the others."""
+    assert samples.direction is not None
+    out = np.zeros(samples.q.shape, dtype=int)
+    out[:, axes] = samples.direction[:, axes]
+    out.setflags(write=False)
+    return out
 
 
 def effect_kind(name: str) -> str:

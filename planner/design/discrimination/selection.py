@@ -23,17 +23,18 @@ from planner.design.discrimination.power import (
     pair_powers,
     split_separable,
 )
-from planner.design.discrimination.predicted_readings import (
+from planner.design.discrimination.questions import (
     PredictedReadings,
+    QuestionSet,
     approach_axes,
     approach_both_sides,
     approach_signs,
     candidate_visits,
     flatten_rows,
     orthonormal_span,
+    pose_questions,
     project_out,
 )
-from planner.design.discrimination.questions import QuestionSet, pose_questions
 from planner.design.discrimination.search import DTSwaps, bound_criterion, exchange_by_criterion
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.matrix_forms import information_matrix

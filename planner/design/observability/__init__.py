@@ -1,3 +1,3 @@
 """What poses show: information, observability indices, identifiable parameters, and sentences about the rest."""
 
-__all__ = ["explanations", "identifiability", "information"]
+__all__ = ["identifiability", "information"]

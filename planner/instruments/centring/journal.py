@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError
 
 from planner.common.errors import InputError
-from planner.common.files import write_text
-from planner.common.reading import read_bytes
+from planner.common.files import read_bytes, write_text
 from planner.common.units import from_deg, from_mm, read_only
 from planner.instruments.centring.path import PlannedPath
 from planner.runs.run import Readings, Run, Samples, index_names

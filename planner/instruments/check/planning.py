@@ -16,8 +16,7 @@ from planner.design.observability.information import all_indices, index_value
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_bound import certify_bound
 from planner.identification.baseline import Baseline
-from planner.instruments.check.changes import Change, change_columns, possible_changes
-from planner.instruments.check.evaluation import build_detector
+from planner.instruments.check.evaluation import Change, build_detector, change_columns, possible_changes
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection

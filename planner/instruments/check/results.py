@@ -7,14 +7,15 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array, in_units, significant, to_deg, to_mm
 from planner.identification.baseline import Baseline
-from planner.instruments.check.changes import Change, possible_changes
 from planner.instruments.check.detection import FALSE_ALARM, POWER
 from planner.instruments.check.evaluation import (
     ANYTHING,
+    Change,
     CheckVerdict,
     JudgedChange,
     build_detector,
     hidden_text,
+    possible_changes,
     shows_play,
 )
 from planner.runs.run import Samples

@@ -25,8 +25,7 @@ from planner.runs.run import Mounting
 from planner.session.course import time_path
 from planner.session.document import SCHEMA, PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
 from planner.session.plan_record import closing_record, round_numbers, verdict_records, waypoint_records
-from planner.session.planned_session import read_cell_beside
-from planner.session.trust import check_trust
+from planner.session.planned_session import check_trust, read_cell_beside
 
 OFF = 1e-3 * MM  # by which the plan's points may miss its circles
 

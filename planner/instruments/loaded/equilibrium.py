@@ -9,7 +9,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
 from planner.effects.compliance import DriveTorque, LoadTorque
 from planner.effects.context import Context
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Parameter
 from planner.instruments.loaded.circle import measured_points
 from planner.instruments.loaded.types import AveragedCurves
 from planner.kinematics.geometry import bar_state

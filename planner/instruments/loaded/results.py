@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import MM, UM, Array, in_units, significant, to_deg, to_mm
-from planner.design.observability.explanations import join_names
+from planner.design.observability.identifiability import join_names
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
     KNOWN,

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.circles import CircleAtFixture
 from planner.common.units import Array
-from planner.design.observability.explanations import format_direction
+from planner.design.observability.identifiability import format_direction
 
 # of the largest share of a combination: less is not written out, and hides no joint behind another
 NEGLIGIBLE_SHARE = 0.05

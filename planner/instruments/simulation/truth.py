@@ -12,13 +12,12 @@ from pydantic import Field, NonNegativeFloat
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
-from planner.common.reading import read_utf8
+from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate
 from planner.common.units import DEG, MM, UM, Array, read_only, si_unit
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
-from planner.effects.effect import Effect
-from planner.effects.parameters import Parameter
+from planner.effects.effect import Effect, Parameter
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
 

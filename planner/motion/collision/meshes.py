@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from planner.common.errors import InputError
-from planner.common.reading import check_readable
+from planner.common.files import check_readable
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.design.discrimination.findings import read_identification
-from planner.design.discrimination.predicted_readings import approach_axes
+from planner.design.discrimination.questions import approach_axes
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import planner.identification.assessment as checks
-import planner.tracing.rivals as traced
+import planner.tracing.trace as traced
 from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
 from planner.design.discrimination.power import ALIKE, EVIDENCE, discrimination_power
 from planner.design.discrimination.search import bound_criterion, exchange_by_criterion

@@ -7,8 +7,7 @@ import pytest
 
 import tests.design.observability.dh_arm as dh_arm
 from planner.common.errors import InputError
-from planner.design.observability.explanations import format_direction
-from planner.design.observability.identifiability import find_identifiable
+from planner.design.observability.identifiability import find_identifiable, format_direction
 from planner.design.observability.information import index_value
 from tests.design.observability.dh_arm import NJ130
 

@@ -12,6 +12,7 @@ from planner.effects.basis import ONE
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import DriveTorque, LoadMoment, PayloadTorque, TipMoment, WeightTorque, twist_moves
 from planner.effects.context import Context
+from planner.effects.effect import Parameter, transform_move
 from planner.effects.gauge_errors import (
     BallOffset,
     BarSag,
@@ -24,9 +25,8 @@ from planner.effects.gauge_errors import (
     RayGrowth,
 )
 from planner.effects.gears import BoundedWave, JointAngle, JointWave
-from planner.effects.parameters import Parameter, transform_move
 from planner.effects.phi_keys import phi_from_key
-from planner.effects.sessions import PlaceInSession
+from planner.effects.steps import PlaceInSession
 from planner.effects.thermal import ElapsedTime, TemperatureRise, WarmUp
 from planner.model.model import Model
 from planner.runs.run import Samples

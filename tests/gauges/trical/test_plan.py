@@ -11,9 +11,8 @@ from planner.common.progress import Stages
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.dialect import load_dialect
-from planner.programs.program_files import read_back, verify
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, read_back, verify
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.effects.compliance import compliance_parameters
-from planner.effects.parameters import Parameter, robot_parameters, transform_move
+from planner.effects.effect import Parameter, robot_parameters, transform_move
 from planner.gauges.tracker import Tracker
 from planner.identification.identifiable_parameters import estimate_parameters
 from planner.kinematics.robot_reader import load_robot

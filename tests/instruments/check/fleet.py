@@ -11,8 +11,7 @@ from planner.identification.baseline import Baseline, BaselineFile
 from planner.identification.identifiable_parameters import identifiable_subset
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge, setup_for_run
-from planner.instruments.check.changes import possible_changes
-from planner.instruments.check.evaluation import build_detector
+from planner.instruments.check.evaluation import build_detector, possible_changes
 from planner.instruments.check.planning import choose_check_poses
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples

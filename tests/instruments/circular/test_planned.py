@@ -13,8 +13,7 @@ from planner.instruments.circular.planning import plan_circles
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
-from planner.programs.program_files import read_back, verify
-from planner.programs.verification import ProgramMismatchError
+from planner.programs.verification import ProgramMismatchError, read_back, verify
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import axis_limits
 from planner.session.neutral_program import session_program
