@@ -11,6 +11,5 @@ __all__ = [
     "schema",
     "second_process",
     "sequences",
-    "time_limit",
     "units",
 ]

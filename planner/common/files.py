@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and the data folders robots and g-code are found here."""
+"""Files are read with a word for what is wrong, appear whole or not at all; data folders are found here."""
 
 import json
 import os

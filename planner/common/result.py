@@ -1,4 +1,4 @@
-"""A folder of results: written beside itself and exchanged as a whole, with the hash of every file in its manifest."""
+"""What every command gives: a summary, JSON, charts, and a folder exchanged as a whole, with its manifest."""
 
 import ctypes
 import errno

@@ -1,4 +1,4 @@
-"""What a plan and the fit of its run free, and which of its parameters are preferred where some depend on others."""
+"""What a plan and the fit of its run free, what of it is preferred, and the errors that nobody has declared."""
 
 from dataclasses import dataclass, replace
 

@@ -22,8 +22,7 @@ from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
-from planner.gauges.bar_checklist import LOADED, BarChecklist
-from planner.gauges.lines import LineGauge
+from planner.gauges.lines import LOADED, BarChecklist, LineGauge
 from planner.gauges.placement.lengths import place_lengths
 from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
 from planner.kinematics.bodies import capsule_between

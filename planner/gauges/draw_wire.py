@@ -10,7 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody
 from planner.gauges.bar import LengthGauge
-from planner.gauges.bar_checklist import BarChecklist
+from planner.gauges.lines import BarChecklist
 from planner.kinematics.bodies import capsule_between
 
 EYELET = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum

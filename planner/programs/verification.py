@@ -1,4 +1,4 @@
-"""Compares what a program would make the robot do with what was planned."""
+"""Programs are written in a dialect, read back, and compared with what was planned."""
 
 import math
 import re

@@ -3,8 +3,7 @@
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.progress import Stages
-from planner.common.time_limit import REFINEMENT, ROADMAP, must_stop
+from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
 from planner.common.units import Array
 from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.candidates.pool import draw_candidates

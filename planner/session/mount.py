@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.time_limit import ROADMAP, must_stop
+from planner.common.progress import ROADMAP, must_stop
 from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates

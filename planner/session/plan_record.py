@@ -1,4 +1,4 @@
-"""What ``plan.json`` says of a finished plan: the same bytes for the same input and seed."""
+"""What ``plan.json`` says of a plan: the same bytes for the same input and seed; and of poses without a path."""
 
 import hashlib
 import json

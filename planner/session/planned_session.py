@@ -1,4 +1,4 @@
-"""A plan with the cell that it was made for: what a program or a simulated run is made of, now or later."""
+"""A plan with its cell, what programs and simulated runs are made of, and whether its proofs hold there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -12,9 +12,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
-from planner.common.progress import Stages
+from planner.common.progress import Stages, TimeIsOverError, current_limit
 from planner.common.second_process import Beside
-from planner.common.time_limit import TimeIsOverError, current_limit
 from planner.common.units import Array
 from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet

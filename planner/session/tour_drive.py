@@ -24,14 +24,7 @@ from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.runs.run import Mounting
 from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
-from planner.session.course import (
-    Course,
-    Role,
-    axis_limits,
-    is_continuous,
-    reading_limits,
-    time_measuring,
-)
+from planner.session.course import Course, Role, axis_limits, is_continuous, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import add_blends, release_path, release_way
 from planner.session.resumption import prove_shortcuts

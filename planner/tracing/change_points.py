@@ -18,8 +18,7 @@ from planner.effects.basis import BasisFunction
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
 from planner.tracing.dictionary import whiten
-from planner.tracing.ranking import merit_of
-from planner.tracing.score_test import EffectScore, ScoreTest, score_gains
+from planner.tracing.score_test import EffectScore, ScoreTest, merit_of, score_gains
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState

@@ -1,4 +1,4 @@
-"""``trace()``: from the residual of the fitted geometry to its causes, one stage for each effect."""
+"""``trace()``: from the residual of the fitted geometry to its causes, a stage for each, with their rivals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,8 +16,7 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
 from planner.runs.run import Run
 from planner.tracing.change_points import best_steps, change_sample, locate_step
-from planner.tracing.ranking import scores_beside, with_link_masses
-from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest
+from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, scores_beside, with_link_masses
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p

@@ -6,8 +6,7 @@ from pathlib import Path
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.choices import Aim
-from planner.common.progress import Progress, Stages, no_progress
-from planner.common.time_limit import TimeLimit, limit_time
+from planner.common.progress import Progress, Stages, TimeLimit, limit_time, no_progress
 from planner.design.free_parameters import check_effects
 from planner.motion.tour.solve import Method
 from planner.report.plan_report import report_plan

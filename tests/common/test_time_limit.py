@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
-from planner.common.time_limit import TimeLimit, current_limit, limit_time, must_stop
+from planner.common.progress import TimeLimit, current_limit, limit_time, must_stop
 from planner.design.selection.index_search import exchange_poses
 from planner.motion.path.constraints import Constraints
 

@@ -10,7 +10,7 @@ import pytest
 import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError, PlannerError
-from planner.common.time_limit import TimeIsOverError
+from planner.common.progress import TimeIsOverError
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld

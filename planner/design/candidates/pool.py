@@ -11,8 +11,8 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import CANDIDATES, ROADMAP, must_stop
 from planner.common.second_process import available_threads
-from planner.common.time_limit import CANDIDATES, ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Mounting, Samples

@@ -1,9 +1,4 @@
-"""Which parameters the readings can tell apart, and why the others are left out.
-
-What cannot be seen is a *direction* of the parameter space, so the null space comes first (SVD of the triangular factor
-of all rows) and names second: one parameter is fixed for each unseen direction, and the sentence about it is read off
-the null vector in which it, and no other fixed one, takes part. Compare Gautier 1991 (QR on base parameters).
-"""
+"""Which parameters the readings can tell apart, and in words why the others are left out."""
 
 import re
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from planner.common.determinism import Positions
-from planner.common.time_limit import BOUND, must_stop
+from planner.common.progress import BOUND, must_stop
 from planner.common.units import Array, read_only
 
 _MARGIN = 1e-12  # relative: a bound that is verified again comes out the same

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.time_limit import CHOICE, must_stop
+from planner.common.progress import CHOICE, must_stop
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate

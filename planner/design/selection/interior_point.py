@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtrs
 
-from planner.common.time_limit import CHOICE, must_stop
+from planner.common.progress import CHOICE, must_stop
 from planner.common.units import Array
 from planner.design.selection.relaxation import RelaxationProblem
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.time_limit import REFINEMENT, must_stop
+from planner.common.progress import REFINEMENT, must_stop
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.index_criterion import (

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.determinism import Positions, first_maximum, round_significant
-from planner.common.time_limit import CHOICE, must_stop
+from planner.common.progress import CHOICE, must_stop
 from planner.common.units import Array
 
 _SWAPS = 2_000  # no descent was seen to take a tenth of it

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.common.progress import check_time
 from planner.common.second_process import Assistant
-from planner.common.time_limit import check_time
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from planner.common.time_limit import ROADMAP, must_stop
+from planner.common.progress import ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 

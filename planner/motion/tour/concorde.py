@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import PlannerError
-from planner.common.time_limit import TOUR, seconds_left
+from planner.common.progress import TOUR, seconds_left
 from planner.motion.tour.instance import IntArray, TourInstance
 
 TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from planner.common.time_limit import TOUR, seconds_left
+from planner.common.progress import TOUR, seconds_left
 from planner.common.units import Array
 from planner.motion.tour.instance import IntArray, TourInstance
 from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours

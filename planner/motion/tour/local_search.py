@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 
-from planner.common.time_limit import TOUR, must_stop
+from planner.common.progress import TOUR, must_stop
 from planner.motion.tour.instance import IntArray
 
 _BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
-from planner.common.time_limit import TOUR, must_stop
+from planner.common.progress import TOUR, must_stop
 from planner.common.units import Array
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded

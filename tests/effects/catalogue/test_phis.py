@@ -26,7 +26,7 @@ from planner.effects.gauge_errors import (
 )
 from planner.effects.gears import BoundedWave, JointAngle, JointWave
 from planner.effects.phi_keys import phi_from_key
-from planner.effects.steps import PlaceInSession
+from planner.effects.sessions import PlaceInSession
 from planner.effects.thermal import ElapsedTime, TemperatureRise, WarmUp
 from planner.model.model import Model
 from planner.runs.run import Samples
