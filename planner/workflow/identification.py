@@ -13,10 +13,10 @@ from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import Plot, Result, draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
-from planner.identification.baseline import NAME as EXPECTED_ERROR
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
+from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace

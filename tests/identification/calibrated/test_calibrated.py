@@ -6,7 +6,7 @@ import pytest
 
 import planner.effects.basis as basis
 import planner.effects.compliance as compliance
-import planner.effects.steps as sessions
+import planner.effects.sessions as sessions
 import tests.identification.calibrated.made as making
 from planner.cell.setup import Targets
 from planner.effects.basis import FUNCTIONS
