@@ -14,8 +14,8 @@ import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.gauges.frame_gauge import ToolPosition
-from planner.identification.expected_error import NAME as NAME_OF_FILE
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.identification.expected_error import NAME as NAME_OF_FILE
 from planner.identification.expected_error import ExpectedError, expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
