@@ -28,8 +28,7 @@ from planner.common.sequences import sobol_points
 from planner.common.units import MM, UM, Array, from_deg
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
-from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Mounting, Readings, Run, Samples
+from planner.runs.run import NO_REFERENCE_READINGS, Mounting, Readings, ReferenceReadings, Run, Samples
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell, Fixture, IndicatorHead

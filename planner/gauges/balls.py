@@ -14,11 +14,10 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
+from planner.gauges.placement.flange_poses import index_in_cell, nominal_flange_poses, points_of
 from planner.gauges.placement.sockets import place_sockets
-from planner.gauges.run_places import flange_poses, index_in_cell, points_of
 from planner.kinematics.bodies import Body, capsule_between
-from planner.runs.reference_readings import NO_REFERENCE_READINGS, ReferenceReadings
-from planner.runs.run import Mounting, Readings, Run, Samples
+from planner.runs.run import NO_REFERENCE_READINGS, Mounting, Readings, ReferenceReadings, Run, Samples
 
 INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
 NEWTON_STEPS = 8
@@ -104,7 +103,7 @@ class BallGauge(FrameGauge):
 
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find the plates, and the tool points where the cell has none."""
-        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
         r = run.readings
         assert r.ball is not None
         plate = place_sockets(

@@ -23,8 +23,14 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
 from planner.gauges.lines import LOADED, BarChecklist, LineGauge
+from planner.gauges.placement.flange_poses import (
+    LOCATED_SIGMA,
+    LOCATED_TURN_SIGMA,
+    index_in_cell,
+    nominal_flange_poses,
+    points_of,
+)
 from planner.gauges.placement.lengths import place_lengths
-from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.geometry import bar_state
@@ -268,7 +274,7 @@ class LengthGauge(LineGauge):
         """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""
         if len(setup.p_BX) and p_FM is not None:
             return setup
-        p_BF, R_BF = flange_poses(setup, run.samples.q)
+        p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
         known = setup.p_BX if len(setup.p_BX) else None
         assert run.readings.length is not None
         bar = place_lengths(p_BF, R_BF, run.readings.length, run.samples.place, points_of(run), p_FM, known)

@@ -23,7 +23,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, tool_parameters, transform_move
 from planner.effects.gauge_errors import POSITION_ERRORS, PointLag
 from planner.gauges.lines import LineGauge
-from planner.gauges.run_places import LOCATED_SIGMA, LOCATED_TURN_SIGMA
+from planner.gauges.placement.flange_poses import LOCATED_SIGMA, LOCATED_TURN_SIGMA
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
 from planner.runs.run import Readings, Run, Samples

@@ -20,13 +20,12 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.effect import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
+from planner.gauges.placement.flange_poses import nominal_flange_poses, points_of
 from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
-from planner.gauges.run_places import flange_poses, points_of
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.robot import Robot
-from planner.runs.reference_readings import ReferenceReadings
-from planner.runs.run import Mounting, Readings, Run, Samples
+from planner.runs.run import Mounting, Readings, ReferenceReadings, Run, Samples
 
 NESTS = 3  # that a frame takes
 FAR = 10 * MM  # more than a robot as it is bought misses by (rms)
@@ -201,7 +200,7 @@ def _place_frames(setup: MeasurementSetup, run: Run, p_FM: Array | None) -> Fram
         InputError: the positions are those of a left-handed frame.
         NoSolutionError: the poses leave a direction open.
     """
-    p_BF, R_BF = flange_poses(setup, run.samples.q)
+    p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
     p_GM, R_GM = run.readings.position, run.readings.rotation
     assert p_GM is not None
 

@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.places import placed_frame
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
-from planner.gauges.run_places import LOCATED_TURN_SIGMA
+from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
 from planner.identification.least_squares import Fit
 from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
 

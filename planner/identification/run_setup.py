@@ -9,7 +9,7 @@ from planner.cell.file import FIRST_POINT
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import MM, Array
-from planner.gauges.run_places import LOCATED_SIGMA, index_in_cell
+from planner.gauges.placement.flange_poses import LOCATED_SIGMA, index_in_cell
 from planner.runs.joint_motion import joint_speeds, last_reversals, session_numbers
 from planner.runs.run import Run, Samples
 

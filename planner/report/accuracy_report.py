@@ -3,8 +3,7 @@
 import numpy as np
 
 from planner.common.units import UM, to_mm
-from planner.instruments.accuracy.precision import TOLERANCE, Mastering, RepeatedCentrings
-from planner.instruments.accuracy.results import PUBLISHED_UM
+from planner.instruments.accuracy.precision import PUBLISHED_UM, TOLERANCE, Mastering, RepeatedCentrings
 from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
 from planner.report.formatting import in_um

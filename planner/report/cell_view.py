@@ -11,8 +11,7 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
-from planner.motion.collision.meshes import mesh_faces
-from planner.motion.collision.scene import SceneBody, build_scene
+from planner.motion.collision.scene import SceneBody, build_scene, mesh_faces
 from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
 from planner.report.plan_data import sample_drive

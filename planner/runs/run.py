@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.common.units import Array, read_only
+from planner.common.errors import InputError
+from planner.common.units import Array, from_mm, read_only, to_mm
 
 IntArray = np.ndarray  # of integers
 SIMULATED = "simulated, nobody measured this"
@@ -187,3 +189,60 @@ def index_names(values: Sequence[str]) -> tuple[IntArray, tuple[str, ...]]:
 def sort_names(names: set[str]) -> tuple[str, ...]:
     """Return names in an order of their own: whole numbers by value, then the others by letters."""
     return tuple(sorted(names, key=lambda n: (0, int(n), n) if n.lstrip("-").isdecimal() else (1, 0, n)))
+
+
+NEST, MASTER = "nest_mm", "master_mm"
+DIGITS = 6  # of a millimetre, as lines are written
+
+
+@dataclass(frozen=True)
+class ReferenceReadings:
+    """Readings beside the poses: nests by name p_GN (3,) [m]; indicators at the master ball, each (3,) [m]."""
+
+    nests: tuple[tuple[str, Array], ...] = ()
+    masters: tuple[Array, ...] = ()
+
+    def lines(self) -> tuple[str, ...]:
+        """Return the lines that say so above the columns of a run."""
+        nests = [f"{NEST}: {name}, {_numbers(p)}" for name, p in self.nests]
+        return (*nests, *(f"{MASTER}: {_numbers(m)}" for m in self.masters))
+
+
+NO_REFERENCE_READINGS = ReferenceReadings()
+
+
+def read_reference_readings(path: Path) -> ReferenceReadings:
+    """Read what stands above the columns of the run at ``path``; a Parquet file has no such lines.
+
+    Raises:
+        InputError: the file cannot be read, or a line has not the numbers that it should.
+    """
+    if path.suffix.lower() == ".parquet":
+        return NO_REFERENCE_READINGS
+    nests, masters = list[tuple[str, Array]](), list[Array]()
+    from planner.runs.text import read_lines, split_head  # with polars, which costs most of a second
+
+    for k, line in enumerate(split_head(read_lines(path))[0], start=1):
+        key, _, text = line.lstrip("# \t").partition(":")
+        words = [w.strip() for w in text.split(",")]
+        if key.strip() == NEST:
+            nests.append((words[0], _point(path, k, line, words[1:])))
+        if key.strip() == MASTER:
+            masters.append(_point(path, k, line, words))
+    return ReferenceReadings(tuple(nests), tuple(masters))
+
+
+def _point(path: Path, k: int, line: str, words: list[str]) -> Array:
+    try:
+        found = np.array([float(w) for w in words])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (3,) or not np.all(np.isfinite(found)):
+        raise InputError(
+            f"{path}, line {k}: '{line}' should be '# {NEST}: NAME, x, y, z' or '# {MASTER}: x, y, z', in millimetres"
+        )
+    return read_only(from_mm(found))
+
+
+def _numbers(p: Array) -> str:
+    return ", ".join(f"{v:.{DIGITS}f}" for v in to_mm(p))

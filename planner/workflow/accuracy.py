@@ -16,14 +16,13 @@ from planner.instruments.accuracy.precision import (
     Mastering,
     RepeatedCentrings,
     check_mastering,
+    precision_content,
     repeat_groups,
     repeated_centrings,
 )
-from planner.instruments.accuracy.results import errors_csv, precision_content, validation_content
-from planner.instruments.accuracy.validation import Validation, validate_robot
+from planner.instruments.accuracy.validation import Validation, errors_csv, validate_robot, validation_content
 from planner.runs.loader import load_runs
-from planner.runs.reference_readings import read_reference_readings
-from planner.runs.run import Run
+from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.workflow.run_checks import check_unit
 

@@ -26,8 +26,7 @@ from planner.instruments.accuracy.precision import check_mastering
 from planner.instruments.simulation.measurement import SimulatedRun
 from planner.model.identification_document import Metrics, Release
 from planner.runs.loader import load_runs
-from planner.runs.reference_readings import read_reference_readings
-from planner.runs.run import Run
+from planner.runs.run import Run, read_reference_readings
 from planner.session.document import read_plan
 from planner.tracing.trace import trace
 from planner.workflow.run_checks import check_unit, split_by_plan

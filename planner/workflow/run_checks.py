@@ -11,8 +11,8 @@ from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, to_mm
+from planner.gauges.placement.flange_poses import nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
-from planner.gauges.run_places import flange_poses
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
 
@@ -36,7 +36,7 @@ def check_unit(run: Run, cell: Cell) -> None:
     if run.readings.position is None:
         return
     few = run.take(even_positions(len(run), ROWS))
-    p_BF, R_BF = flange_poses(setup_of(cell), few.samples.q)
+    p_BF, R_BF = nominal_flange_poses(setup_of(cell), few.samples.q)
     group = few.samples.place if few.samples.point is None else few.samples.place * len(run.points) + few.samples.point
     read, arm = _spread_rms(np.asarray(few.readings.position), group), _spread_rms(p_BF, group)
     for factor, words, names in UNITS:

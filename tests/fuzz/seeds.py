@@ -22,7 +22,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Identification
-from planner.motion.collision.meshes import mesh_faces
+from planner.motion.collision.scene import mesh_faces
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import read_texts, write_program
 from planner.runs.loader import load_run

@@ -8,10 +8,9 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
-from planner.common.units import UM, Array, read_only, to_mm
+from planner.common.units import UM, Array, in_units, read_only, to_mm
 from planner.model.model import Model
-from planner.runs.reference_readings import ReferenceReadings
-from planner.runs.run import Run
+from planner.runs.run import ReferenceReadings, Run
 from planner.session.document import read_plan
 
 TOLERANCE = (
@@ -159,3 +158,37 @@ def repeated_centrings(cell: Cell, run: Run, groups: dict[int, int]) -> Repeated
 
 def _diameter(x: Array) -> float:
     return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+
+
+SCHEMA = "edbb-accuracy/1"
+PUBLISHED_UM = 2.0  # largest of three centrings against the master ball by a CMM (TriCal paper, section 4)
+DIGITS = 6
+
+
+def precision_content(
+    robot: str, run: str, found: RepeatedCentrings, master: Mastering | None, notes: tuple[str, ...] = ()
+) -> dict[str, object]:
+    """Return ``accuracy.json`` of repeated centrings."""
+    s = found.summary
+    size = np.linalg.norm(found.off, axis=1)
+    return {
+        "schema": SCHEMA,
+        "kind": "precision",
+        "robot": robot,
+        "run": run,
+        "poses": s.poses,
+        "centrings": s.centrings,
+        **in_units(DIGITS, max_um=s.largest, rms_um=s.rms, expected_rms_um=found.expected),
+        **in_units(DIGITS, apart_um=s.apart, std_um=s.axis_std),
+        "published": {"centrings": 3, "max_um": PUBLISHED_UM, "by": "a CMM, the arm left out"},
+        "each": [
+            {"pose": int(p), "ball": b, **in_units(DIGITS, off_um=o, size_um=d)}
+            for p, b, o, d in zip(found.pose, found.ball, found.off, size, strict=True)
+        ],
+        "mastering": None if master is None else _mastering_section(master),
+        "notes": list(notes),
+    }
+
+
+def _mastering_section(m: Mastering) -> dict[str, object]:
+    return {**in_units(DIGITS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift), "good": m.good}

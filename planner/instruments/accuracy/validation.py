@@ -4,10 +4,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM, Array, in_units, read_only, to_mm
+from planner.instruments.accuracy.precision import DIGITS, SCHEMA
 from planner.instruments.accuracy.reference_frame import (
     ErrorFloor,
     TrackerRegistration,
@@ -16,8 +18,7 @@ from planner.instruments.accuracy.reference_frame import (
     register_tracker,
 )
 from planner.instruments.accuracy.robot_model import RobotModel, calibrated_model, nominal_model
-from planner.runs.reference_readings import ReferenceReadings
-from planner.runs.run import Run
+from planner.runs.run import ReferenceReadings, Run
 
 FEWEST_VISITS = 3  # of a pose, to say how it scatters
 STANDARD_VISITS, STANDARD_POSES = 30, 5  # of the standard's own test
@@ -219,3 +220,46 @@ def with_nests(cell: Cell, said: ReferenceReadings) -> tuple[Cell, list[str]]:
 def _model_errors(arm: RobotModel, frame: TrackerRegistration, run: Run) -> ModelErrors:
     error = position_errors(arm.robot, arm.p_FM, arm.stand, frame, run)
     return ModelErrors(arm, read_only(np.array(error)), error_figures(error), pose_performance(run, error))
+
+
+def validation_content(robot: str, found: Validation) -> dict[str, object]:
+    """Return ``accuracy.json`` of a tracker's run."""
+    f = found.floor
+    misses = zip(found.nests, found.frame.misses, strict=True)
+    return {
+        "schema": SCHEMA,
+        "kind": "validation",
+        "robot": robot,
+        "run": found.run.name,
+        "n_poses": len(found.run),
+        "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
+        "before": _model_section(found.before),
+        "after": None if found.after is None else _model_section(found.after),
+        "floor": in_units(DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm),
+        "notes": list(found.notes),
+    }
+
+
+def errors_csv(found: Validation) -> str:
+    """Return every validation pose with its errors, seen less predicted, in the base frame."""
+    pose = found.run.samples.pose
+    columns: dict[str, object] = {"pose": np.arange(1, len(found.run) + 1) if pose is None else pose}
+    for name, judged in (("before", found.before), ("after", found.after)):
+        columns |= {} if judged is None else _error_columns(name, judged)
+    return pl.DataFrame(columns).write_csv()
+
+
+def _error_columns(name: str, judged: ModelErrors) -> dict[str, object]:
+    error = to_mm(judged.error)
+    out: dict[str, object] = {f"{name}_{axis}_mm": np.round(e, DIGITS) for axis, e in zip("xyz", error.T, strict=True)}
+    return out | {f"{name}_mm": np.round(np.linalg.norm(error, axis=1), DIGITS)}
+
+
+def _model_section(judged: ModelErrors) -> dict[str, object]:
+    iso = {} if judged.performance is None else {"iso9283": judged.performance.section()}
+    return _figures_section(judged.figures) | iso
+
+
+def _figures_section(f: ErrorFigures) -> dict[str, object]:
+    shares = {f"p{share}_mm": v for share, v in f.percentiles}
+    return in_units(DIGITS, mean_mm=f.mean, max_mm=f.largest, std_mm=f.std, **shares)

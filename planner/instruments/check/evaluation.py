@@ -14,7 +14,7 @@ from planner.effects.backlash import ApproachDirection
 from planner.effects.basis import ONE, BasisFunction
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
-from planner.gauges.run_places import points_of
+from planner.gauges.placement.flange_poses import points_of
 from planner.identification.baseline import Baseline
 from planner.identification.run_setup import add_motion
 from planner.instruments.check.detection import Detector, Explanation, rank_explanations

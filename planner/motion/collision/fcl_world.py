@@ -10,9 +10,8 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
 from planner.motion.collision.engines import UNKNOWN
-from planner.motion.collision.meshes import mesh_faces
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
-from planner.motion.collision.scene import Scene, SceneBody, fcl_shape
+from planner.motion.collision.scene import Scene, SceneBody, fcl_shape, mesh_faces
 
 SLACK = 1e-5  # [m] that a proof of a distance may lack of it, and that fcl's collision test is given
 BISECTIONS = 14  # of a distance that was too large

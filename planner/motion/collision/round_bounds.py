@@ -14,8 +14,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import bar_state
-from planner.motion.collision.meshes import mesh_faces
-from planner.motion.collision.scene import Scene
+from planner.motion.collision.scene import Scene, mesh_faces
 
 CHUNK = 16_384  # entries at a time: they stay in the cache
 _TINY = 1e-30

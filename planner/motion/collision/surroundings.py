@@ -12,8 +12,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
 from planner.kinematics.srdf import NEXT_BUT_ONE
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.meshes import excess_of_polytope, mesh_faces
-from planner.motion.collision.scene import FLOOR, SceneBody, build_scene, coal_shape
+from planner.motion.collision.scene import FLOOR, SceneBody, build_scene, coal_shape, excess_of_polytope, mesh_faces
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
 SHOWN_PAIRS = 12  # of those that always touch

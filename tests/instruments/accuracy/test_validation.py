@@ -13,8 +13,7 @@ from planner.instruments.accuracy.validation import validate_robot
 from planner.instruments.simulation.measurement import simulate
 from planner.instruments.simulation.truth import draw_truth
 from planner.runs.loader import load_run
-from planner.runs.reference_readings import ReferenceReadings, read_reference_readings
-from planner.runs.run import Readings, Run, Samples
+from planner.runs.run import Readings, ReferenceReadings, Run, Samples, read_reference_readings
 from planner.runs.writer import run_text
 from tests.instruments.accuracy.worlds import NAME, calibrated, loaded, poses, tracker_run, world
 

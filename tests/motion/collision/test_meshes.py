@@ -9,7 +9,7 @@ from planner.common.errors import InputError
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
-from planner.motion.collision.meshes import excess_of_polytope, mesh_faces
+from planner.motion.collision.scene import excess_of_polytope, mesh_faces
 from planner.motion.collision.surroundings import describe_polytopes
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
