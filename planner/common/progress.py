@@ -1,12 +1,11 @@
 """What a long task is doing: its stages, their progress and seconds; and how long it may take."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from planner.common.errors import NoSolutionError
 
@@ -86,7 +85,7 @@ def must_stop(share: float, left: str) -> bool:
 def seconds_left(share: float) -> float:
     """Return the seconds until a share of the limit is over, at least one; infinite without a limit."""
     limit = _current.get()
-    return np.inf if limit is None else max(1.0, limit.start + share * limit.seconds - time.time())
+    return math.inf if limit is None else max(1.0, limit.start + share * limit.seconds - time.time())
 
 
 class TimeIsOverError(NoSolutionError):
