@@ -1,6 +1,5 @@
 """Which language a file is in: by its suffix, and where that is not known by what it says; and who reads it."""
 
-import glob
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -69,9 +68,8 @@ def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]])
     other = HALVES.get(path.suffix.lower())
     if other is None or name == TABLE or name not in dialect_names() or family_of(name) != "krl":
         return ""
-    beside = next(
-        (p for p in sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if p.suffix.lower() == other), None
-    )
+    wanted = (path.stem + other).casefold()  # a controller does not tell capitals from small letters
+    beside = next((p for p in sorted(path.parent.iterdir()) if p.name.casefold() == wanted), None)
     return "" if beside is None or not beside.is_file() else read(beside)[0]
 
 

@@ -129,12 +129,25 @@ def _agree(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) 
     """Take back the angles of a pose that the arm reaches in another way when it comes from another of its targets."""
     for i, target in enumerate(targets):
         for other in target.follows[1:]:
-            both = q[[i, other]]
-            if np.isnan(both).any() or len(set(shape_of(robot, both))) > 1 or np.abs(both[0] - both[1]).max() > np.pi:
+            if not _in_one_way(robot, q[[i, other]]):
                 line = targets[other].line
                 problems.append((target.line, f"the arm comes from line {line} too, and may reach it in another way"))
                 q[i] = np.nan
                 break
+    wrong = [i for i, t in enumerate(targets) if any(_turns_over(robot, q[[i, other]]) for other in t.straight)]
+    for i in wrong:
+        said = "a straight move to it comes from a target in another configuration, which the arm keeps"
+        problems.append((targets[i].line, said))
+    q[wrong] = np.nan
+
+
+def _in_one_way(robot: Robot, both: Array) -> bool:
+    """Tell whether two rows of angles (2, N) are in one shape of the arm and within half a turn."""
+    return not (np.isnan(both).any() or len(set(shape_of(robot, both))) > 1 or np.abs(both[0] - both[1]).max() > np.pi)
+
+
+def _turns_over(robot: Robot, both: Array) -> bool:
+    return not np.isnan(both).any() and not _in_one_way(robot, both)
 
 
 def _search(robot: Robot, T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np.ndarray]:

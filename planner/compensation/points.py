@@ -145,16 +145,6 @@ def common_frames(frames: Sequence[FramePair]) -> FramePair:
     return frames[0]
 
 
-def agreed_frames(taught: FramePair, used: Sequence[FramePair]) -> FramePair:
-    """Return tool and base that a point was taught with, unless a move to it is known to use others."""
-    for pair in used:
-        for one, other in zip(taught, pair, strict=True):
-            if not isinstance(one, str) and not isinstance(other, str) and not np.array_equal(one, other):
-                why = "it was taught with another tool or base than a move to it uses"
-                return why, why
-    return taught
-
-
 def trace_sources(made: Sequence[tuple[str, set[str], int]], begun: set[str]) -> dict[str, int]:
     """Return all that the names ``begun`` are made from, however many steps away, and the line of one use each.
 

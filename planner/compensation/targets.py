@@ -89,6 +89,7 @@ class Target:
         q: joint angles as written (N,) [rad], or None for a pose.
         pose: the pose, or None for joint angles.
         follows: indices of the targets that the arm comes from, for a pose without configuration; all must agree.
+        straight: indices of those that it comes from in a line or a circle, where its configuration is written too.
     """
 
     line: int
@@ -96,6 +97,7 @@ class Target:
     q: Array | None = None
     pose: CartesianTarget | None = None
     follows: tuple[int, ...] = ()
+    straight: tuple[int, ...] = ()
 
     @property
     def is_sensible(self) -> bool:
@@ -202,7 +204,15 @@ class TargetReading:
                 self.leave(self._line(i), FOLLOWS_NONE)
                 self._found[i] = None
         places = {i: k for k, i in enumerate(i for i, t in enumerate(self._found) if t is not None)}
-        return [replace(t, follows=tuple(places[i] for i in t.follows)) for t in self._found if t is not None]
+        found = [t for t in self._found if t is not None]
+        return [
+            replace(
+                t,
+                follows=tuple(places[i] for i in t.follows),
+                straight=tuple(places[i] for i in t.straight if i in places),
+            )
+            for t in found
+        ]
 
     def _line(self, index: int) -> int:
         target = self._found[index]

@@ -137,11 +137,49 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     path.write_text(
         f"DEFDAT PART\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 3,BASE_NO 2,IPO_FRAME #BASE}}\nENDDAT\n"
     )
-    with pytest.raises(InputError, match=r"part\.dat:2: the file does not say the tool and base .*\$config\.dat"):
+    with pytest.raises(InputError, match=r"part\.dat:2: .*TOOL_DATA\[3\] is not in .*\$config\.dat"):
         compensate_file(path, robot, real)
     table = f"TOOL_DATA[3]={frame_text(TOOL)}\nBASE_DATA[2]={frame_text(BASE)}\n"
     done = compensate_file(path, robot, real, frames=ToolAndBase(data=table))
     closes(robot, real, q, done.text.replace("DECL E6POS XP1=", "PTP "))
+    assert "no move of the files drives to XP1" in done.summary
+    named = compensate_file(path, robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))  # the only ones missing
+    assert named.text == done.text
+    other = "DEF PART ( )\nFDAT_ACT=FP1\nBAS(#PTP_PARAMS,1)\nPTP XP1\nBAS(#TOOL,1)\nEND\n"
+    (tmp_path / "PART.SRC").write_text(other)
+    with pytest.raises(InputError, match=r"TOOL_DATA\[3\] is not in the files"):  # 1 is missing too
+        compensate_file(path, robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
+
+
+def test_inline_forms_select_tool_and_base_for_what_follows(kuka, tmp_path):
+    """BAS (#PTP_PARAMS) and spline moves take the frames of FDAT; those of a spline hold for it alone."""
+    robot, real = kuka
+    q = regular_angles(robot, 1, seed=7)
+    point = re.search(r"\{X [^}]*S[^}]*\}", krl(robot, q))[0]
+    data = f"TOOL_DATA[3]={frame_text(TOOL)}\nBASE_DATA[2]={frame_text(BASE)}\n"
+    taught = "DECL FDAT FP1={TOOL_NO 3,BASE_NO 2,IPO_FRAME #BASE}\n"
+    spline = "SPTP XP1 WITH $TOOL=STOOL2(FP1), $BASE= SBASE(FP1.BASE_NO), $IPO_MODE =SIPO_MODE(FP1.IPO_FRAME)\n"
+    for body in (f"FDAT_ACT=FP1\nBAS(#PTP_PARAMS,50)\nPTP {point}\n", f"XP1={point}\n{spline}"):
+        path = tmp_path / "p.src"
+        path.write_text(f"DEF P ( )\n{taught}BAS(#TOOL,0)\nBAS(#BASE,0)\n{body}END\n")
+        done = compensate_file(path, robot, real, frames=ToolAndBase(data=data))
+        assert done.report.poses == 1
+        closes(robot, real, q, done.text.replace("XP1=", "PTP "))
+    path.write_text(path.read_text().replace("END\n", "LIN XP1\nEND\n"))
+    with pytest.raises(InputError, match="its moves have different tools or bases"):
+        compensate_file(path, robot, real, frames=ToolAndBase(data=data))
+
+
+def test_bases_on_an_external_kinematic_are_not_taken_for_fixed(kuka, tmp_path):
+    robot, real = kuka
+    point = re.search(r"\{X [^}]*S[^}]*\}", krl(robot, regular_angles(robot, 1, seed=7)))[0]
+    (tmp_path / "p.dat").write_text(
+        f"DEFDAT P\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 0,BASE_NO 17}}\nENDDAT\n"
+    )
+    on = 'MACHINE_DEF[2]={NAME[] "T",MECH_TYPE #EASYS}\nMACHINE_FRAME_DAT[17]={MACH_DEF_INDEX 2,PARENT[] "T"}\n'
+    data = f"{on}BASE_DATA[17]={frame_text(BASE)}\n"
+    with pytest.raises(InputError, match=r"BASE_DATA\[17\] stands on an external kinematic \(MACHINE_DEF\[2\]\)"):
+        compensate_file(tmp_path / "p.dat", robot, real, frames=ToolAndBase(data=data))
 
 
 def test_turn_bits_follow_an_axis_over_zero(kuka, tmp_path):

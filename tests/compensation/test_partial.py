@@ -77,8 +77,8 @@ LEFT_KRL = {
     "two values": (["F1={F}", "LIN F1", "F1={G}", "LIN F1"], 5, "F1 has more than one value"),
     "relative": (["LIN_REL {Z 5}"], 5, "moves relative"),
     "jump": (["again:", "PTP {P}"], 6, "does not say the tool and base"),
-    "tool of one move": (["SPTP {P} WITH $TOOL={B}"], 5, "its tool or base is another"),
-    "two moves": (["PTP {P} PTP {P}"], 5, "or it is no move"),
+    "tool of one move": (["SPTP {P} WITH $TOOL={B}"], 5, "is no part of a move that is known"),
+    "two moves": (["PTP {P} PTP {P}"], 5, "is no part of a move that is known"),
     "second pass": (["LOOP", "PTP {P}", "$TOOL={T}", "ENDLOOP"], 6, "does not say the tool of|the tool and base"),
     "after a branch": (["IF TRUE THEN", "$TOOL={T}", "ENDIF", "PTP {P}"], 8, "does not say the tool"),
     "branch after a loop": (
@@ -105,11 +105,31 @@ LEFT_KRL = {
         r"TOOL_DATA\[2\] has its value only after line 9",
     ),
     "not of the language": (["TECHNOLOGY USE 5", "PTP {P}"], 6, "what line 5 does is not known: 'TECHNOLOGY USE 5'"),
-    "taught with another": (
-        ["DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE}", "XP1={P}", "$TOOL={T}", "PTP XP1"],
+    "taught with what is not certain": (
+        ["DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE}", "XP1={P}", "$TOOL=FIND():$NULLFRAME", "PTP XP1"],
         6,
-        "taught with another tool or base",
+        "TOOL is changed in line 7",
     ),
+    "data of another point": (["FDAT_ACT=FP9", "BAS(#PTP_PARAMS,50)", "PTP {P}"], 7, "taught with are not certain"),
+    "data that change": (
+        ["DECL FDAT FP1={TOOL_NO 0,BASE_NO 0}", "FP1=FP2", "FDAT_ACT=FP1", "BAS(#CP_PARAMS,1)", "PTP {P}"],
+        9,
+        "taught with are not certain",
+    ),
+    "said at its spline": (
+        ["XP1={P}", "SPTP XP1 WITH $TOOL=STOOL2(FP7), $BASE=SBASE(FP7.BASE_NO), $IPO_MODE=SIPO_MODE(FP7.IPO_FRAME)"],
+        5,
+        "taught with are not certain",
+    ),
+    "external axis of before": (["PTP {E1 300}", "PTP {P}"], 6, "E1 is not said here and keeps its last value"),
+    "orientation kept": (["$ORI_TYPE=#CONSTANT", "LIN {P}"], 6, "ORI_TYPE may be #CONSTANT since line 5"),
+    "set on the way": (
+        ["XP1={P}", "TRIGGER WHEN DISTANCE=1 DELAY=0 DO XP1.Z=700.0", "PTP XP1"],
+        5,
+        "XP1 is set in line 6",
+    ),
+    "configuration set": (["XP1={P}", "XP1.S=6", "PTP XP1"], 5, r"XP1 is computed while the program runs \(line 6\)"),
+    "operator by its name": (["XP1={P}", "B_SHIFT(XP1)", "PTP XP1"], 5, "is handed to a routine that may change it"),
     "taught, then changed": (
         [
             "TOOL_DATA[1]={B}",
@@ -117,10 +137,11 @@ LEFT_KRL = {
             "DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}",
             "XP1={P}",
             "FDAT_ACT.TOOL_NO=2",
+            "BAS(#PTP_PARAMS,100)",
             "PTP XP1",
         ],
         8,
-        r"FDAT_ACT\.TOOL_NO is changed in line 9",
+        "taught with are not certain",
     ),
     "trigger of another": (["TRIGGER WHEN PATH=0 DELAY=0 DO SETX() PRIO=-1", "PTP {P}"], 6, "SETX of line 5 may set"),
     "handed over": (["F={B}", "OK=CHG(F)", "$TOOL=F", "$BASE=$NULLFRAME", "PTP {P}"], 9, "F may be changed in line 6"),

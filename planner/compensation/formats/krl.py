@@ -1,25 +1,36 @@
 """KUKA KRL: joint targets and poses, with the status, the turn and the frames that go with them."""
 
+import re
 from collections.abc import Sequence
 
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
 from planner.compensation.arm_shapes import ACCURATE, StatusTurn
-from planner.compensation.formats.krl_calls import MORE_THAN_A_MOVE, calls_function, names_given_away
-from planner.compensation.formats.krl_frames import FrameState, frame_sources, transform
-from planner.compensation.points import DeclaredPose, FramePair, PointTable, agreed_frames, common_frames
+from planner.compensation.formats.krl_calls import (
+    MORE_THAN_A_MOVE,
+    OWN_FRAMES,
+    calls_function,
+    names_given_away,
+    names_set_beside,
+)
+from planner.compensation.formats.krl_frames import FOLLOWED, FrameState, frame_sources
+from planner.compensation.formats.krl_values import transform
+from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
 from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.programs.dialect import Dialect
 from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
 
 _JOINT_TYPES, _POSE_TYPES = ("E6AXIS", "AXIS"), ("E6POS", "POS", "FRAME")
-_COMPONENTS = (*POSE_KEYS, *(f"A{i}" for i in range(1, 7)))
+_COMPONENTS = (*POSE_KEYS, "S", "T", *(f"A{i}" for i in range(1, 7)), *EXTERNAL)
+_DRIVEN = re.compile(r"\b(E[1-6])(?:\s+(?!-?0*\.?0*(?:E[-+]?\d+)?\s*[,}])[^,}\s]|\s*=(?!=))", re.IGNORECASE)
 _PLAIN = "plain numbers are allowed"
 _HINT = (
     ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
-    "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base)"
+    "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base) where no line of "
+    "the file says any"
 )
+_UNSEEN = "no move of the files drives to {}: tool and base are taken to be those that it was taught with"
 Numbers = dict[str, st.PlacedNumber]
 
 
@@ -40,6 +51,7 @@ class _KrlTargets:
     def __init__(self, statements: Sequence[st.Statement], reading: tg.TargetReading) -> None:
         self.reading = reading
         self.frames = FrameState(statements, reading.frames)
+        self.driven = {axis.upper() for s in statements for axis in _DRIVEN.findall(s.text)}  # external axes that move
         self.points = PointTable(reading, "file")
         for name, line in frame_sources(statements).items():
             self.points.compute(name, f"makes a tool or a base (line {line})")
@@ -56,7 +68,7 @@ class _KrlTargets:
                 self._move(statement)
             case Bas():
                 self.frames.select(statement)
-            case st.Assignment(name="$TOOL" | "$BASE" | "$IPO_MODE"):
+            case st.Assignment(name=name) if name in FOLLOWED:
                 self.frames.assign(statement)
             case st.Assignment():
                 self._read_assignment(statement)
@@ -80,6 +92,7 @@ class _KrlTargets:
 
     def finish(self) -> None:
         """Note the positions that are declared by name, with the frames of the moves that use them."""
+        self.own = True
         for pose in self.points.finish():
             assert isinstance(pose.value, dict)
             if is_service_name(pose.name):
@@ -87,13 +100,23 @@ class _KrlTargets:
             elif "A1" in pose.value:
                 self._joints(pose.line, pose.value, pose.index)
             else:
-                taught, used = self.frames.of_point(pose.name), pose.frames or [self.frames.default_frames()]
-                frames = common_frames(used) if taught is None else agreed_frames(taught, used)
-                follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
-                self._pose(pose.line, pose.value, frames, follows, inherits=False, index=pose.index)
+                self._declared(pose, pose.value)
+
+    def _declared(self, pose: DeclaredPose, value: Numbers) -> None:
+        """Note a pose that is declared by name."""
+        used, taught = pose.frames, self.frames.taught_frames(pose.name)
+        if not used and taught is not None and not any(said.startswith("no move") for _, said in self.reading.notes):
+            self.reading.notes.append((pose.line, _UNSEEN.format(pose.name)))
+        frames = common_frames(used or [taught or self.frames.default_frames()])
+        follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
+        straight = tuple(i for i, line in zip(pose.follows, pose.linear, strict=True) if line and i is not None)
+        self._pose(pose.line, value, frames, follows, inherits=False, index=pose.index, straight=straight)
 
     def _hand_points(self, statement: st.Statement) -> None:
         """A routine or a function may drive to the points that it is given, and may change them."""
+        for name in names_set_beside(statement):
+            if self.points.has(name):
+                self.points.compute(name, f"is set in line {statement.line} while the program runs")
         for name in names_given_away(statement):
             if self.points.has(name):
                 self.points.use(name, 0, self.frames.default_frames(), None, linear=False)
@@ -124,17 +147,25 @@ class _KrlTargets:
             self._leave(move.line, f"'{move.text}' moves relative to where the arm is: it keeps the correction there")
         elif not move.targets:
             self._leave(move.line, f"'{move.text}' found; a position in braces or the name of one is allowed")
-        elif MORE_THAN_A_MOVE.search(move.rest):
-            self._leave(
-                move.line, f"'{move.rest}' found beside the move: its tool or base is another, or it is no move"
-            )
         else:
+            linear = "LIN" in move.word or "CIRC" in move.word or move.word == "SPL"
+            why, frames = self._doubt(move, linear), self.frames.now()
+            if OWN_FRAMES.search(move.rest):
+                frames = self.frames.of_move(move.rest)
             for target in move.targets:
-                self._target(move, target, "LIN" in move.word or "CIRC" in move.word or move.word == "SPL")
+                self._target(move, target, (why, why) if why else frames, linear)
 
-    def _target(self, move: KrlMove, target: Aggregate | str, linear: bool) -> None:
+    def _doubt(self, move: KrlMove, linear: bool) -> str:
+        """Say why a move does not go to where its target says for certain; nothing where it does."""
+        if MORE_THAN_A_MOVE.search(move.rest):
+            return f"'{move.rest[:60]}' in line {move.line} is no part of a move that is known here"
+        return self.frames.keeps_orientation() if linear else ""
+
+    def _target(self, move: KrlMove, target: Aggregate | str, frames: FramePair, linear: bool) -> None:
         if isinstance(target, str):
-            frames = self.frames.now()
+            if self.frames.hides(target):
+                self._leave(move.line, f"{target} is a variable of the routine: its value is not in the file")
+                return
             named = not target.startswith("$")
             line = move.line if self.own else 0
             self.last = self.points.use(target, line, frames, self.last, linear) if named else None
@@ -146,7 +177,7 @@ class _KrlTargets:
             self.last = self._joints(move.line, target.numbers)
         else:
             follows = None if self.last is None else [self.last]
-            self.last = self._pose(move.line, target.numbers, self.frames.now(), follows, linear)
+            self.last = self._pose(move.line, target.numbers, frames, follows, linear)
 
     def _read_assignment(self, statement: st.Assignment) -> None:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
@@ -194,6 +225,7 @@ class _KrlTargets:
         follows: list[int] | None,
         inherits: bool,
         index: int | None = None,
+        straight: tuple[int, ...] = (),
     ) -> int | None:
         """Note a pose, and return its index; a line or a circle that ``inherits`` keeps the shape of the arm."""
         if not self._complete(line, found, POSE_KEYS, ("S", "T")):
@@ -218,7 +250,9 @@ class _KrlTargets:
         T_BT = transform(Aggregate("", found))
         assert T_BT is not None
         pose = tg.CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
-        return self.reading.add(tg.Target(line, tuple(slots), pose=pose, follows=tuple(follows)), index)
+        return self.reading.add(
+            tg.Target(line, tuple(slots), pose=pose, follows=tuple(follows), straight=straight), index
+        )
 
     def _why_not(self, found: Numbers, frames: FramePair, configuration: StatusTurn | None, follows: list[int]) -> str:
         """Say why the file does not say for certain where the arm is to stand, if it does not."""
@@ -230,11 +264,13 @@ class _KrlTargets:
             )
         unknown = {name: f for name, f in zip(("tool", "base"), frames, strict=True) if isinstance(f, str)}
         if why := next((f for f in unknown.values() if f), ""):
-            return f"tool or base of this pose are not certain: {why}"
+            return f"where this pose lies is not certain: {why}"
         if unknown:
             return f"the file does not say the {' and '.join(unknown)} of this pose{_HINT}"
         if configuration is None and not follows:
             return "the pose says no status and turn (S, T), and the target before it is not certain"
+        if unsaid := sorted(self.driven - found.keys()):
+            return f"{unsaid[0]} is not said here and keeps its last value, which other lines set"
         external = any(found[k].value != 0.0 for k in EXTERNAL if k in found)
         return tg.EXTERNAL if external else ""
 

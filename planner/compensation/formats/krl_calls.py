@@ -6,22 +6,28 @@ from collections.abc import Sequence
 import planner.programs.languages.statements as st
 from planner.programs.languages.krl import Bas
 
-RESETS_FRAMES = ("INITMOV", "FRAMES", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
+SELECTS_TAUGHT = ("PTP_PARAMS", "CP_PARAMS", "FRAMES")  # functions of BAS that take tool and base from FDAT_ACT
+RESETS_FRAMES = ("INITMOV", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
 SET_BESIDE = re.compile(r"\$(TOOL|BASE|IPO_MODE)\b[^=<>]*=(?!=)", re.IGNORECASE)
-MORE_THAN_A_MOVE = re.compile(
-    r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE
+MORE_THAN_A_MOVE = re.compile(r"\bWITH\b.*\$ORI_TYPE\s*=\s*#(?!VAR\b)|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE)
+OWN_FRAMES = re.compile(r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b", re.IGNORECASE)
+_SET_FRAMES, _NUMBERED_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT"), ("TOOL", "BASE")
+_BUILT_IN = (
+    "SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|FORWARD|INVERSE|STRLEN|STRDECLLEN|VARSTATE|B_AND|B_OR|B_EXOR|B_NOT"
+    "|S(?:VEL|ACC)_(?:JOINT|PTP|CP)|STOOL2?|SBASE|SIPO_MODE|SLOAD|SORI_TYP|SAPO(?:_PTP)?|S(?:GEAR_)?JERK|USE_CM_PRO_VALUES"
 )
-_SET_FRAMES, _NUMBERED_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE"), ("TOOL", "BASE")
-_BUILT_IN = "SQRT|SIN|COS|TAN|ATAN2|ABS|ACOS|INV_POS|FORWARD|INVERSE|STRLEN|STRDECLLEN|VARSTATE"
 _KEYWORDS = "IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP|PULSE|SEC|DO|THEN|WAIT|RETURN"
-_FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b|B_)[A-Z_]\w*\s*\(", re.IGNORECASE)
+_FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b)[A-Z_]\w*\s*\(", re.IGNORECASE)
 _TYPES = "INT|REAL|BOOL|CHAR|FRAME|POS|E6POS|AXIS|E6AXIS"
-_LEAVES_FRAMES = re.compile(  # statements that the parser yields as unknown, and that leave tool and base alone
-    rf"(?:{_TYPES}|SIGNAL|EXT|EXTP|EXTFCT|EXTFCTP|ENUM|CHANNEL|IMPORT)\s+\S.*|(?:END)?SPLINE|(?:END)?PTP_?SPLINE"
-    r"|CONTINUE|BRAKE(\s+F)?|EXIT|RESUME|RETURN\b.*|ON_ERROR_PROCEED|WAIT\b.*|(?:AN(?:OUT|IN)|CWRITE|CREAD|S(?:WRITE|READ))\b.*"
-    r"|(?:TRIGGER\b.*\bDO\s+)?(?!\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|(?:TOOL|BASE)_DATA\b)\$?[A-Z_][\w$]*(?:\s*[.\[][^=]*)?=(?!=).*",
-    re.IGNORECASE,
+_FRAMES = r"\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|(?:TOOL|BASE)_DATA\b"
+_LEAVE_FRAMES = (  # statements that the parser yields as unknown, and that leave tool and base alone
+    rf"(?:{_TYPES}|SIGNAL|EXT|EXTP|EXTFCT|EXTFCTP|ENUM|CHANNEL|IMPORT)\s+\S.*",
+    r"(?:END)?(?:PTP_?)?SPLINE|CONTINUE|BRAKE(\s+F)?|EXIT|RESUME|ON_ERROR_PROCEED",
+    r"(?:RETURN|WAIT|STOP\s+WHEN|TIME_BLOCK|CONST_VEL|ASYPTP|ASYCONT|ASYSTOP|ANOUT|CWRITE|SWRITE)\b.*",
+    rf"(?:TRIGGER\b.*\bDO\s+)?(?!{_FRAMES})\$?[A-Z_][\w$]*(?:\s*[.\[][^=]*)?=(?!=).*",
 )
+_LEAVES_FRAMES = re.compile("|".join(_LEAVE_FRAMES), re.IGNORECASE)
+_SET = re.compile(r"(?<![\w.$#'])([A-Z_]\w*(?:\s*\[[^\]]*\])?)\s*(?:\.\s*\w+\s*)?(?<![<>=])=(?!=)")
 _LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
 _INTERRUPT = re.compile(r"INTERRUPT\b.*\bDECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
 
@@ -34,6 +40,13 @@ def calls_function(statement: st.Statement) -> bool:
 def leaves_frames(statement: st.Statement) -> bool:
     """Tell whether a statement is known to leave tool and base as they are, calls in it apart."""
     return type(statement) is not st.Statement or _LEAVES_FRAMES.fullmatch(statement.text) is not None
+
+
+def names_set_beside(statement: st.Statement) -> set[str]:
+    """Return the names, in capitals, that a trigger or an instruction sets on its way, rather than an assignment."""
+    if isinstance(statement, st.Assignment | st.MotionStatement):
+        return set()
+    return {re.sub(r"\s", "", name) for name in _SET.findall(statement.text.upper())}
 
 
 def names_given_away(statement: st.Statement) -> set[str]:
@@ -50,6 +63,7 @@ class FrameChanges:
     Attributes:
         routines: statements of each routine, by name.
         loops: first statements, by id, of loops whose second pass may begin with other frames.
+        assigned: names that the routines give a value.
     """
 
     def __init__(self, statements: Sequence[st.Statement]) -> None:
@@ -61,7 +75,9 @@ class FrameChanges:
             here.append(s)
             if isinstance(s, st.RoutineEnd):
                 here = []
-        self._inside = {id(s) for body in self.routines.values() for s in body}
+        inside = [s for body in self.routines.values() for s in body]
+        self._inside = {id(s) for s in inside}
+        self.assigned = {s.name for s in inside if isinstance(s, st.Assignment)}
         self.loops = self._changing_loops(statements)
 
     def is_in_routine(self, statement: st.Statement) -> bool:
@@ -92,7 +108,7 @@ class FrameChanges:
             case st.Assignment(name=name) if name in _SET_FRAMES:
                 return True
             case Bas(what=what):
-                return what in _NUMBERED_FRAMES or what in RESETS_FRAMES
+                return what in (*_NUMBERED_FRAMES, *SELECTS_TAUGHT, *RESETS_FRAMES)
             case st.Call(triggered=True, name=name):
                 return name not in self.routines or any(
                     not isinstance(s, st.Call) and self._changes(s) for s in self.routines[name]

@@ -6,90 +6,36 @@ from collections.abc import Sequence
 import numpy as np
 
 import planner.programs.languages.statements as st
-from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.formats.krl_calls import (
     RESETS_FRAMES,
+    SELECTS_TAUGHT,
     SET_BESIDE,
     FrameChanges,
     calls_function,
     leaves_frames,
-    names_given_away,
 )
+from planner.compensation.formats.krl_values import KINDS, TABLE, FrameValues, describe_change, plain_frame, spelled
 from planner.compensation.points import Frame, FramePair, trace_sources
-from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
-from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
+from planner.programs.languages.krl import Bas
 
-_TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
-_STATE = {"TOOL": 0, "BASE": 1}
-_EVERYWHERE = ("$ROBROOT", "$WORLD")
-_FIXED_BASE = "#BASE"
-_FDAT = re.compile(r"FDAT_ACT|F\w+")
+FOLLOWED = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT")  # variables whose value a pose depends on
+_FIXED_BASE, _VARIABLE = "#BASE", "#VAR"
 _MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
-
-
-def transform(found: Aggregate | None) -> Array | None:
-    """Return the transform (4, 4) [m] of a value with X, Y, Z, A, B, C, else None."""
-    numbers = {} if found is None else found.numbers or {}
-    if not set(POSE_KEYS) <= numbers.keys():
-        return None
-    values = np.array([numbers[key].value for key in POSE_KEYS])
-    return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
-
-
-def _plain(value: str) -> Array | None:
-    if value.upper() == "$NULLFRAME":
-        return np.eye(4)
-    return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
+_WITH_TAUGHT = re.compile(  # the frames of a point taught by inline form, as a spline move takes them
+    r"\$(TOOL|BASE|IPO_MODE)\s*=\s*S(?:TOOL2|BASE|IPO_MODE)\s*\(\s*(F\w+)(?:\s*\.\s*\w+)?\s*\)", re.IGNORECASE
+)
 
 
 class FrameState:
     """Tool and base as they stand at a statement, or why the files do not say them for certain."""
 
     def __init__(self, statements: Sequence[st.Statement], given: ToolAndBase) -> None:
-        self._given = given.T_FT, given.T_WB
-        self._values: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
-        self._set_by_code = dict[str, int]()  # line of each frame that has its value only while the program runs
-        self._everywhere = ""
-        self._on_tool = _stationary_tool(statements)
         self._changes = FrameChanges(statements)
-        own = [s for s in statements if isinstance(s, st.Assignment)]
-        for statement in (*(s for s in parse(given.data) if isinstance(s, st.Assignment)), *own):
-            self._take_value(statement)
-        self._take_doubts(statements)
-        self._changed = {s.name: _describe_change(s) for s in own if s.part and _FDAT.fullmatch(s.name)}
-        self._taught = {s.name[1:]: s.value.upper() for s in own if s.kind == "FDAT" and s.name.startswith("F")}
+        self._values = FrameValues(statements, self._changes, given)
+        self._on_tool = _stationary_tool(statements)
+        self._turns = _orientation(statements)
         self.begin_routine()
-
-    def _take_value(self, statement: st.Assignment) -> None:
-        """Take in a frame that has a name; one that changes has no certain value anywhere."""
-        name = re.sub(r"\s", "", statement.name)
-        T = None if statement.part else _plain(statement.value)
-        if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
-            self._everywhere = f"{_variable(statement)} is set in line {statement.line}"
-        elif name.startswith("$") or (T is None and name not in self._values and not _TABLE.fullmatch(name)):
-            return
-        elif (table := _TABLE.fullmatch(name)) and not table[2].isdigit():
-            for index in range(1, 129):
-                self._values[f"{table[1]}_DATA[{index}]"] = _describe_change(statement)
-        elif T is None or not np.array_equal(T, self._values.get(name, T)):
-            self._values[name] = _describe_change(statement)
-        else:
-            if not self._changes.is_in_routine(statement):
-                self._set_by_code.pop(name, None)
-            elif name not in self._values:
-                self._set_by_code[name] = statement.line
-            self._values[name] = T
-
-    def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
-        """Take in frames of a row that is written at a computed place, and those that a routine is given."""
-        for s in statements:
-            row, _, place = re.sub(r"\s", "", s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
-            computed = place and not place[:-1].isdigit()
-            given = names_given_away(s)
-            for name in self._values:
-                if (computed and name.startswith(f"{row}[")) or name in given:
-                    self._values[name] = f"{name} may be changed in line {s.line} while the program runs"
 
     def begin_routine(self, routine: st.Statement | None = None) -> None:
         """Forget all: who calls may have set anything, and hands over what has the names of parameters."""
@@ -101,43 +47,56 @@ class FrameState:
 
     def forget(self, because: str = "") -> None:
         """Forget what was set: another program may have set something else."""
-        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because, "IPO_MODE": ""}
+        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because, "IPO_MODE": "", "ORI_TYPE": "", "FDAT_ACT": ""}
+
+    def hides(self, name: str) -> bool:
+        """Tell whether a name is a parameter or a variable of the routine, which hides that of the module."""
+        return name in self._shadowed
 
     def now(self) -> FramePair:
         """Return tool and base at this statement."""
-        if self._everywhere or (self._on_tool and self._now["IPO_MODE"] != _FIXED_BASE):
-            return (self._everywhere or self._on_tool,) * 2
-        return self._or_given(self._now["TOOL"], self._now["BASE"])
+        why = self._values.everywhere
+        if self._on_tool and self._now["IPO_MODE"] != _FIXED_BASE:
+            why = why or self._on_tool
+        return (why, why) if why else self._or_given(self._now["TOOL"], self._now["BASE"])
+
+    def of_move(self, rest: str) -> FramePair:
+        """Return tool and base of a spline move that says them for itself, as inline forms write it."""
+        taught = _WITH_TAUGHT.findall(rest)
+        said = re.findall(r"\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b", rest, re.IGNORECASE)
+        names = {name.upper() for _, name in taught}
+        if len(taught) != len(said) or len({which.upper() for which, _ in taught}) != 3 or len(names) != 1:
+            return ("its move says tool or base for itself, in a way that is not known",) * 2
+        return self._of_fdat(self._values.resolve_fdat(names.pop()))
 
     def default_frames(self) -> FramePair:
         """Return tool and base of a point that no move of the file uses."""
-        why = self._everywhere or self._on_tool
+        why = self._values.everywhere or self._on_tool
         return (why, why) if why else self._or_given("", "")
 
     def _or_given(self, tool: Frame, base: Frame) -> FramePair:
         pair = [
             given if given is not None and isinstance(f, str) and not f else f
-            for given, f in zip(self._given, (tool, base), strict=True)
+            for given, f in zip(self._values.unsaid, (tool, base), strict=True)
         ]
         return pair[0], pair[1]
 
-    def of_point(self, name: str) -> FramePair | None:
-        """Return tool and base of a point taught by inline form: XP1 goes with FP1; None where it has no FDAT."""
-        data = self._taught.get(name[1:]) if name.startswith("X") else None
-        if data is None:
-            return None
-        numbers = dict(re.findall(r"\b(TOOL|BASE)_NO\s+(-?\d+)", data))
-        if re.search(r"IPO_FRAME\s+#TCP", data):
-            return ("its tool stands still and the robot carries the part",) * 2
-        if why := self._changed.get("FDAT_ACT") or self._changed.get(f"F{name[1:]}"):
-            return why, why
-        if self._everywhere or len(numbers) != 2:
-            return (self._everywhere,) * 2
-        return self._or_given(*(self._find_frame(f"{which}_DATA[{numbers[which]}]") for which in _STATE))
+    def taught_frames(self, name: str) -> FramePair | None:
+        """Return tool and base that a point was taught with by inline form; None where it has no FDAT."""
+        fdat = self._values.taught_with(name)
+        return None if fdat is None else self._of_fdat(fdat)
+
+    def _of_fdat(self, fdat: str) -> FramePair:
+        names = self._values.everywhere or self._values.names_in(fdat)
+        return (names, names) if isinstance(names, str) else (self._find_frame(names[0]), self._find_frame(names[1]))
+
+    def keeps_orientation(self) -> str:
+        """Say why a straight move here may keep the orientation that it begins with; nothing where it does not."""
+        return self._turns if self._turns and self._now["ORI_TYPE"] != _VARIABLE else ""
 
     def _find_frame(self, name: str) -> Frame:
         """Return a frame by its name as it is at this statement."""
-        T, line = self._values.get(name, ""), self._set_by_code.get(name)
+        T, line = self._values.find(name), self._values.set_by_code.get(name)
         everywhere = line is None or name in self._variables or isinstance(T, str)
         if everywhere or isinstance(self._now.get(name), np.ndarray):
             return T
@@ -166,15 +125,14 @@ class FrameState:
                 return ""
             if routine not in self._changes.routines:
                 return "" if _MAKERS_OWN.fullmatch(routine) else routine
-            self._everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
+            self._values.everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
         elif not leaves_frames(statement):
             self.forget(f"what line {statement.line} does is not known: '{statement.text[:40]}'")
         elif calls_function(statement):
             self.forget()
         elif declared := re.fullmatch(r"DECL\s+\w+\s+([\w,\s]+)", statement.text, re.IGNORECASE):
-            inside = {s.name for body in self._changes.routines.values() for s in body if isinstance(s, st.Assignment)}
             self._variables |= set(re.findall(r"\w+", declared[1].upper()))
-            self._shadowed |= self._variables - inside
+            self._shadowed |= self._variables - self._changes.assigned
         return ""
 
     def may_write(self, statement: st.Statement) -> bool:
@@ -187,31 +145,44 @@ class FrameState:
             self.forget(f"the routine {call.name} of line {call.line} may set another")
 
     def select(self, statement: Bas) -> None:
-        """Take in a call of BAS that selects frames by number, or forgets them."""
-        if statement.what in _STATE:
+        """Take in a call of BAS that selects frames by number or as a point was taught, or forgets them."""
+        if statement.what in KINDS:
             index = statement.value
             known = self._find_frame(f"{statement.what}_DATA[{int(index)}]") if index.isdigit() else ""
             self._set(statement.what, known)
+        elif statement.what in SELECTS_TAUGHT:
+            fdat = str(self._now["FDAT_ACT"])
+            for which, found in zip(KINDS, self._of_fdat(fdat), strict=True):
+                self._set(which, found)
+            mode = re.search(r"IPO_FRAME\s+(#\w+)", fdat)
+            self._set("IPO_MODE", mode[1] if mode else "")
         elif statement.what in RESETS_FRAMES:
-            for which in self._now:
+            for which in list(self._now):
                 self._set(which, "")
 
     def assign(self, statement: st.Assignment) -> None:
-        """Take in what is given to ``$TOOL``, ``$BASE`` or ``$IPO_MODE``."""
-        if statement.name == "$IPO_MODE":
-            self._set("IPO_MODE", statement.value.upper())
+        """Take in what is given to one of the variables that are ``FOLLOWED``."""
+        if calls_function(statement):
+            self.forget()
+        which = statement.name.lstrip("$")
+        if which == "FDAT_ACT":
+            self._set(which, "" if statement.part else self._values.resolve_fdat(statement.value))
             return
-        T: Frame | None = None if statement.part else _plain(statement.value)
-        if T is None and not statement.part:
-            name = re.sub(r"\s", "", statement.value).upper()
-            T = None if name in self._shadowed or name not in self._values else self._find_frame(name)
-        self._set(statement.name[1:], _describe_change(statement) if T is None else T)
+        if which not in KINDS:
+            self._set(which, statement.value.upper())
+            return
+        T: Frame | None = None if statement.part else plain_frame(statement.value)
+        name = spelled(statement.value)
+        if T is None and not statement.part and re.fullmatch(r"[A-Z_]\w*(\[\d+\])?", name):
+            known = name in self._values or TABLE.fullmatch(name)
+            T = self._find_frame(name) if known and name not in self._shadowed else None
+        self._set(which, describe_change(statement) if T is None else T)
 
     def assign_named(self, statement: st.Assignment) -> None:
         """Take in that a frame with a name gets its value here."""
-        name = re.sub(r"\s", "", statement.name)
-        if name in self._set_by_code:
-            self._set(name, self._values[name])
+        name = spelled(statement.name)
+        if name in self._values.set_by_code:
+            self._set(name, self._values.find(name))
 
     def _set(self, which: str, T: Frame) -> None:
         self._now[which] = T
@@ -229,20 +200,20 @@ def _stationary_tool(statements: Sequence[st.Statement]) -> str:
     return ""
 
 
-def _variable(statement: st.Assignment) -> str:
-    return f"{statement.name}.{statement.part}" if statement.part else statement.name
-
-
-def _describe_change(statement: st.Assignment) -> str:
-    return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
+def _orientation(statements: Sequence[st.Statement]) -> str:
+    """Say where a file sets that straight moves keep their orientation; nothing where none does."""
+    for s in statements:
+        if isinstance(s, st.Assignment) and s.name == "$ORI_TYPE" and s.value.upper() != _VARIABLE:
+            return f"$ORI_TYPE may be {s.value} since line {s.line}: the arm keeps the orientation that it comes with"
+    return ""
 
 
 def frame_sources(statements: Sequence[st.Statement]) -> dict[str, int]:
     """Return the names of all that a tool or a base is made from, however many steps away, and a line each."""
     made = [
-        (re.sub(r"\s", "", s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
+        (spelled(s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
         for s in statements
         if isinstance(s, st.Assignment)
     ]
-    begun = {name for name, _, _ in made if name in ("$TOOL", "$BASE", *_EVERYWHERE) or _TABLE.fullmatch(name)}
-    return trace_sources(made, begun)
+    ends = ("$TOOL", "$BASE", "$ROBROOT", "$WORLD")
+    return trace_sources(made, {name for name, _, _ in made if name in ends or TABLE.fullmatch(name)})

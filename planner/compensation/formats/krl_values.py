@@ -1,0 +1,182 @@
+"""The frames that KRL files name: what each is, from ``$config.dat`` and the file, and which of them may change."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+import planner.programs.languages.statements as st
+from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.formats.krl_calls import SELECTS_TAUGHT, FrameChanges, names_given_away
+from planner.compensation.points import Frame
+from planner.compensation.rotations import frame, from_abc
+from planner.compensation.targets import ToolAndBase
+from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
+
+TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
+KINDS = {"TOOL": "--tool", "BASE": "--base"}  # of frames, and the option that names one
+_EVERYWHERE = ("$ROBROOT", "$WORLD")
+_CORRECTIONS = re.compile(r"(BASE|TOOL|M_BASE)_COR(R(_W)?(_ON)?|_ON)|M_BAS_COR_ON")  # that BAS adds to tool and base
+_FDAT = re.compile(r"FDAT_ACT|F\w+")
+_LONGEST = 128  # numbers of a table of frames
+
+
+def transform(found: Aggregate | None) -> Array | None:
+    """Return the transform (4, 4) [m] of a value with X, Y, Z, A, B, C, else None."""
+    numbers = {} if found is None else found.numbers or {}
+    if not set(POSE_KEYS) <= numbers.keys():
+        return None
+    values = np.array([numbers[key].value for key in POSE_KEYS])
+    return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
+
+
+def plain_frame(value: str) -> Array | None:
+    """Return the transform (4, 4) [m] that a value spells, or None."""
+    if value.upper() in ("$NULLFRAME", "$WORLD"):
+        return np.eye(4)
+    return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
+
+
+def spelled(name: str) -> str:
+    """Return a name in one spelling."""
+    return re.sub(r"\s", "", name).upper()
+
+
+class FrameValues:
+    """Frames by name, and the data with which points are taught (FDAT).
+
+    Attributes:
+        everywhere: why no tool and base of the file are certain, or empty.
+        set_by_code: line of each frame that has its value only while the program runs.
+    """
+
+    def __init__(self, statements: Sequence[st.Statement], changes: FrameChanges, given: ToolAndBase) -> None:
+        self._frames: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
+        self._fdats: dict[str, str] = {}
+        self._on_kinematic: dict[str, str] = {}  # bases that stand on an external kinematic
+        self.everywhere, self.set_by_code, self._changes = "", dict[str, int](), changes
+        said = [*parse(given.data), *statements]
+        for s in said:
+            if isinstance(s, st.Assignment):
+                self._take_frame(s)
+                self._take_fdat(s)
+        self._take_kinematics(said)
+        self._take_doubts(statements)
+        self._take_given(list(self._selections(statements)), given)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._frames
+
+    def find(self, name: str) -> Frame:
+        """Return a frame by its name, or why it is not certain."""
+        found = self._frames.get(name, "")
+        if not isinstance(found, str) or found:
+            return found
+        which = KINDS.get(name[:4], "")
+        hint = f", or name it yourself where it is the only one ({which})" if which else ""
+        return f"{name} is not in the files: give the controller's $config.dat (--frames){hint}"
+
+    def resolve_fdat(self, value: str) -> str:
+        """Return what an FDAT says, given by name or in braces; nothing where it is not certain."""
+        return value.upper() if value.startswith("{") else self._fdats.get(spelled(value), "")
+
+    def taught_with(self, point: str) -> str | None:
+        """Return the FDAT of a point that inline forms have taught (XP1: FP1); None where it has none."""
+        return self._fdats.get("F" + point[1:]) if point.startswith("X") else None
+
+    def names_in(self, fdat: str) -> tuple[str, str] | str:
+        """Return the names of tool and base that an FDAT selects, or why they are not certain."""
+        numbers = dict(re.findall(r"\b(TOOL|BASE)_NO\s+(-?\d+)", fdat))
+        if re.search(r"IPO_FRAME\s+#TCP", fdat):
+            return "its tool stands still and the robot carries the part"
+        if len(numbers) != 2:
+            return "the data that its tool and base are taught with are not certain"
+        tool, base = (f"{which}_DATA[{max(int(numbers[which]), 0)}]" for which in KINDS)
+        return self._on_kinematic.get(base) or (tool, base)
+
+    def _take_frame(self, statement: st.Assignment) -> None:
+        """Take in a frame that has a name; one that changes has no certain value anywhere."""
+        name = spelled(statement.name)
+        T = None if statement.part else plain_frame(statement.value)
+        if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
+            self.everywhere = f"{_variable(statement)} is set in line {statement.line}"
+        elif _CORRECTIONS.fullmatch(name) and self._changes.is_in_routine(statement):
+            self.everywhere = f"{name}, which is added to tool or base, is set in line {statement.line}"
+        elif name.startswith("$") or (T is None and name not in self._frames and not TABLE.fullmatch(name)):
+            return
+        elif (table := TABLE.fullmatch(name)) and not table[2].isdigit():
+            for index in range(1, _LONGEST + 1):
+                self._frames[f"{table[1]}_DATA[{index}]"] = describe_change(statement)
+        elif T is None or not np.array_equal(T, self._frames.get(name, T)):
+            self._frames[name] = describe_change(statement)
+        else:
+            if not self._changes.is_in_routine(statement):
+                self.set_by_code.pop(name, None)
+            elif name not in self._frames:
+                self.set_by_code[name] = statement.line
+            self._frames[name] = T
+
+    def _take_fdat(self, statement: st.Assignment) -> None:
+        """Take in the data that a point is taught with; where they change, they say nothing."""
+        name = spelled(statement.name)
+        if name == "FDAT_ACT" or not (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
+            return
+        said = statement.value.upper()
+        plain = not statement.part and said.startswith("{") and self._fdats.get(name, said) == said
+        self._fdats[name] = said if plain else ""
+
+    def _take_kinematics(self, statements: Sequence[st.Statement]) -> None:
+        """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
+        own = [(spelled(s.name), s.value.upper()) for s in statements if isinstance(s, st.Assignment)]
+        robots = {name for name, value in own if name.startswith("MACHINE_DEF[") and "#ROBOT" in value}
+        for name, value in own:
+            frame_of = re.fullmatch(r"MACHINE_FRAME_DAT(\[\d+\])", name)
+            on = re.search(r"\bMACH_DEF_INDEX\s+(\w+)", value)
+            if frame_of and on and on[1] != "0" and f"MACHINE_DEF[{on[1]}]" not in robots:
+                base = f"BASE_DATA{frame_of[1]}"
+                self._on_kinematic[base] = f"{base} stands on an external kinematic (MACHINE_DEF[{on[1]}])"
+
+    def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
+        """Take in frames of a row that is written at a computed place, and those that a routine is given."""
+        for s in statements:
+            row, _, place = spelled(s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
+            computed = place and not place[:-1].isdigit()
+            given = names_given_away(s)
+            for name in self._frames:
+                if (computed and name.startswith(f"{row}[")) or name in given:
+                    self._frames[name] = f"{name} may be changed in line {s.line} while the program runs"
+            self._fdats |= dict.fromkeys(given & self._fdats.keys(), "")
+
+    def _selections(self, statements: Sequence[st.Statement]) -> Iterator[tuple[str, str]]:
+        """Yield the kind and the name of every frame that the statements select; empty where that is computed."""
+        for s in statements:
+            match s:
+                case Bas(what="TOOL" | "BASE" as kind, value=value):
+                    yield kind, f"{kind}_DATA[{int(value)}]" if value.isdigit() else ""
+                case Bas(what=what) if what in SELECTS_TAUGHT:
+                    yield from (("TOOL", ""), ("BASE", ""))
+                case st.Assignment(name="$TOOL" | "$BASE" as name, value=value):
+                    yield name[1:], spelled(value) if re.fullmatch(r"[A-Za-z_]\w*(\[\d+\])?", value) else ""
+                case _ if re.search(r"\$(TOOL|BASE)\b[^=<>]*=(?!=)", s.text, re.IGNORECASE):
+                    yield from (("TOOL", ""), ("BASE", ""))
+        for fdat in self._fdats.values():
+            yield from zip(KINDS, names, strict=True) if isinstance(names := self.names_in(fdat), tuple) else ()
+
+    def _take_given(self, selected: Sequence[tuple[str, str]], given: ToolAndBase) -> None:
+        """Take in what the person says: the one frame of a kind that the files select and do not hold."""
+        self.unsaid: list[Array | None] = []
+        for kind, T in zip(KINDS, (given.T_FT, given.T_WB), strict=True):
+            names = {name for which, name in selected if which == kind}
+            missing = {name for name in names if name and name not in self._frames}
+            if T is not None and len(missing) == 1:
+                self._frames[missing.pop()] = T
+            self.unsaid.append(None if names else T)
+
+
+def _variable(statement: st.Assignment) -> str:
+    return f"{statement.name}.{statement.part}" if statement.part else statement.name
+
+
+def describe_change(statement: st.Assignment) -> str:
+    """Return what is to be said of a frame that a statement changes."""
+    return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
