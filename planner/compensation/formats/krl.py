@@ -100,9 +100,9 @@ class _KrlTargets:
             elif "A1" in pose.value:
                 self._joints(pose.line, pose.value, pose.index)
             else:
-                self._declared(pose, pose.value)
+                self._note_pose(pose, pose.value)
 
-    def _declared(self, pose: DeclaredPose, value: Numbers) -> None:
+    def _note_pose(self, pose: DeclaredPose, value: Numbers) -> None:
         """Note a pose that is declared by name."""
         used, taught = pose.frames, self.frames.taught_frames(pose.name)
         if not used and taught is not None and not any(said.startswith("no move") for _, said in self.reading.notes):

@@ -14,7 +14,14 @@ from planner.compensation.formats.krl_calls import (
     calls_function,
     leaves_frames,
 )
-from planner.compensation.formats.krl_values import KINDS, TABLE, FrameValues, describe_change, plain_frame, spelled
+from planner.compensation.formats.krl_values import (
+    KINDS,
+    TABLE,
+    FrameValues,
+    describe_change,
+    plain_frame,
+    one_spelling,
+)
 from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import Bas
@@ -172,7 +179,7 @@ class FrameState:
             self._set(which, statement.value.upper())
             return
         T: Frame | None = None if statement.part else plain_frame(statement.value)
-        name = spelled(statement.value)
+        name = one_spelling(statement.value)
         if T is None and not statement.part and re.fullmatch(r"[A-Z_]\w*(\[\d+\])?", name):
             known = name in self._values or TABLE.fullmatch(name)
             T = self._find_frame(name) if known and name not in self._shadowed else None
@@ -180,7 +187,7 @@ class FrameState:
 
     def assign_named(self, statement: st.Assignment) -> None:
         """Take in that a frame with a name gets its value here."""
-        name = spelled(statement.name)
+        name = one_spelling(statement.name)
         if name in self._values.set_by_code:
             self._set(name, self._values.find(name))
 
@@ -211,7 +218,7 @@ def _orientation(statements: Sequence[st.Statement]) -> str:
 def frame_sources(statements: Sequence[st.Statement]) -> dict[str, int]:
     """Return the names of all that a tool or a base is made from, however many steps away, and a line each."""
     made = [
-        (spelled(s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
+        (one_spelling(s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
         for s in statements
         if isinstance(s, st.Assignment)
     ]

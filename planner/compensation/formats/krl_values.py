@@ -37,7 +37,7 @@ def plain_frame(value: str) -> Array | None:
     return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
 
 
-def spelled(name: str) -> str:
+def one_spelling(name: str) -> str:
     """Return a name in one spelling."""
     return re.sub(r"\s", "", name).upper()
 
@@ -78,7 +78,7 @@ class FrameValues:
 
     def resolve_fdat(self, value: str) -> str:
         """Return what an FDAT says, given by name or in braces; nothing where it is not certain."""
-        return value.upper() if value.startswith("{") else self._fdats.get(spelled(value), "")
+        return value.upper() if value.startswith("{") else self._fdats.get(one_spelling(value), "")
 
     def taught_with(self, point: str) -> str | None:
         """Return the FDAT of a point that inline forms have taught (XP1: FP1); None where it has none."""
@@ -96,7 +96,7 @@ class FrameValues:
 
     def _take_frame(self, statement: st.Assignment) -> None:
         """Take in a frame that has a name; one that changes has no certain value anywhere."""
-        name = spelled(statement.name)
+        name = one_spelling(statement.name)
         T = None if statement.part else plain_frame(statement.value)
         if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
             self.everywhere = f"{_variable(statement)} is set in line {statement.line}"
@@ -118,7 +118,7 @@ class FrameValues:
 
     def _take_fdat(self, statement: st.Assignment) -> None:
         """Take in the data that a point is taught with; where they change, they say nothing."""
-        name = spelled(statement.name)
+        name = one_spelling(statement.name)
         if name == "FDAT_ACT" or not (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
             return
         said = statement.value.upper()
@@ -127,7 +127,7 @@ class FrameValues:
 
     def _take_kinematics(self, statements: Sequence[st.Statement]) -> None:
         """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
-        own = [(spelled(s.name), s.value.upper()) for s in statements if isinstance(s, st.Assignment)]
+        own = [(one_spelling(s.name), s.value.upper()) for s in statements if isinstance(s, st.Assignment)]
         robots = {name for name, value in own if name.startswith("MACHINE_DEF[") and "#ROBOT" in value}
         for name, value in own:
             frame_of = re.fullmatch(r"MACHINE_FRAME_DAT(\[\d+\])", name)
@@ -139,7 +139,7 @@ class FrameValues:
     def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
         """Take in frames of a row that is written at a computed place, and those that a routine is given."""
         for s in statements:
-            row, _, place = spelled(s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
+            row, _, place = one_spelling(s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
             computed = place and not place[:-1].isdigit()
             given = names_given_away(s)
             for name in self._frames:
@@ -156,7 +156,7 @@ class FrameValues:
                 case Bas(what=what) if what in SELECTS_TAUGHT:
                     yield from (("TOOL", ""), ("BASE", ""))
                 case st.Assignment(name="$TOOL" | "$BASE" as name, value=value):
-                    yield name[1:], spelled(value) if re.fullmatch(r"[A-Za-z_]\w*(\[\d+\])?", value) else ""
+                    yield name[1:], one_spelling(value) if re.fullmatch(r"[A-Za-z_]\w*(\[\d+\])?", value) else ""
                 case _ if re.search(r"\$(TOOL|BASE)\b[^=<>]*=(?!=)", s.text, re.IGNORECASE):
                     yield from (("TOOL", ""), ("BASE", ""))
         for fdat in self._fdats.values():
