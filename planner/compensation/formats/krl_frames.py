@@ -19,8 +19,8 @@ from planner.compensation.formats.krl_values import (
     TABLE,
     FrameValues,
     describe_change,
-    plain_frame,
     one_spelling,
+    plain_frame,
 )
 from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
