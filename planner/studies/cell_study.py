@@ -20,8 +20,7 @@ from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
 from planner.studies.fixture_places import map_fixture_places
 from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_map, draw_sensitivity
-from planner.studies.summary import StudySummary
-from planner.studies.tables import TABLES
+from planner.studies.summary import TABLES, StudySummary
 
 CHARTS = (draw_fixtures, draw_identifiability, draw_curves, draw_sensitivity)
 MAP, PAGE = "fixture_map.png", "report.html"

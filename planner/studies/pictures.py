@@ -18,8 +18,7 @@ from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, P
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.studies.basis import BoundedCurve, StudyBasis
 from planner.studies.fixture_places import FixtureMap, FixturePlace
-from planner.studies.summary import StudySummary, describe_best_place, describe_fixtures, format_number
-from planner.studies.tables import MDEG
+from planner.studies.summary import MDEG, StudySummary, describe_best_place, describe_fixtures, format_number
 
 LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
 ROW = 16  # [px] a parameter's line
