@@ -12,8 +12,8 @@ from planner.kinematics.robot_reader import RobotDescription
 from planner.model.identification_document import Metrics
 from planner.service.answers import Job
 from planner.service.context import ServiceContext
+from planner.service.file_api import robot_title
 from planner.service.job_api import find_output
-from planner.service.list_api import robot_title
 from planner.service.page_content import CalibrationPage, is_simulated, read_calibration
 from planner.service.record_api import find_recorded
 from planner.service.record_store import RecordedEntry

@@ -9,10 +9,14 @@ from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
+from planner import __version__, load_robot
 from planner.cell.reading import load_cell, shipped_cells
-from planner.service.answers import CellEntry, StoredFile
+from planner.kinematics.robot_reader import list_robots
+from planner.programs.dialect import dialects
+from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
 from planner.service.context import Context, ServiceContext
 from planner.service.job_requests import FileName, Sha256
+from planner.service.problems import Problem
 from planner.service.uploads import receive_body
 
 FILES = APIRouter(prefix="/api", tags=["files"])
@@ -103,4 +107,61 @@ def file_answer(context: ServiceContext, sha256: str, name: str, media_type: str
         filename=name,
         media_type=media_type or "application/octet-stream",
         headers={"etag": f'"{sha256}"', "cache-control": "private, max-age=31536000, immutable"},
+    )
+
+
+LISTS = APIRouter(prefix="/api", tags=["lists"])
+
+
+@LISTS.get("/health")
+def get_health(context: Context) -> Health:
+    """Tell that the service is there, and how much it has to do."""
+    running, waiting = context.jobs.count("running"), context.jobs.count("queued")
+    return Health(version=__version__, jobs_running=running, jobs_waiting=waiting)
+
+
+@LISTS.get("/robots")
+def get_robots() -> list[RobotEntry]:
+    """List the robots that come with the planner, and their cells."""
+    return list(robot_entries())
+
+
+@LISTS.get("/robots/{name}", responses={404: {"model": Problem}})
+def get_robot(name: str) -> RobotEntry:
+    """Get one robot."""
+    found = next((r for r in robot_entries() if r.name == name), None)
+    if found is None:
+        raise HTTPException(
+            404, f"there is no robot of that name (there: {', '.join(r.name for r in robot_entries())})"
+        )
+    return found
+
+
+@LISTS.get("/dialects")
+def get_dialects() -> list[DialectEntry]:
+    """List the robot languages that programs can be written in."""
+    return list(dialect_entries())
+
+
+@cache
+def robot_entries() -> tuple[RobotEntry, ...]:
+    """Return the robots that come with the planner."""
+    cells, out = shipped_cells(), []
+    for name in list_robots():
+        r = load_robot(name)
+        own = [c for c in cells if c.startswith(f"{name}/")]
+        out.append(RobotEntry(name=name, title=r.title, joints=r.n_joints, payload_kg=r.payload, cells=own))
+    return tuple(out)
+
+
+def robot_title(name: str) -> str:
+    """Return the title of a robot that comes with the planner; of another one its name."""
+    return next((r.title for r in robot_entries() if r.name == name and r.title), name)
+
+
+@cache
+def dialect_entries() -> tuple[DialectEntry, ...]:
+    """Return the robot languages."""
+    return tuple(
+        DialectEntry(name=d.name, title=d.title, units=str(d.units), max_joints=d.max_joints) for d in dialects()
     )

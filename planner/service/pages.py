@@ -25,10 +25,10 @@ from planner.report.formatting import duration_text
 from planner.service.answers import Job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
+from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import find_job, find_output
 from planner.service.job_requests import REQUESTS, JobId, Sha256
-from planner.service.list_api import dialect_entries, robot_entries, robot_title
 from planner.service.page_content import (
     AnyPlan,
     CheckForecastFile,

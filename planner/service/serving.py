@@ -13,12 +13,11 @@ from planner.common.errors import InputError
 from planner.service.commands import CommandBuilder
 from planner.service.context import ServiceContext
 from planner.service.database import Database
-from planner.service.file_api import FILES
+from planner.service.file_api import FILES, LISTS
 from planner.service.file_store import FileStore, disk_error
 from planner.service.guards import Guard
 from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_store import JobStore
-from planner.service.list_api import LISTS
 from planner.service.pages import PAGES, STATIC, add_problem_pages
 from planner.service.problems import Problem, add_problem_handlers
 from planner.service.record_api import RECORDS
