@@ -95,9 +95,9 @@ def _run(
     session: CentringSession, robot: str, ports: list[str], settings: CentringSettings, stop: StopRequest, follow: bool
 ) -> None:
     from planner.instruments.centring.indicators import open_indicators
-    from planner.instruments.centring.protocols import find_protocol
     from planner.instruments.centring.robot_link import open_link
     from planner.instruments.centring.session import CentringBench, run_session
+    from planner.instruments.centring.settings import find_protocol
     from planner.instruments.centring.stop import stop_on_signals
 
     with ExitStack() as opened:
@@ -156,7 +156,7 @@ def measure_command(
     zero: Annotated[float, typer.Option("--zero-mm", help="length where it shows 0")] = 0.0,
 ) -> None:
     """Read a bar or wire at a serial port at each pose of a plan, and write the run."""
-    from planner.instruments.centring.protocols import find_protocol
+    from planner.instruments.centring.settings import find_protocol
     from planner.instruments.live_gauge import STREAM, LiveGauge, measure_poses, open_log
     from planner.session.planned_session import load_session
 

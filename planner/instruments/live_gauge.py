@@ -14,7 +14,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.units import MM, Array, from_deg, read_only, to_mm
 from planner.instruments.centring.indicators import LINE_ERRORS
-from planner.instruments.centring.protocols import PROTOCOLS
+from planner.instruments.centring.settings import PROTOCOLS
 from planner.instruments.centring.stop import SilentError, UnsettledError
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Run, Samples

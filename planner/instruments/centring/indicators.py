@@ -10,8 +10,7 @@ import serial
 
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
-from planner.instruments.centring.protocols import IndicatorProtocol, RefusedReadingError
-from planner.instruments.centring.settings import HeadSettings, RestSettings
+from planner.instruments.centring.settings import HeadSettings, IndicatorProtocol, RefusedReadingError, RestSettings
 from planner.instruments.centring.stop import SilentError, StopRequest, UnsettledError
 
 if sys.platform == "win32":

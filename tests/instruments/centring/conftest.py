@@ -6,7 +6,6 @@ from contextlib import ExitStack
 import pytest
 
 from planner.instruments.centring.indicators import open_indicators
-from planner.instruments.centring.protocols import find_protocol
 from planner.instruments.centring.robot_link import open_link
 from planner.instruments.centring.session import CentringBench, open_session, run_session
 from planner.instruments.centring.settings import (
@@ -15,6 +14,7 @@ from planner.instruments.centring.settings import (
     MoveSettings,
     RestSettings,
     RobotSettings,
+    find_protocol,
 )
 from planner.instruments.centring.stop import StopRequest
 from tests.instruments.centring.devices import Controller, indicator

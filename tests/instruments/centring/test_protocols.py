@@ -7,8 +7,7 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.instruments.centring.indicators import open_indicators
-from planner.instruments.centring.protocols import RefusedReadingError, find_protocol
-from planner.instruments.centring.settings import HeadSettings
+from planner.instruments.centring.settings import HeadSettings, RefusedReadingError, find_protocol
 from planner.instruments.centring.stop import StopRequest
 from tests.instruments.centring.devices import Terminal
 
