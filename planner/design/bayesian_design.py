@@ -171,11 +171,6 @@ class BackgroundDesign:
             self._others.stop()
 
 
-def select_bayesian_poses(cell: Cell, pool: PoseSet, poses: int | None) -> BayesianDesign:
-    """:func:`choose_bayesian_poses`, the whole of it."""
-    return choose_bayesian_poses(cell, pool, poses).result()
-
-
 @on_one_thread
 def choose_bayesian_poses(
     cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | None = None

@@ -27,13 +27,15 @@ from planner.report.standby import Pictures, drawing_process
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
 MANY_PICTURES = 6  # that two copies of the process draw: each begins by importing matplotlib
-ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(FOLDER),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+
+
+def template_environment(folder: Path) -> jinja2.Environment:
+    """Return what renders the templates of a folder: all that they show is escaped, what is missing is an error."""
+    loader, missing = jinja2.FileSystemLoader(folder), jinja2.StrictUndefined
+    return jinja2.Environment(loader=loader, autoescape=True, undefined=missing, trim_blocks=True, lstrip_blocks=True)
+
+
+ENVIRONMENT = template_environment(FOLDER)
 ENVIRONMENT.filters |= {
     "mm": lambda value, form=".3f": f"{float(to_mm(value)):{form}}",
     "deg": lambda value, form=".3f": f"{float(to_deg(value)):{form}}",

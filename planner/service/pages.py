@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated
 
-import jinja2
 from fastapi import APIRouter, FastAPI, Form, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -22,6 +21,7 @@ from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
 from planner.report.formatting import duration_text
+from planner.report.page import template_environment
 from planner.service.answers import Job
 from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
@@ -77,13 +77,7 @@ class PlanChoice:
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
-ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(FOLDER / "templates"),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+ENVIRONMENT = template_environment(FOLDER / "templates")
 ENVIRONMENT.globals["version"] = __version__
 
 

@@ -14,10 +14,10 @@ from planner.design.bayesian_design import (
     OTHER_NUMBERS,
     PASSES,
     BayesianPosterior,
+    choose_bayesian_poses,
     describe_bayesian_design,
     describe_numbers_of_poses,
     errors_after,
-    select_bayesian_poses,
     select_greedily,
 )
 from planner.design.candidates.pool import draw_candidates
@@ -85,7 +85,7 @@ def kuka():
 
 @pytest.fixture(scope="module")
 def ahead(kuka):
-    return select_bayesian_poses(*kuka, 120)
+    return choose_bayesian_poses(*kuka, 120).result()
 
 
 def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, ahead):
@@ -117,7 +117,7 @@ def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
 def test_more_poses_than_candidates_are_refused(kuka):
     cell, pool = kuka
     with pytest.raises(NoSolutionError, match="only 1500 candidates"):
-        select_bayesian_poses(cell, pool, 2000)
+        choose_bayesian_poses(cell, pool, 2000)
 
 
 def test_more_poses_leave_less_and_never_less_than_all_candidates(ahead):
