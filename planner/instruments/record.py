@@ -98,17 +98,27 @@ class CheckFile(PartialModel):
         return float(np.log10(max(self.threshold, 1e-300) / max(self.p_value, 1e-300)))
 
 
+class PosePerformanceFile(PartialModel):
+    """AP and RP of poses that a tracker saw several times, means over ``poses`` of them (section ``iso9283``)."""
+
+    poses: int
+    AP_mm: float
+    RP_mm: float
+
+
 class AccuracyFigures(PartialModel):
     """Errors of ``accuracy.json``."""
 
     mean_mm: float
     max_mm: float
+    iso9283: PosePerformanceFile | None = None
 
 
 class AccuracyFile(PartialModel):
     """What the record needs of ``accuracy.json``."""
 
     robot: str
+    run: str
     before: AccuracyFigures | None = None
     after: AccuracyFigures | None = None
     simulated: bool = False

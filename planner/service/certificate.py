@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from planner import load_cell
 from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
-from planner.common.schema import PartialModel, read_json, read_toml, validate
+from planner.common.schema import read_json, read_toml, validate
 from planner.common.units import to_mm
+from planner.instruments.record import AccuracyFile
 from planner.kinematics.robot_reader import RobotDescription
 from planner.model.identification_document import Metrics
 from planner.service.answers import Job
 from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
-from planner.service.job_api import find_output
+from planner.service.job_api import output_path
 from planner.service.page_content import CalibrationPage, is_simulated, read_calibration
 from planner.service.record_api import find_recorded
 from planner.service.record_store import RecordedEntry
@@ -40,30 +41,6 @@ class CertifiedError:
         return cls(what, *(float(to_mm(v)) for v in (errors.rms, errors.mean, errors.largest)))
 
 
-class PosePerformanceFile(PartialModel):
-    """AP and RP of poses that a tracker saw several times, means over ``poses`` of them (section ``iso9283``)."""
-
-    poses: int
-    AP_mm: float
-    RP_mm: float
-
-
-class ValidatedModel(PartialModel):
-    """Errors of one model of the robot, of ``accuracy.json``."""
-
-    mean_mm: float
-    max_mm: float
-    iso9283: PosePerformanceFile | None = None
-
-
-class ValidationFile(PartialModel):
-    """What the sheet needs of ``accuracy.json``."""
-
-    run: str
-    before: ValidatedModel | None = None
-    after: ValidatedModel | None = None
-
-
 @dataclass(frozen=True)
 class FileHash:
     """A file by its content."""
@@ -84,7 +61,7 @@ class CalibrationCertificate:
     plan_id: str
     fitted: int
     results: list[CertifiedError]
-    validation: ValidationFile | None
+    validation: AccuracyFile | None
     repeatability_mm: float
     measured_rp_mm: float | None
     hashes: list[FileHash]
@@ -98,7 +75,7 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
         InputError: its files are not what they should be.
     """
     record = context.jobs.get(job.id)
-    document = context.files.path(find_output(context, job.id, "identification.json").sha256)
+    document = output_path(context, job.id, "identification.json")
     found = read_calibration(document)
     inputs = {i.name: i.sha256 for i in record.command.inputs}
     plan = inputs.get(str(record.command.option("--plan")))
@@ -125,14 +102,14 @@ def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertifica
     )
 
 
-def find_validation(context: ServiceContext, robot_sha256: str) -> ValidationFile | None:
+def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile | None:
     """Return the latest run of a tracker by which a calibrated robot was judged; ``None`` where there is none."""
     done = (j for j in context.jobs.list_jobs("validation") if j.state == "done")
     mine = next((j for j in done if robot_sha256 in j.command.inputs_of("--model").values()), None)
     if mine is None:
         return None
-    path = context.files.path(find_output(context, mine.id, "accuracy.json").sha256)
-    found = validate(read_json(path), ValidationFile, str(path))
+    path = output_path(context, mine.id, "accuracy.json")
+    found = validate(read_json(path), AccuracyFile, str(path))
     return found if found.after is not None else None
 
 
@@ -173,5 +150,5 @@ def _repeatability(context: ServiceContext, job: Job, found: CalibrationPage, wi
     if floor is not None:
         in_space = float(to_mm(floor)) * (SPACE_AXES / min(width, SPACE_AXES)) ** 0.5
         return in_space, in_space / RMS_OF_REPEATABILITY
-    file = read_toml(context.files.path(find_output(context, job.id, "robot.toml").sha256), RobotDescription)
+    file = read_toml(output_path(context, job.id, "robot.toml"), RobotDescription)
     return RMS_OF_REPEATABILITY * file.repeatability_mm, None

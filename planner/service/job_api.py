@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Body, Header, Query, Response
@@ -127,6 +128,15 @@ def find_output(context: ServiceContext, id: str, name: str) -> JobOutput:
     if found is None:
         raise HTTPException(404, f"the job {id} has no file of that name")
     return found
+
+
+def output_path(context: ServiceContext, id: str, name: str) -> Path:
+    """Return where a file of a job lies in the store.
+
+    Raises:
+        HTTPException: there is none.
+    """
+    return context.files.path(find_output(context, id, name).sha256)
 
 
 def _check_ended(job: JobRecord) -> None:

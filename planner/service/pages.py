@@ -27,7 +27,7 @@ from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
-from planner.service.job_api import find_job, find_output
+from planner.service.job_api import find_job, output_path
 from planner.service.job_requests import REQUESTS, JobId, Sha256
 from planner.service.page_content import (
     AnyPlan,
@@ -194,8 +194,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
     files = visible_files(job)
     check = None
     if job.kind == "check-plan" and plan:
-        forecast = context.files.path(find_output(context, job.id, "shows.json").sha256)
-        check = CheckForecastFile.model_validate(read_json(forecast))
+        check = CheckForecastFile.model_validate(read_json(output_path(context, job.id, "shows.json")))
     return render(
         "plan",
         job=job,
@@ -246,7 +245,7 @@ def show_session(id: JobId, context: Context) -> HTMLResponse:
     if job.kind not in PLANS or job.state != "done":
         return render("problem", 404, detail="Only a finished plan has a session.")
     plan = _plan(context, job)
-    cell = read_toml(context.files.path(find_output(context, id, "cell.toml").sha256), CellFile)
+    cell = read_toml(output_path(context, id, "cell.toml"), CellFile)
     lasts = duration_text(plan.trajectory.duration_s) if plan.trajectory else ""
     return render("session", job=job, plan=plan, lasts=lasts, steps=session_steps(plan, cell, job.files))
 
@@ -277,8 +276,7 @@ def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
     """A check: passed or failed, and what to do."""
     check = None
     if job.state == "done":
-        document = context.files.path(find_output(context, job.id, "check.json").sha256)
-        check = CheckFile.model_validate(read_json(document))
+        check = CheckFile.model_validate(read_json(output_path(context, job.id, "check.json")))
         check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
     baseline = find_calibration(context, job.id)
     form = _record_form(context, job, baseline)
@@ -312,7 +310,7 @@ def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:
 
 
 def _plan_header(context: ServiceContext, job: Job) -> PlanHeader:
-    return _read_header(context.files.path(find_output(context, job.id, "plan.json").sha256))
+    return _read_header(output_path(context, job.id, "plan.json"))
 
 
 @cache
@@ -343,6 +341,6 @@ def _job(context: ServiceContext, id: str) -> Job:
 
 
 def _plan(context: ServiceContext, job: Job) -> AnyPlan:
-    content = read_json(context.files.path(find_output(context, job.id, "plan.json").sha256))
+    content = read_json(output_path(context, job.id, "plan.json"))
     header = PlanHeader.model_validate(content)
     return (CircularDocument if header.kind == "circular" else PlanDocument).model_validate(content)

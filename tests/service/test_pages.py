@@ -150,7 +150,7 @@ def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):
     for id, model, ap in (("a" * 24, "c" * 64, 0.2), ("b" * 24, "d" * 64, 0.3)):
         figures = {"mean_mm": 0.1, "max_mm": 0.4}
         after = figures | {"iso9283": {"poses": 5, "visits": [30, 30], "AP_mm": ap, "RP_mm": 0.05}}
-        data = json.dumps({"run": "v.csv", "before": figures, "after": after}).encode()
+        data = json.dumps({"robot": "ur10", "run": "v.csv", "before": figures, "after": after}).encode()
         judges = JobCommand(("accuracy", "v.csv", "--model", "a1/robot.toml"), (JobInput("a1/robot.toml", model),))
         store.jobs.submit(id, "validation", "v.csv", "{}", judges)
         done = [JobOutput("accuracy.json", store.files.add(data), len(data))]
