@@ -1,7 +1,9 @@
 """Libraries that few commands need, imported when they are first used."""
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+__all__ = ["LazyModule", "optimize", "pin", "pl", "stats"]
 
 
 class LazyModule:
@@ -12,3 +14,12 @@ class LazyModule:
 
     def __getattr__(self, key: str) -> Any:
         return getattr(import_module(self._name), key)
+
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+    import polars as pl
+    from scipy import optimize, stats
+else:
+    pin, pl = LazyModule("pinocchio"), LazyModule("polars")
+    optimize, stats = LazyModule("scipy.optimize"), LazyModule("scipy.stats")  # they take most of a second

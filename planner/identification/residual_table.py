@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.units import Array, to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.runs.run import Run
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 DECIMALS = 7  # of a millimetre or degree: far below any gauge
 

@@ -5,19 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pin
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
-
-if TYPE_CHECKING:
-    import pinocchio as pin
-else:
-    pin = LazyModule("pinocchio")
 
 
 @dataclass(frozen=True)

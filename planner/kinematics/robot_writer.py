@@ -6,24 +6,18 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import tomli_w
 
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.chain import Transform
 from planner.kinematics.robot import Loads, Robot, RobotEffect, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import nominal_key
 from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
-
-if TYPE_CHECKING:
-    import pinocchio as pin
-else:
-    pin = LazyModule("pinocchio")
 
 UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 BEHIND = 1e-7  # [m, rad] of a transform behind the last joint that such a file has no place for

@@ -7,24 +7,18 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.files import MOST_TOML, read_bytes
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pin
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
 from planner.kinematics.robot import LinkMass, elementary_placement
 from planner.kinematics.urdf_tree import UrdfError, find_child, read_tree
-
-if TYPE_CHECKING:
-    import pinocchio as pin
-else:
-    pin = LazyModule("pinocchio")
 
 TURN = 2 * np.pi
 MOST_TURNS = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.common.errors import InputError
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.units import Array
 from planner.runs.columns import NAMES, WHOLE, split_key
 from planner.runs.joint_motion import DENSE
@@ -113,12 +112,6 @@ def _width(left: Array, best: int) -> int:
         fall = np.flatnonzero(~(np.diff(side) > 0))
         width = max(width, int(fall[0]) + 1 if len(fall) else len(side))
     return width
-
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 
 def rising_edges(t: Array, mark: Array) -> Array:

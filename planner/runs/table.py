@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.files import check_readable
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.units import Array, read_only
 from planner.runs.columns import NAMES, PLAUSIBLE, WHOLE, RunColumn, recognise_columns, spellings, split_key
 from planner.runs.run import IntArray, index_names
@@ -27,11 +26,6 @@ from planner.runs.text import (
     read_lines,
     split_head,
 )
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}
 MAY_BE_BLANK = frozenset({"pose"})  # between two poses there is none

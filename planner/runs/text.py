@@ -8,20 +8,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.common.errors import InputError, printable
 from planner.common.files import read_bytes
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.schema import MOST_NAME
 from planner.runs.run import IntArray
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say

@@ -7,14 +7,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import regex
 from pydantic import AfterValidator, Field, model_validator
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.schema import StrictModel, check_pattern, read_toml
 from planner.runs.columns import NAMES, RunColumn, find_column, known_headers, spellings, split_key, units_of
 from planner.runs.loader import run_of
@@ -169,11 +169,6 @@ def column_in_unit(key: str, unit: str) -> RunColumn:
 def _key_of(name: str) -> str:
     return name.partition("_")[0]
 
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 LINE_SECONDS = 2.0  # in which a sound pattern is through with any line
 PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.runs.columns import units_of
 from planner.runs.joint_motion import session_numbers
 from planner.runs.quantities import OFFSET, POSITION, TURNING
 from planner.runs.run import SIMULATED, IntArray, Run
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
 

@@ -12,7 +12,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import check_writing, document_text, write_bytes, write_text
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
 from planner.common.result import draft_folder, move_all
 from planner.instruments.check.results import CheckForecast
@@ -28,10 +28,6 @@ from planner.session.plan_types import Plan
 if TYPE_CHECKING:
     from planner.report.page import Report
 
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 FORECAST = "shows.json"  # of a check, beside its plan
 SAMPLE = 0.05  # [s] of trajectory.csv

@@ -11,17 +11,11 @@ min-P).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import optimize, stats
 from planner.common.units import Array
-
-if TYPE_CHECKING:
-    from scipy import optimize, stats
-else:  # they take most of a second, and a plan only shows what a check will find
-    optimize, stats = LazyModule("scipy.optimize"), LazyModule("scipy.stats")
 
 FALSE_ALARM = 0.01  # of all tests together
 POWER = 0.9  # with which a change of the stated size is found

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.common.lazy_modules import LazyModule
+from planner.common.lazy_modules import pl
 from planner.common.units import Array, read_only, to_deg, to_mm
 from planner.motion.timing.curve import Corners, PathCurve, build_curve, closest_passages, round_corners
 from planner.motion.timing.limits import (
@@ -24,11 +23,6 @@ from planner.motion.timing.limits import (
 )
 from planner.motion.timing.phases import Phases, stand_still, time_steps
 from planner.motion.timing.profile import choose_speeds, cut_stretches
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = LazyModule("polars")
 
 PART_TIMES = 8192  # evaluated at a time: what they need stays in the processor's cache
 
