@@ -18,7 +18,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
-from planner.runs.run import Mounting
+from planner.runs.run import Mounting, Run
 
 PASS_STATES = 4096  # of one forward pass: what it needs stays in the processor's cache
 
@@ -233,6 +233,17 @@ class Cell:
         if not self.has_bar(free):
             circles = " with [[circles]]" if self.circles else ""
             raise InputError(f"{self.path}: {use}, and gauge.kind is '{self.gauge.kind}'{circles}")
+
+    def check_robot(self, run: Run) -> None:
+        """Refuse a run of another robot.
+
+        Raises:
+            InputError: with both names.
+        """
+        if run.robot is not None and run.robot != self.robot.name:
+            raise InputError(
+                f"{run.name}: was measured on '{run.robot}', but {self.path} has the robot '{self.robot.name}'"
+            )
 
     @property
     def p_BS(self) -> Array:

@@ -28,10 +28,7 @@ def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
     """
     cell.gauge.check_run(cell, run)
     _check_limits(cell, run)
-    if run.robot is not None and run.robot != cell.robot.name:
-        raise InputError(
-            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
-        )
+    cell.check_robot(run)
     setup = replace(setup_of(cell), gauge=cell.gauge.with_turns(run.readings.rotation is not None))
     setup = cell.gauge.number_places(setup, cell, run)
     many, named = len(run.points), setup.point_names

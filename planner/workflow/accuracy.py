@@ -139,10 +139,7 @@ def _check_kind(cell: Cell, run: Run) -> None:
         raise InputError(
             f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{USES[kind]}'"
         )
-    if run.robot is not None and run.robot != cell.robot.name:
-        raise InputError(
-            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
-        )
+    cell.check_robot(run)
 
 
 def _split_by_role(run: Run, plan: PlanDocument) -> tuple[Run, Run | None]:

@@ -330,8 +330,5 @@ def _add_tracker(
             f"{run.name}: a tracker's run is compared with one circle, but the bar was driven at {len(circles)} "
             "fixtures; evaluate the fixture of that run alone"
         )
-    if run.robot is not None and run.robot != cell.robot.name:
-        raise InputError(
-            f"{run.name}: was measured on '{run.robot}', but {cell.path} has the robot '{cell.robot.name}'"
-        )
+    cell.check_robot(run)
     return (replace(circles[0], tracker=compare_with_tracker(cell, setup, circles[0], run)),)
