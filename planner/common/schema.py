@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar, get_args
+from typing import Annotated, ClassVar, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -16,13 +16,10 @@ from pydantic import (
     ValidationError,
     model_serializer,
 )
+from pydantic_core import ErrorDetails
 
 from planner.common.errors import InputError, did_you_mean, printable
 from planner.common.files import MOST_TOML, read_utf8
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
-
 
 MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file says of a cell is more
 Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
@@ -60,7 +57,7 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
         model: what it should hold.
         toml: whether tables are to be called as TOML writes them, ``[[balls]] number 1``.
     """
-    faults = dict[KeyPath, list["ErrorDetails"]]()
+    faults = dict[KeyPath, list[ErrorDetails]]()
     for e in err.errors():
         faults.setdefault(_key_path(data, e["loc"], e["type"] == "missing"), []).append(e)
     if ("schema",) in faults:  # a file of another kind: nothing else that it lacks matters
@@ -83,7 +80,7 @@ def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
     return tuple(out)
 
 
-def _sentence(path: KeyPath, faults: list["ErrorDetails"], model: type[BaseModel], toml: bool) -> str:
+def _sentence(path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool) -> str:
     """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
     kinds, found = [e["type"] for e in faults], faults[0]["input"]
     place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")
@@ -104,7 +101,7 @@ def _sentence(path: KeyPath, faults: list["ErrorDetails"], model: type[BaseModel
     return f"{place}{_state_value(key, found, toml)}{_fault_message(own[0])}"
 
 
-def _fault_message(error: "ErrorDetails") -> str:
+def _fault_message(error: ErrorDetails) -> str:
     context = error.get("ctx", {})
     if error["type"] in ("too_short", "too_long"):
         many = context.get("min_length", context.get("max_length"))
@@ -137,7 +134,7 @@ def _name_place(path: KeyPath, toml: bool, table: bool) -> tuple[str, str]:
     return (place, repr(rest)) if rest else ("", place)
 
 
-def _expected_schema(faults: list["ErrorDetails"], model: type[BaseModel]) -> str:
+def _expected_schema(faults: list[ErrorDetails], model: type[BaseModel]) -> str:
     """Name the schema that a file without one should have; of a wrong one it is said anyway."""
     if faults[0]["type"] != "missing":
         return ""
