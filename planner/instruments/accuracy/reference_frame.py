@@ -1,17 +1,21 @@
 """The tracker's frame from nests that were measured beforehand, and the errors that even a perfect model would show."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
-from planner.common.units import UM, Array, to_mm
-from planner.gauges.placement.frames import are_collinear
+from planner.common.units import DEG, MM, UM, Array, to_deg, to_mm
+from planner.gauges.placement.frames import are_collinear, place_frames
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.kinematics.geometry import registration, skew
-from planner.kinematics.robot import Robot
+from planner.kinematics.robot import Loads, Robot
+from planner.kinematics.robot_reader import load_robot
+from planner.model.identification_document import Identification, PlacePose
 from planner.model.model import Model
 from planner.runs.run import Run
 
@@ -145,3 +149,130 @@ def frame_uncertainty(frame: TrackerRegistration, p_WM: Array, noise: float) -> 
 def _rigid_jacobian(p: Array) -> Array:
     """How points (n, 3) move with a small shift and turn of their frame, (n, 3, 6)."""
     return np.concatenate([np.broadcast_to(np.eye(3), (len(p), 3, 3)), -skew(p)], axis=2)
+
+
+RESULTS = "identification.json"
+PLACING = 10  # poses from which robot and reflector are placed, nine numbers
+NEAR = 50 * MM  # by which the artifact's fitted place may miss the cell's
+TURNED = 0.1  # [rad] the same of how it stands; the tracker's place swings with it
+FAR, TILTED = 5 * MM, 0.5 * DEG  # from which a frame is said to stand elsewhere
+SAME = 1e-3 * MM  # two nominal tool points that are one
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A robot to be judged: its model, the reflector p_FM (3,) [m] in its flange, where the nests' frame stands.
+
+    ``notes`` are what a person should know of it; ``by_nests`` is false where that frame was found through the tracker,
+    so that what the nests' readings are off by shows nowhere.
+    """
+
+    robot: Robot
+    p_FM: Array
+    stand: NestFrame
+    notes: tuple[str, ...] = ()
+    by_nests: bool = True
+
+
+def nominal_model(cell: Cell) -> RobotModel:
+    """Return the robot of the data sheet, standing where the cell says."""
+    return RobotModel(cell.robot, cell.tool.p_FM, nest_frame(cell))
+
+
+def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others: Run | None = None) -> RobotModel:
+    """Return the calibrated robot of ``model``, standing and holding the reflector as its calibration found it.
+
+    Where that says nothing of the nests, as after a bar's, ``others``, poses that nothing is judged by, place it.
+
+    Raises:
+        InputError: no robot there, or another one than the cell's.
+        NoSolutionError: the other poses cannot place it.
+    """
+    robot = load_robot(str(model))
+    if robot.name != cell.robot.name:
+        raise InputError(f"{model}: is a model of {robot.name}, but {cell.path} has the robot {cell.robot.name}")
+    robot, notes = _with_tool_load(cell, robot)
+    path = (model if model.is_dir() else model.parent) / RESULTS
+    found = Identification.read(path) if path.is_file() else None
+    if found is not None and found.robot != robot.name:
+        raise InputError(f"{path}: is the identification of {found.robot}, but {model} is a model of {robot.name}")
+    stand, by_nests = (None, True) if found is None else _fitted_frame(cell, found, frame)
+    if found is not None and stand is not None:
+        return RobotModel(robot, _reflector(cell, found), stand, (*notes, *_frame_notes(cell, stand)), by_nests)
+    if others is not None and len(others) >= PLACING:
+        return _place_model(robot, others, frame, notes)
+    why = "says nothing of where the nests stand, its gauge stood elsewhere" if found is not None else "is missing"
+    notes.append(
+        f"{path} {why}: the calibrated robot is taken to stand where the cell says, and what its base is off by counts "
+        f"as its error; {PLACING} or more poses of the plan to calibrate with (--plan) would place it"
+    )
+    return RobotModel(robot, cell.tool.p_FM, nest_frame(cell), tuple(notes))
+
+
+def _place_model(robot: Robot, others: Run, frame: TrackerRegistration, notes: list[str]) -> RobotModel:
+    """Place the calibrated robot in the nests' frame, and the reflector on it, by poses that nothing is judged by."""
+    p_BF, R_BF = CalibratedRobot(robot).flange(others.samples.q)
+    assert others.readings.position is not None
+    none = np.zeros(len(others), dtype=int)
+    found = place_frames(p_BF, R_BF, frame.to_nests(others.readings.position), none, none)
+    notes.append(
+        f"the model's gauge stood elsewhere: {len(others)} poses of the plan to calibrate with placed robot and "
+        "reflector, those that it is judged by had no part in it"
+    )
+    return RobotModel(robot, found.p_FM[0], NestFrame(found.R_BG[0], found.p_BG[0]), tuple(notes), by_nests=False)
+
+
+def _with_tool_load(cell: Cell, robot: Robot) -> tuple[Robot, list[str]]:
+    """Return the robot with the tool that the cell has, and what to say where it was calibrated with another."""
+    if robot.loads is None or not cell.tool.mass or not robot.effects:
+        return robot, []
+    here = Loads(cell.tool.mass, cell.tool.com_F, robot.loads.base_rpy)
+    same = abs(here.payload - robot.loads.payload) < 1e-6 and np.allclose(here.com_F, robot.loads.com_F, atol=1e-6)
+    note = f"calibrated with a tool of {robot.loads.payload:g} kg, judged with one of {here.payload:g} kg"
+    return replace(robot, loads=here), [] if same else [note]
+
+
+def _fitted_frame(cell: Cell, found: Identification, frame: TrackerRegistration) -> tuple[NestFrame | None, bool]:
+    """Where the calibration has the nests' frame, ``None`` if unsaid, and whether as that of the artifact."""
+    nominal = nest_frame(cell)
+    tracker = NestFrame(nominal.R_BW @ frame.R_WG, nominal.R_BW @ frame.p_WG + nominal.p_BW)
+    for place in found.frames.places:
+        fitted = _frame_of_place(place)
+        if _frames_agree(fitted, nominal, NEAR):
+            return fitted, True
+        if _frames_agree(fitted, tracker, NEAR + TURNED * float(np.linalg.norm(frame.p_WG))):  # T_BW = T_BG · T_WG⁻¹
+            R = fitted.R_BW @ frame.R_WG.T
+            return NestFrame(R, fitted.p_BW - R @ frame.p_WG), False
+    return None, True
+
+
+def _frame_notes(cell: Cell, stand: NestFrame) -> list[str]:
+    """Say so where the nests stand well away from where the cell has them."""
+    stated = nest_frame(cell)
+    off = float(np.linalg.norm(stand.p_BW - stated.p_BW))
+    turned = float(Rotation.from_matrix(stand.R_BW.T @ stated.R_BW).magnitude())
+    if off < FAR and turned < TILTED:
+        return []
+    return [
+        f"by the calibration the nests' frame stands {float(to_mm(off)):.1f} mm and {float(to_deg(turned)):.2f}° away "
+        "from where the cell says: before it that counts as the robot's error"
+    ]
+
+
+def _frame_of_place(place: PlacePose) -> NestFrame:
+    R = Rotation.from_euler("xyz", place.rpy).as_matrix()
+    return NestFrame(np.asarray(R), np.array(place.position))
+
+
+def _frames_agree(a: NestFrame, b: NestFrame, near: float) -> bool:
+    turned = float(Rotation.from_matrix(a.R_BW.T @ b.R_BW).magnitude())
+    return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < TURNED
+
+
+def _reflector(cell: Cell, found: Identification) -> Array:
+    """The reflector in the flange: as fitted, where the calibration measured the same point of the tool."""
+    nominal = {p.name: p.nominal for p in found.estimates}
+    there = [nominal.get(f"map_{axis}", np.nan) for axis in "xyz"]
+    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=SAME):
+        return np.array(found.frames.tool[0].p_FM)
+    return cell.tool.p_FM

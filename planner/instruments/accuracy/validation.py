@@ -12,12 +12,14 @@ from planner.common.units import MM, Array, in_units, read_only, to_mm
 from planner.instruments.accuracy.precision import DIGITS, SCHEMA
 from planner.instruments.accuracy.reference_frame import (
     ErrorFloor,
+    RobotModel,
     TrackerRegistration,
+    calibrated_model,
     error_floor,
+    nominal_model,
     position_errors,
     register_tracker,
 )
-from planner.instruments.accuracy.robot_model import RobotModel, calibrated_model, nominal_model
 from planner.runs.run import ReferenceReadings, Run
 
 FEWEST_VISITS = 3  # of a pose, to say how it scatters
