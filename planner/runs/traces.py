@@ -16,11 +16,21 @@ from pydantic import AfterValidator, Field, model_validator
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
 from planner.common.schema import StrictModel, check_pattern, read_toml
-from planner.runs.columns import NAMES, RunColumn, find_column, known_headers, spellings, split_key, units_of
 from planner.runs.loader import run_of
 from planner.runs.run import SIMULATED, Run
 from planner.runs.synchronisation import pair_tables
-from planner.runs.table import RunTable, read_table, table_in_si
+from planner.runs.table import (
+    NAMES,
+    RunColumn,
+    RunTable,
+    find_column,
+    known_headers,
+    read_table,
+    spellings,
+    split_key,
+    table_in_si,
+    units_of,
+)
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
 
 ENCODINGS = re.compile(  # of text; not those that obey escapes (unicode_escape), nor of names of hosts (idna, punycode)

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.lazy_modules import pl
-from planner.runs.columns import units_of
 from planner.runs.joint_motion import session_numbers
 from planner.runs.quantities import OFFSET, POSITION, TURNING
 from planner.runs.run import SIMULATED, IntArray, Run
+from planner.runs.table import units_of
 
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
 

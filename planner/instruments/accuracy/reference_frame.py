@@ -1,4 +1,4 @@
-"""The tracker's frame from nests that were measured beforehand, and the errors that even a perfect model would show."""
+"""A tracker's frame found from nests, the models of the robot that are judged in it, and their position errors there."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
