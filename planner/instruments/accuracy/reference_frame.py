@@ -1,4 +1,4 @@
-"""A tracker's frame found from nests, the models of the robot that are judged in it, and their position errors there."""
+"""A tracker's frame found from nests, the models of a robot judged in it, and what even a perfect one would show."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
