@@ -54,8 +54,7 @@ class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="spe
 
     def __call__(self, c: Context) -> Array:
         """Return half the sign."""
-        assert c.samples.speed is not None
-        return np.asarray(0.5 * np.sign(c.samples.speed[:, self.joint]))
+        return np.asarray(0.5 * np.sign(c.logged("speed")[:, self.joint]))
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,7 @@ class ApproachDirection(BasisFunction, key="approach:JOINT", static=False, colum
 
     def __call__(self, c: Context) -> Array:
         """Return half the direction."""
-        assert c.samples.direction is not None
-        return np.asarray(0.5 * c.samples.direction[:, self.joint])
+        return np.asarray(0.5 * c.logged("direction")[:, self.joint])
 
 
 @dataclass(frozen=True)
@@ -122,8 +120,7 @@ class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
 
     def __call__(self, c: Context) -> Array:
         """Return minus the speed."""
-        assert c.samples.speed is not None
-        return np.asarray(-c.samples.speed @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray(-c.logged("speed") @ c.setup.robot.sense_matrix[self.joint])
 
 
 @dataclass(frozen=True)
@@ -137,9 +134,7 @@ class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
-        assert c.samples.q_cmd is not None
-        assert c.samples.q_read is not None
-        return np.asarray((c.samples.q_cmd - c.samples.q_read) @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray((c.logged("q_cmd") - c.logged("q_read")) @ c.setup.robot.sense_matrix[self.joint])
 
 
 def _play(run: Excitation) -> EffectSize:

@@ -70,14 +70,12 @@ class Excitation:
     @cached_property
     def mean_temperature(self) -> float:
         """Mean temperature [°C], to a hundredth."""
-        assert self.samples.temperature is not None
-        return round(float(self.samples.temperature.mean()), 2)
+        return round(float(self.context.logged("temperature").mean()), 2)
 
     @cached_property
     def start(self) -> float:
         """Time of the first sample [s]."""
-        assert self.samples.t is not None
-        return float(self.samples.t.min())
+        return float(self.context.logged("t").min())
 
     @cached_property
     def duration(self) -> float:

@@ -119,8 +119,7 @@ class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True, column="payl
 
     def __call__(self, c: Context) -> Array:
         """Return the torque."""
-        assert c.samples.payload is not None
-        return c.samples.payload * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
+        return c.logged("payload") * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
 
 
 @dataclass(frozen=True)
@@ -133,9 +132,8 @@ class DriveTorque(BasisFunction, key="drive:JOINT", static=False, column="torque
 
     def __call__(self, c: Context) -> Array:
         """Return minus the logged torque."""
-        assert c.samples.torque is not None
         sense = c.setup.robot.sense_matrix[self.joint, self.joint]
-        return np.asarray(-c.samples.torque[:, self.joint] * np.sign(sense))
+        return np.asarray(-c.logged("torque")[:, self.joint] * np.sign(sense))
 
 
 def twist_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMove, ...]:

@@ -160,6 +160,12 @@ class Context:
             known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
         return known[1]
 
+    def logged(self, column: str) -> Array:
+        """A column of the samples that a basis function is asked for only where it was logged."""
+        values: Array | None = getattr(self.samples, column)
+        assert values is not None, column
+        return values
+
     @property
     def measurement_setup(self) -> MeasurementSetup:
         """The setup with the gauge that took the samples."""
@@ -194,8 +200,7 @@ class Context:
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the measured point in the base frame, (n, 3) [m/s], from the joints' speeds."""
-        assert self.samples.speed is not None
-        rate = self.samples.speed @ self.setup.robot.sense_matrix.T
+        rate = self.logged("speed") @ self.setup.robot.sense_matrix.T
         return np.asarray(np.einsum("jkn,nj->nk", self.motion.point_screws(self.joints), rate))
 
     @cached_property

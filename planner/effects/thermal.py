@@ -37,14 +37,12 @@ EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
 
 def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the temperature."""
-    assert c.samples.temperature is not None
-    return EffectVariable("temperature (°C)", c.samples.temperature)
+    return EffectVariable("temperature (°C)", c.logged("temperature"))
 
 
 def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the time."""
-    assert c.samples.t is not None
-    return EffectVariable("time (min)", (c.samples.t - c.samples.t.min()) / 60)
+    return EffectVariable("time (min)", (c.logged("t") - c.logged("t").min()) / 60)
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,7 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
-        assert c.samples.temperature is not None
-        return c.samples.temperature - self.about
+        return c.logged("temperature") - self.about
 
 
 @dataclass(frozen=True)
@@ -71,8 +68,7 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, c
 
     def __call__(self, c: Context) -> Array:
         """Return the time."""
-        assert c.samples.t is not None
-        return c.samples.t - self.start
+        return c.logged("t") - self.start
 
 
 @dataclass(frozen=True)
@@ -86,8 +82,7 @@ class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True,
 
     def __call__(self, c: Context) -> Array:
         """Return the part of the way that is done."""
-        assert c.samples.t is not None
-        return np.asarray(-np.expm1(-(c.samples.t - self.start) / self.constant))
+        return np.asarray(-np.expm1(-(c.logged("t") - self.start) / self.constant))
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from planner.common.choices import Aim, IndexName
+from planner.common.schema import StrictModel
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
 JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]
@@ -40,10 +41,8 @@ KINDS_OF_VERBS = {  # commands whose folder holds what a job of another kind mak
 Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
 
 
-class ServiceModel(BaseModel):
-    """A body of the interface: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class ServiceModel(StrictModel):
+    """A body of the interface."""
 
 
 class FileReference(ServiceModel):

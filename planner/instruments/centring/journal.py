@@ -7,10 +7,11 @@ from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError
+from pydantic import NonNegativeInt, ValidationError
 
 from planner.common.errors import InputError
 from planner.common.files import read_bytes, write_text
+from planner.common.schema import StrictModel
 from planner.common.units import from_deg, from_mm, read_only
 from planner.instruments.centring.path import PlannedPath
 from planner.runs.run import Readings, Run, Samples, index_names
@@ -19,20 +20,18 @@ from planner.runs.writer import run_text
 SCHEMA = "edbb-centring-journal/1"
 
 
-class JournalHead(BaseModel):
+class JournalHead(StrictModel):
     """First line: which plan is measured, and when the first session began (seconds since 1970)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     schema_name: str
     plan_id: str
     robot: str
     began_s: float
 
 
-class JournalRow(BaseModel):
+class JournalRow(StrictModel):
     """One centred pose, in the units of a run; the offset is the point's from the ball's centre in the plate's axes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     pose: NonNegativeInt
     ball: str
     session: int
