@@ -54,7 +54,7 @@ class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="spe
 
     def __call__(self, c: Context) -> Array:
         """Return half the sign."""
-        return np.asarray(0.5 * np.sign(c.logged("speed")[:, self.joint]))
+        return np.asarray(0.5 * np.sign(c.column("speed")[:, self.joint]))
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ApproachDirection(BasisFunction, key="approach:JOINT", static=False, colum
 
     def __call__(self, c: Context) -> Array:
         """Return half the direction."""
-        return np.asarray(0.5 * c.logged("direction")[:, self.joint])
+        return np.asarray(0.5 * c.column("direction")[:, self.joint])
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
 
     def __call__(self, c: Context) -> Array:
         """Return minus the speed."""
-        return np.asarray(-c.logged("speed") @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray(-c.column("speed") @ c.setup.robot.sense_matrix[self.joint])
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
-        return np.asarray((c.logged("q_cmd") - c.logged("q_read")) @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray((c.column("q_cmd") - c.column("q_read")) @ c.setup.robot.sense_matrix[self.joint])
 
 
 def _play(run: Excitation) -> EffectSize:

@@ -70,12 +70,12 @@ class Excitation:
     @cached_property
     def mean_temperature(self) -> float:
         """Mean temperature [°C], to a hundredth."""
-        return round(float(self.context.logged("temperature").mean()), 2)
+        return round(float(self.context.column("temperature").mean()), 2)
 
     @cached_property
     def start(self) -> float:
         """Time of the first sample [s]."""
-        return float(self.context.logged("t").min())
+        return float(self.context.column("t").min())
 
     @cached_property
     def duration(self) -> float:

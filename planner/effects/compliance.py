@@ -119,7 +119,7 @@ class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True, column="payl
 
     def __call__(self, c: Context) -> Array:
         """Return the torque."""
-        return c.logged("payload") * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
+        return c.column("payload") * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class DriveTorque(BasisFunction, key="drive:JOINT", static=False, column="torque
     def __call__(self, c: Context) -> Array:
         """Return minus the logged torque."""
         sense = c.setup.robot.sense_matrix[self.joint, self.joint]
-        return np.asarray(-c.logged("torque")[:, self.joint] * np.sign(sense))
+        return np.asarray(-c.column("torque")[:, self.joint] * np.sign(sense))
 
 
 def twist_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMove, ...]:

@@ -160,10 +160,10 @@ class Context:
             known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
         return known[1]
 
-    def logged(self, column: str) -> Array:
+    def column(self, name: str) -> Array:
         """A column of the samples that a basis function is asked for only where it was logged."""
-        values: Array | None = getattr(self.samples, column)
-        assert values is not None, column
+        values: Array | None = getattr(self.samples, name)
+        assert values is not None, name
         return values
 
     @property
@@ -200,7 +200,7 @@ class Context:
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the measured point in the base frame, (n, 3) [m/s], from the joints' speeds."""
-        rate = self.logged("speed") @ self.setup.robot.sense_matrix.T
+        rate = self.column("speed") @ self.setup.robot.sense_matrix.T
         return np.asarray(np.einsum("jkn,nj->nk", self.motion.point_screws(self.joints), rate))
 
     @cached_property

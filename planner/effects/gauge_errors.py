@@ -68,7 +68,7 @@ class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True,
 
     def __call__(self, c: Context) -> Array:
         """Return the product."""
-        return (c.logged("temperature") - self.about) * c.length
+        return (c.column("temperature") - self.about) * c.length
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge
 
     def __call__(self, c: Context) -> Array:
         """Return the product."""
-        return np.asarray((c.logged("temperature") - self.about) * c.ray[:, self.axis])
+        return np.asarray((c.column("temperature") - self.about) * c.ray[:, self.axis])
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,12 @@ EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
 
 def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the temperature."""
-    return EffectVariable("temperature (°C)", c.logged("temperature"))
+    return EffectVariable("temperature (°C)", c.column("temperature"))
 
 
 def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the time."""
-    return EffectVariable("time (min)", (c.logged("t") - c.logged("t").min()) / 60)
+    return EffectVariable("time (min)", (c.column("t") - c.column("t").min()) / 60)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
-        return c.logged("temperature") - self.about
+        return c.column("temperature") - self.about
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, c
 
     def __call__(self, c: Context) -> Array:
         """Return the time."""
-        return c.logged("t") - self.start
+        return c.column("t") - self.start
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True,
 
     def __call__(self, c: Context) -> Array:
         """Return the part of the way that is done."""
-        return np.asarray(-np.expm1(-(c.logged("t") - self.start) / self.constant))
+        return np.asarray(-np.expm1(-(c.column("t") - self.start) / self.constant))
 
 
 @dataclass(frozen=True)
