@@ -21,7 +21,6 @@ from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
 SIMILAR_GAIN = 0.9  # share of the best gain above which another candidate is refitted beside it
-PARALLEL_REFITS = 4  # candidates that are refitted side by side
 THREADS = 2  # refits at a time: they are taken in order, so their number does not show
 SWAP_EVIDENCE = 4.0  # fall of minus twice the log evidence for which an effect is swapped
 # the same for the compliance of a joint: every arm has it, so that it is the likelier cause beforehand
@@ -35,7 +34,7 @@ def best_step(
     """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
     doubtful = list[SearchState]()
     while likely:
-        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][:PARALLEL_REFITS]
+        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][: context.parallel_refits(state)]
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
         kept = []
