@@ -6,6 +6,7 @@ what counts is the dual, which proves its bound over all candidates by itself.
 """
 
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
@@ -72,7 +73,7 @@ class Certificate:
 
     def holds(self, rows: Array) -> bool:
         """Verify again, from the duals alone, over all ``rows``: does ``value`` follow?"""
-        proven = [dual.verify(rows) for dual in self.duals]
+        proven = [copy(dual).verify(rows) for dual in self.duals]  # without what the search has kept
         value = proven[0] if len(proven) == 1 else proven[0] / proven[1]
         margin = abs(self.value) * _MARGIN
         follows = value <= self.value + margin if self.duals[0].upper else value >= self.value - margin

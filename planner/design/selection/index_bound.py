@@ -14,7 +14,9 @@ For sets of any size the n smallest become each single one (O2, and O1 per pose)
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
+from weakref import ref
 
 import numpy as np
 
@@ -56,11 +58,9 @@ class IndexDual:
 
     def verify(self, rows: Array) -> float:
         """Return the bound over all candidates; O2: at least 1, others: at most infinity."""
-        X, count = project_semidefinite(self.X), self.poses or 1
-        x = np.maximum(quadratic_form(rows, X), 0.0)
+        X, Y, count = self._semidefinite[0], self._semidefinite[1], self.poses or 1
+        x, y = (np.maximum(form, 0.0) for form in self._forms(rows))
         if self.index == "O2":
-            Y = project_semidefinite(self.Y)
-            y = np.maximum(quadratic_form(rows, Y), 0.0)
             return _condition_bound(x, y, float(np.trace(X)), float(np.trace(Y)), count)
         top = sum_largest(x, count) * (1.0 + _SAFE)
         mu = np.maximum(np.linalg.eigvalsh(X), 0.0)
@@ -74,11 +74,31 @@ class IndexDual:
 
     def prices(self, rows: Array, active: Positions) -> Array:
         """Return the reduced cost of every candidate, for O2 with the scale of X that fits the active ones."""
-        x = quadratic_form(rows, self.X)
+        x, y = self._forms(rows)
         if self.index != "O2":
             return -x
-        y = quadratic_form(rows, self.Y)
         return np.asarray(y - _smallest_ratio(x[active], y[active], self.poses or 1) * x)
+
+    @cached_property
+    def _last(self) -> "dict[str, tuple[ref[Array], Array, Array]]":
+        return {}
+
+    @cached_property
+    def _semidefinite(self) -> tuple[Array, Array]:
+        return project_semidefinite(self.X), project_semidefinite(self.Y)
+
+    def _forms(self, rows: Array) -> tuple[Array, Array]:
+        """The forms of all rows with X and Y, (n,) each; kept: the proof and the prices need the same."""
+        known = self._last.get("forms")
+        if known is None or known[0]() is not rows:
+            X, Y = self._semidefinite
+            x = quadratic_form(rows, X)
+            known = self._last["forms"] = ref(rows), x, quadratic_form(rows, Y) if self.index == "O2" else x
+        return known[1], known[2]
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave out what was kept: a copy proves afresh."""
+        return {name: value for name, value in vars(self).items() if name in ("index", "poses", "X", "Y")}
 
 
 @dataclass(frozen=True)
