@@ -23,8 +23,7 @@ from planner.model.model import Model
 START_SAMPLES = 3_000  # samples of a long run that find the minimum before all of them polish it
 ROUGHLY_CONVERGED = 0.05  # the same while noise and priors are still being settled
 FLAT_COST = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
-CONTRACTION = 10.0  # by which a step of a standard deviation is at least longer than the next (seen: a thousand)
-SHORT = 100.0  # standard deviations, within which it is looked whether the model is straight along a step
+CONTRACTION = 10.0  # by which a step shorter than a standard deviation is at least longer than the next (seen: 100)
 MAX_STEPS = 50
 CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 
@@ -108,13 +107,8 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         trial = errors + problem.prior * z
         sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
         length = float(np.linalg.norm(here.factor @ z))
-        if damping == 0.0:
-            ahead = here.cost - length**2
-            if length < CONTRACTION * converged * sigma:  # another step would be shorter than what is asked for
-                return Solution(trial, here.factor, ahead)
-            # where the sum of squares falls as the straight model says, what is left to go is about what it is off by
-            if length < SHORT * sigma and abs(problem.cost(trial) - ahead) < 0.5 * converged * sigma**2:
-                return Solution(trial, here.factor, ahead)
+        if damping == 0.0 and length < CONTRACTION * converged * sigma:  # the next step would be shorter than is asked
+            return Solution(trial, here.factor, here.cost - length**2)
         there = _Triangle.about(problem, trial)
         small = length < converged * sigma or abs(here.cost - there.cost) < FLAT_COST * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):

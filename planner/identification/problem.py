@@ -170,19 +170,6 @@ class FitProblem:
 
         return np.concatenate(list(self.over_pieces(one)))
 
-    def cost(self, errors: Array) -> float:
-        """Weighted sum of squares, with the prior's: residuals alone take a tenth of what rows take."""
-
-        def one(part: slice) -> float:
-            if len(self) > PIECE_SAMPLES:
-                residual = self.model.residual(self.samples.take(part), self.targets.take(part), errors)
-            else:
-                residual = self.model.residual_in(self.context, self.targets, errors)
-            white = self.whitener.white(part, residual[..., None])[..., 0]
-            return float(self.weight[part] @ (white**2).sum(axis=1))
-
-        return sum(self.over_pieces(one)) + float(((errors / self.prior) ** 2).sum())
-
     def white_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, without robust weights, (n, r)."""
         return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]
