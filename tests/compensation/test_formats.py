@@ -183,6 +183,24 @@ REFUSED = {
     "number.MPF": ("N1 G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nN2 G0 A1=11\nGOTOB N2\n", 2, "is not known here"),
     "skipped.MPF": ("G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n/G0 A1=50\nG0 A2=-21\n", 3, "is not known here"),
     "posa.MPF": ("G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nPOSA[A1]=50\n", 2, "computes or moves axis A1"),
+    "arc.MPF": (
+        "%_N_MAIN_MPF\nG153 G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nUP1\nM30\n%_N_UP1_SPF\nG153 G1 A1=12 F100\nM17\n",
+        6,
+        "A2, A3, A4, A5, A6 is not known",
+    ),
+    "two.nc": ("G1 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nM30\nG1 A1=12\nM30\n", 3, "A2, A3, A4, A5, A6 is not known"),
+    "endless.nc": ("N10 G1 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nN20 G1 A1=12\nM99 P20\n", 2, "is not known here"),
+    "string.MPF": ("G0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nN20 G0 A1=12\nGOTOB ZIEL\n", 2, "is not known here"),
+    "modal call.MPF": ("MCALL GRIP\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\nG0 A1=12\nMCALL\n", 3, "is not known here"),
+    "tool.MPF": ("T1 D1\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "D1 found: a tool offset"),
+    "group offset.nc": ("G159=3\nG1 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "a tool offset"),
+    "world.ngc": ("M429\nG53 G0 X1 Y-20 Z3 A4 B5 C6\nM2\n", 1, "it changes what the words of the axes mean"),
+    "any axis.MPF": ("AX[AXN]=20\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "what it does to the axes"),
+    "belt.script": (
+        "def p():\n track_conveyor_linear(p[1,0,0,0,0,0],500)\n movej([0.1,-1,1,0.1,0.5,0])\nend\n",
+        2,
+        "track_conveyor_linear found",
+    ),
     "offset.MPF": ("G54\nG0 A1=1 A2=-20 A3=30 A4=4 A5=5 A6=6\n", 1, "a work offset"),
     "length.ngc": ("G43 H1\nG53 G0 X1 Y-20 Z3 A4 B5 C6\n", 1, "what it does to the axes is not known"),
     "blank.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6\nG53 G0 X 1 1\n", 2, "computes or moves axis X"),
@@ -366,8 +384,9 @@ def test_a_program_called_in_between_is_told(robot, tmp_path):
     path, row = tmp_path / "p.MPF", "G0 A1=1 A2=-80 A3=90 A4=4 A5=20 A6=6\n"
     path.write_text(f"{row}R1=5\n{row}MSG()\n{row}L6\n{row}{row}M30\n")
     done = compensate_file(path, robot, exact(robot), dialect="sinumerik")
-    assert [line for line, _ in done.report.notes] == [7]
+    assert [line for line, _ in done.report.notes] == [7, 1]
     assert "after what line 6 calls" in done.summary
+    assert "no G500, G53 or G153: the work offset is taken as zero" in done.summary
 
 
 @pytest.mark.parametrize("number", ["1e1", "1e400"])

@@ -48,6 +48,10 @@ class _TargetColumns:
         position = _group(header, ["x", "y", "z"], "mm|m")
         angles = _group(header, ["a", "b", "c"], "deg|rad")
         quaternion = _group(header, ["qw", "qx", "qy", "qz"], "")
+        beside = [name for name in header if re.fullmatch(r"(x|y|z|r[xyz]|[abc])_(mm|m|deg|rad)", name)]
+        if beside and not (position and (angles or quaternion)):
+            said = f"{', '.join(beside)} stay as they are: joint angles are corrected, no complete pose is beside them"
+            reading.notes.append((1, said))
         self.pose = position + (angles or quaternion) if position and (angles or quaternion) else []
         self.spelling = "abc" if angles else "quaternion"
         extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad)", name)]

@@ -80,6 +80,9 @@ def _read_instructions(text: str, lines: Lines, reading: TargetReading) -> _Uses
     """Read the section /MN, whose instructions end with a semicolon and may go over lines."""
     uses = _Uses()
     begin = re.search(r"^/MN\b", text, re.MULTILINE)
+    if begin and (tracking := re.search(r"^\s*LINE_TRACK\b", text[: begin.start()], re.MULTILINE)):
+        line = lines.number(tracking.start())
+        uses.doubts[_EVERY] = f"line tracking in line {line} moves the frame of every target"
     for piece in re.finditer(r"[^;]+", text[begin.end() :] if begin else text):
         said = " ".join(re.sub(r"(?m)^\s*\d*\s*:", " ", _COMMENT.sub(r"\1]", piece[0])).split())
         place = piece.start() + len(piece[0]) - len(piece[0].lstrip()) + (begin.end() if begin else 0)

@@ -5,11 +5,12 @@ block to block, so every block is written with all of them.
 """
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
 from planner.common.units import DEG, read_only
-from planner.compensation.formats.gcode_lines import calls_program, is_statement, shift_in
+from planner.compensation.formats.gcode_lines import calls_program, is_statement, jumps_to_blocks, shift_in
 from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.execution import known_statements
@@ -43,20 +44,27 @@ _HARMLESS = (  # they neither move an axis nor change what its angle means
     | {"G8", "G17", "G18", "G19", "G21", "G40", "G49", "G71", "G80", "G90.1", "G91.1", "G92.1", "G97", "G450", "G451"}
     | {"G460", "G500", "G601", "G602", "G603", "G643", "G644", "G645", "G710"}
 )
-_SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M30", *(f"M{k}" for k in range(62, 69))}
+_SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M17", "M30", *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
-_JUMP_TO_NUMBER = re.compile(r"\bGOTO[BFCS]?\b\s*\(?\s*N?\d", re.IGNORECASE)
+_SWITCHED = {"linuxcnc": {f"M{k}" for k in (128, 129, 130, 428, 429, 430)}}  # that change what axis words mean
+_OFFSET_OFF = {"sinumerik": re.compile(r"\bG(?:500|53|153)\b|\bSUPA\b", re.IGNORECASE)}
+_ENDS = {"M2", "M30", "M17", "M99"}  # of a program: the next one in the file begins anew
 
 
 def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     """Note the target of every block, and refuse blocks that move in a way that is not known."""
     targets = _GcodeTargets(dialect, reading)
-    jumps = _JUMP_TO_NUMBER.search(text) is not None
-    for block in parse(text, dialect):
+    blocks, jumps = list(parse(text, dialect)), jumps_to_blocks(text)
+    begins = [n for n, row in enumerate(text.splitlines(), 1) if row.lstrip().startswith("%")]
+    for block in blocks:
+        if begins and block.line >= begins[0]:  # another program of the same file
+            begins = [n for n in begins if n > block.line]
+            targets.begin_program()
         if jumps:  # any block may be come to from anywhere
             targets.forget()
         targets.take(block)
+    targets.note_assumptions(text, blocks)
 
 
 class _GcodeTargets:
@@ -72,9 +80,25 @@ class _GcodeTargets:
         self.work_offset = "G53" if "X" in self.axes else ""
         self._own = known_statements(dialect, lambda texts: (b for text in texts for b in parse(text, dialect)), None)
         self._said = [p for p in (reads.dwell, reads.exact, reads.blended, reads.sync, reads.pulse_end) if p]
+        self.name = dialect.name
+        self.begin_program()
+
+    def begin_program(self) -> None:
+        """Begin with what a controller holds before a program: nothing is known of the modal state."""
         self.mode, self.offset, self.called = "", "", 0
         self.whole: bool | None = None  # whether the last move was without the work offset
         self.forget()
+
+    def note_assumptions(self, text: str, blocks: Sequence[Block]) -> None:
+        """Note what the words of the axes are taken to be."""
+        if not blocks:
+            return
+        if self.work_offset:
+            said = f"{' '.join(self.joints)} are taken as joint angles (trivial kinematics), not as a place"
+            self.reading.notes.append((blocks[0].line, said))
+        off = _OFFSET_OFF.get(self.name)
+        if off is not None and not off.search(text):
+            self.reading.notes.append((blocks[0].line, "no G500, G53 or G153: the work offset is taken as zero"))
 
     def forget(self) -> None:
         """Forget where the axes stand: what comes next may be driven from anywhere."""
@@ -82,29 +106,47 @@ class _GcodeTargets:
 
     def take(self, block: Block) -> None:
         """Take in one block."""
-        if self._own(block) or any(re.fullmatch(p, block.text) for p in self._said):
-            return
-        if block.words is None or ("=" in block.text and not self.equals):
-            self._statement(block)
-            return
+        if not (self._own(block) or any(re.fullmatch(p, block.text) for p in self._said)):
+            if block.words is None or ("=" in block.text and not self.equals):
+                self._statement(block)
+            else:
+                self._take_words(block, block.words)
+        if _functions(block) & _ENDS:
+            self.begin_program()
+
+    def _take_words(self, block: Block, found: Sequence[tuple[str, PlacedNumber]]) -> None:
         for code in block.codes:
             if code in _REFUSED:
                 self._refuse_unit(block, code)
             self.mode = code if code in _MOTION_WORDS else self.mode
             self.offset = code if code in _OFFSETS else self.offset
-        foreign = [name for name, _ in block.words if name in _CARTESIAN and name not in self.axes]
+        if tool := self._tool_offset(block):
+            sentence = f"{tool} found: a tool offset or a group of offsets, whose lengths are not known here"
+            self.reading.refuse(block.line, sentence)
+        foreign = [name for name, _ in found if name in _CARTESIAN and name not in self.axes]
         if foreign:
             sentence = f"the word {foreign[0]} found; the robot's axes are {' '.join(self.joints)} in this dialect"
             self.reading.refuse(block.line, sentence)
-        elif words := [word for word in block.words if word[0] in self.axes]:
+        elif words := [word for word in found if word[0] in self.axes]:
             self._move(block, words)
         else:
             self._check_codes(block)
-        stays = self._stays(block)
-        if not stays and {"L", "P"} & {name for name, _ in block.words}:
+        self._take_functions(block, {name for name, _ in found})
+
+    def _take_functions(self, block: Block, names: set[str]) -> None:
+        """Take in what else the words of a block may do: calls, functions of the PLC, other kinematics."""
+        functions, stays = _functions(block), self._stays(block)
+        if switched := sorted(functions & _SWITCHED.get(self.name, set())):
+            self.reading.refuse(block.line, f"{switched[0]} found: it changes what the words of the axes mean")
+        elif not functions <= _SWITCHES or (not stays and {"L", "P"} & names):
             self.called = block.line
         if block.optional or not stays:
             self.forget()
+
+    def _tool_offset(self, block: Block) -> str:
+        """Return the word of a block that adds a tool or a group of offsets to axes, or nothing."""
+        words = [(name, number) for name, number in block.words or () if number.value]
+        return next((f"{n}{v.text}" for n, v in words if re.fullmatch(r"D|TOFFL?R?|TCARR|G\d+", n)), "")
 
     def _refuse_unit(self, block: Block, code: str) -> None:
         sentence = f"{code} found ({_REFUSED[code]}); absolute angles in degrees are allowed"
@@ -122,7 +164,7 @@ class _GcodeTargets:
     def _stays(self, block: Block) -> bool:
         """Tell whether the words beside the axes leave these where they are: no call, no function of the PLC."""
         names = {name for name, _ in block.words or () if name not in self.axes and not re.fullmatch(r"R\d+", name)}
-        functions = {f"M{number.value:g}" for name, number in block.words or () if name == "M"}
+        functions = _functions(block)
         parameters = names - set("GMFSTDH")  # of a code of the block; on their own they call a program
         if "L" in parameters and "M66" not in functions:
             return False
@@ -207,3 +249,7 @@ class _GcodeTargets:
             if names.count(name) > 1:
                 return f"axis {name} stands twice"
         return None
+
+
+def _functions(block: Block) -> set[str]:
+    return {f"M{number.value:g}" for name, number in block.words or () if name == "M"}

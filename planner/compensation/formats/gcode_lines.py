@@ -8,7 +8,7 @@ _SHIFTS = re.compile(  # words and variables that turn axis angles into somethin
 )
 _VARIABLE = (
     r"(?:R\s*\d+|R\[[^\]]*\]|#\s*(?:\d+|<\w+>)|\$A_(?:OUTA?|DB[BWDR])\[[^\]]*\]"
-    r"|(?!IDS?\b|[A-Z]\d*\s*=)[A-Z_]\w*(?:\[[^\]]*\])?)"
+    r"|(?!(?:IDS?|AX|POS[AP]?)\b|[A-Z]\d*\s*=)[A-Z_]\w*(?:\[[^\]]*\])?)"
 )
 _STATEMENTS = (  # that neither move an axis nor change what its angle means, calls in them apart
     r"(?:IF|ELSE|ENDIF|WHILE|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|UNTIL|CASE|GOTO\w?)\b.*",
@@ -27,6 +27,19 @@ _CALL = re.compile(
     rf"|{_CALLED}\s*(?:\(.*\)\s*)?|[^=]*=.*\b{_CALLED}\s*\(.*"
 )
 _CALLS_NOTHING = re.compile(_STATEMENTS[0] + "|" + "|".join(_STATEMENTS[2:6]))
+
+
+_JUMP = re.compile(r"\bGOTO[BFCS]?\b\s*(?P<target>[^;(\r\n]*)", re.IGNORECASE)
+_JUMPS_TO_BLOCK = re.compile(
+    r"\bM\s*97\b|\bM\s*98\b[^;\r\n]*H|\bM\s*99\b[^;\r\n]*P|\bMCALL\s+\w|\bREPEATB?\s+N?\d", re.IGNORECASE
+)
+
+
+def jumps_to_blocks(text: str) -> bool:
+    """Tell whether a program may go on at any of its blocks: jumps but to a label that it holds, modal calls."""
+    labels = {label.upper() for label in re.findall(r"(?m)^\s*(?:N\d+\s*)?([A-Za-z_]\w*)\s*:", text)}
+    targets = (m["target"].strip().upper() for m in _JUMP.finditer(text))
+    return _JUMPS_TO_BLOCK.search(text) is not None or any(target not in labels for target in targets)
 
 
 def shift_in(text: str) -> str:

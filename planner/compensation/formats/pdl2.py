@@ -19,6 +19,8 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     """Note the joint targets of one program; every other line that says a move or a target is left and told."""
     routine = ""
     own = _OWN_ARM.search(text)
+    if own and own[1] != "1":
+        reading.notes.append((1, f"PROG_ARM = {own[1]}: the robot is taken to be that arm"))
     for statement in parse(text):
         if isinstance(statement, Routine):
             routine = statement.name

@@ -13,12 +13,15 @@ from planner.programs.languages.urscript import UrMove, parse
 _TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")
 _ANGLE = re.compile(rf"\s*(?:d2r\(\s*(?P<deg>{NUMBER})\s*\)|(?P<rad>{NUMBER}(?:[eE][-+]?\d+)?))\s*")
 _ALLOWED = "movej([...], …) alone with plain angles or d2r() of plain degrees is corrected"
+_SHIFTED = re.compile(r"\b(?:track_conveyor_\w+|path_offset_\w+)")  # motion that is added to every target
 RAD_DECIMALS = 7
 
 
 def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     """Note the joint targets of one program."""
     for statement in parse(text):
+        if shifted := _SHIFTED.search(statement.text):
+            reading.refuse(statement.line, f"{shifted[0]} found: what it adds to the targets is not known here")
         if not isinstance(statement, UrMove):
             continue
         match = _TARGET.fullmatch(statement.text)

@@ -12,7 +12,7 @@ from planner.programs.languages.text import NUMBER, Lines, mask_comments
 _ANGLE = rf"d2r\(({NUMBER})\)"
 _ROUTINE = re.compile(r"(?:def|thread)\s+(\w+)\(\)\s*:")
 _BLOCK = re.compile(r"(?:while|if)\b.*:")
-_MOTION = re.compile(r"\b(?:move[jlpc]|servo[jc]|speed[jl]|stop[jl]|force_mode|freedrive_mode|teach_mode)\b")
+_MOTION = re.compile(r"\b(?:(?:opti)?move[jlpc]|servo[jc]|speed[jl]|stop[jl]|force_mode|freedrive_mode|teach_mode)\b")
 _JOINTS = rf"\[({_ANGLE}(?:, {_ANGLE})*)\]"
 _MOVE = re.compile(rf"movej\({_JOINTS}, v=d2r\((?P<speed>{NUMBER})\)(?:, r=(?P<radius>{NUMBER}))?\)")
 _CIRCLE = re.compile(rf"movec\({_JOINTS}, {_JOINTS}, v=(?P<speed>{NUMBER})(?:, r=(?P<radius>{NUMBER}))?\)")
