@@ -528,3 +528,50 @@ def test_the_output_of_a_real_file_is_read_and_corrected_again(name, tmp_path):
     again = run(path, done.text, (load_robot(name), exact(robot)))
     assert again.report.shift_max_m < 1e-6
     assert len(again.report.corrected) == len(done.report.corrected)
+
+
+def test_what_other_modules_do_to_a_work_object_counts(abb, tmp_path):
+    """Code of the modules that are given beside the file changes frames as that of the file itself does."""
+    frame = 'wV:=[FALSE,TRUE,"",[[10,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+    beside = f"MODULE Cal\nPERS wobjdata {frame}\nPROC Up(num x)\n{{do}}\nENDPROC\nENDMODULE\n"
+    text = (
+        f"MODULE M\nCONST robtarget p1:={target(abb[0])};\nCONST robtarget p2:={target(abb[0])};\nPROC main()\n"
+        "Up 3;\nMoveL p1,v9,fine,tool0\\WObj:=wV;\nMoveL p2,v9,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+
+    def correct(do):
+        return run(tmp_path / "p.mod", text, abb, frames=ToolAndBase(data=beside.replace("{do}", do)))
+
+    done = correct("wV.oframe.trans.x:=x;")
+    assert "wV.oframe.trans.x is changed in line 4 of module cal" in reasons(done)[2]
+    assert "PDispSet in line 4 of module cal" in str(pytest.raises(InputError, correct, "PDispSet x;").value)
+    assert changed(correct("x:=3;"), text) == [2, 3]
+    noted = correct("MCalib wV;")
+    assert changed(noted, text) == [2, 3]
+    assert "wV may be changed by 'MCalib wV' in line 4 of module cal: taken as it is in the files" in noted.summary
+
+
+def test_options_stand_for_what_the_file_lacks_alone(abb, tmp_path):
+    """A tool that the person names is none that the file declares, or one of several that it does not."""
+    points = "".join(f"CONST robtarget p{k}:={target(abb[0])};\n" for k in (1, 2, 3))
+    data = 'PERS wobjdata wC:=[FALSE,FALSE,"STN_1",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n'
+    moves = (
+        "MoveL p1,v9,fine,tUnk;\nMoveL p2,v9,fine,tUnk\\WObj:=wC;\nMoveL Offs(p3,0,0,9),v9,fine,tool0;\npc:=p3;\n"
+        "MoveL p3,v9,fine,tUnk;\n"
+    )
+    text = f"MODULE M\n{points}{data}PROC main()\n{moves}ENDPROC\nENDMODULE\n"
+    done = run(tmp_path / "p.mod", text, abb, frames=FREE)
+    assert changed(done, text) == [2]
+    assert "wc (line 5) stands still, is moved or is not declared with plain numbers" in reasons(done)[3]
+    text = text.replace("pc:=p3;", "MoveL p3,v9,fine,tOther;")
+    with pytest.raises(InputError, match="tUnk is not declared with plain numbers"):
+        run(tmp_path / "p.mod", text, abb, frames=FREE)
+
+
+def test_confdata_of_a_label_do_not_come_from_the_line_above(abb, tmp_path):
+    text = (
+        "MODULE M\nPROC main()\nConfL\\Off;\nMoveAbsJ [[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]],v9,fine,tool0;\n"
+        f"CASE 2: MoveL {target(abb[0])},v9,fine,tool0;\nENDPROC\nENDMODULE\n"
+    )
+    done = run(tmp_path / "p.mod", text, abb)
+    assert "confdata is switched off in line 3, and the target that the arm comes from" in reasons(done)[5]

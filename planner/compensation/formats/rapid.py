@@ -13,6 +13,7 @@ from planner.compensation.formats.rapid_frames import (
     FrameTable,
     Names,
     Placed,
+    calls_any,
     handed_names,
     is_read_only,
     may_change,
@@ -36,10 +37,12 @@ _COMPUTED = "is computed while the program runs"
 def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     """Note the targets of one file, declared or written at their move."""
     placed = list(place(list(parse(text))))
-    targets = _RapidTargets(placed, reading)
+    own = {p.module for p in placed}
+    beside = [p for p in place(list(parse(reading.frames.data)), beside=True) if not p.module or p.module not in own]
+    targets = _RapidTargets(placed, beside, reading)
     for p in placed:
         targets.read_changes(p)
-    for key, line in targets.frames.sources(placed).items():
+    for key, line in targets.frames.sources([*placed, *beside]).items():
         if targets.points.has(key):
             targets.points.compute(key, f"makes a tool or a work object (line {line})")
     for p in placed:
@@ -50,16 +53,18 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
 class _RapidTargets:
     """Declarations and moves of a file."""
 
-    def __init__(self, placed: Sequence[Placed], reading: tg.TargetReading) -> None:
+    def __init__(self, own: Sequence[Placed], beside: Sequence[Placed], reading: tg.TargetReading) -> None:
+        placed = [*own, *beside]
         self.reading = reading
         self.names = Names(placed)
-        self.frames = FrameTable(placed, self.names, reading.frames)
         self.points = PointTable(reading, "module")
         self.heads = {
             r.name.lower(): r.text.partition("(")[2] for p in placed if isinstance(r := p.statement, st.Routine)
         }
-        self.displaced = next((p.statement for p in placed if _DISPLACED.search(p.statement.text)), None)
-        self.conf_off = {m[1].lower(): p.statement.line for p in placed if (m := _CONF_OFF.search(p.statement.text))}
+        self.frames = FrameTable(placed, self.names, self.heads, reading.frames)
+        self.displaced = next((p for p in placed if _DISPLACED.search(p.statement.text)), None)
+        self.conf_off = {m[1].lower(): p.where for p in own if (m := _CONF_OFF.search(p.statement.text))}
+        self.conf_off_beside = next((p for p in beside if _CONF_OFF.search(p.statement.text)), None)
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
     def read_changes(self, p: Placed) -> None:
@@ -68,7 +73,7 @@ class _RapidTargets:
             self._read_value(p, p.statement)
         for name, part in handed_names(p.statement):
             if part or self._may_write(p.statement):
-                self.points.compute(self.names.resolve(p, name), may_change(p.statement))
+                self.points.compute(self.names.resolve(p, name), may_change(p))
 
     def _may_write(self, statement: st.Statement) -> bool:
         """Tell whether a routine that a statement calls is not in the file, or takes anything to be written."""
@@ -81,6 +86,7 @@ class _RapidTargets:
         kind, value = statement.kind, statement.value
         if not kind:
             key = self.names.resolve(p, statement.name)
+            self._use_elsewhere(p, set(re.findall(r"[A-Za-z]\w*", value)))
             if not self.frames.knows(key):
                 self.points.compute(key, f"{_COMPUTED} (line {statement.line})")
         elif kind in ("jointtarget", "robtarget"):
@@ -103,9 +109,10 @@ class _RapidTargets:
             self.reading.leave(said.line, f"a target in '{said.text[:60]}' found; those of moves are corrected")
         match said:
             case RapidMove() as move:
+                beside = not move.text.lower().startswith(move.word)  # behind a condition, a label, a case, ERROR
+                self.last = None if beside else self.last
                 self._move(p, move)
-                if not move.text.lower().startswith(move.word):
-                    self.last = None  # behind a condition
+                self.last = None if beside else self.last
             case st.Call() | st.Flow() | st.Routine() | st.RoutineEnd():
                 self.last = None
             case _ if type(said) is st.Statement:
@@ -117,24 +124,46 @@ class _RapidTargets:
         names = {name for name, part in handed_names(said) if not part}
         if isinstance(said, st.Call):
             names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
-        frames = self.frames.default_frames(f"it is handed to a routine in line {said.line}")
-        for name in sorted(names):
-            key = self.names.resolve(p, name)
-            if self.points.has(key) and not self.points.is_computed(key, _COMPUTED):
+        self._use_elsewhere(p, names)
+
+    def _use_elsewhere(self, p: Placed, names: set[str]) -> None:
+        """Note points that a statement hands on: a routine of the file, or that of another, may drive to them."""
+        points = [key for name in sorted(names) if self.points.has(key := self.names.resolve(p, name))]
+        if not points:
+            return
+        why = f"it is handed on in line {p.statement.line}"
+        frames = self.frames.of(p, p.statement) if isinstance(p.statement, RapidMove) else (why, why)
+        if isinstance(p.statement, st.Call) and p.statement.name != "return" and not self._says_frames(p):
+            frames = self.frames.default_frames(why)
+        for key in points:
+            if not self.points.is_computed(key, _COMPUTED):
                 self.points.use(key, 0, frames, None, linear=False)
+
+    def _says_frames(self, p: Placed) -> bool:
+        """Tell whether a call is of a routine of the files, or names one of their tools or work objects."""
+        words = re.findall(r"[A-Za-z]\w*", p.statement.text)
+        knows = any(self.frames.knows(self.names.resolve(p, word)) for word in words)
+        return knows or calls_any(p.statement, self.heads)
 
     def finish(self) -> None:
         """Note the targets that are declared by name, with the frames of the moves that use them."""
+        self.reading.notes.extend(self.frames.notes.values())
+        if self.conf_off_beside is not None:
+            said = f"confdata are taken as written, though {self.conf_off_beside.where} switches them off"
+            self.reading.notes.append((1, said))
         for pose in self.points.finish():
             assert isinstance(pose.value, list)
-            name = pose.name.rpartition(".")[2]
-            if is_service_name(name):
-                self.reading.leave(pose.line, f"{name} {SENTENCE}")
-            elif len(pose.value) == 12:
-                self._joints(pose.line, pose.value, pose.index)
-            else:
-                frames = common_frames(pose.frames or [self.frames.default_frames("no move of this file uses it")])
-                self._pose(pose.line, pose.value, frames, pose.follows, pose.linear, pose.index)
+            self._note_pose(pose, pose.value)
+
+    def _note_pose(self, pose: DeclaredPose, value: list[st.PlacedNumber]) -> None:
+        name = pose.name.rpartition(".")[2]
+        if is_service_name(name):
+            self.reading.leave(pose.line, f"{name} {SENTENCE}")
+        elif len(value) == 12:
+            self._joints(pose.line, value, pose.index)
+        else:
+            frames = common_frames(pose.frames or [self.frames.default_frames("no move of this file uses it")])
+            self._pose(pose.line, value, frames, pose.follows, pose.linear, pose.index)
 
     def _move(self, p: Placed, move: RapidMove) -> None:
         if is_service_name(p.routine):
@@ -166,6 +195,7 @@ class _RapidTargets:
             return self.points.use(key, line, frames, self.last, linear)
         if relative := _RELATIVE.match(value):
             key = self.names.resolve(p, relative[2])
+            self.points.use(key, 0, frames, None, linear)
             gets = "it gets the correction of that point, not its own" if self.points.has(key) else "it is computed"
             self.reading.leave(line, f"{relative[1]} from {relative[2]} found: {gets}")
         else:
@@ -191,11 +221,11 @@ class _RapidTargets:
     ) -> int | None:
         """Note a robtarget; where confdata is switched off, the arm keeps the shape in which it comes."""
         values = [number.value for number in found]
-        off = {self.conf_off.get("confl" if line_ else "confj", 0) for line_ in linear}
+        off = {self.conf_off.get("confl" if line_ else "confj", "") for line_ in linear}
         known = [i for i in follows if i is not None]
-        why = self._why_not(values, frames, bool(off - {0}))
-        if not why and off - {0} and (len(known) < len(follows) or 0 in off):
-            why = f"confdata is switched off in line {max(off)}, and the target that the arm comes from is not certain"
+        why = self._why_not(values, frames, bool(off - {""}))
+        if not why and off - {""} and (len(known) < len(follows) or "" in off):
+            why = f"confdata is switched off in {max(off)}, and the target that the arm comes from is not certain"
         if why:
             self.reading.leave(line, why)
             return None
@@ -203,7 +233,7 @@ class _RapidTargets:
         assert not isinstance(T_FT, str)
         assert not isinstance(T_WB, str)
         conf = [round(v) for v in values[7:11]]
-        configuration = None if off - {0} else ConfData((conf[0], conf[1], conf[2]), conf[3])
+        configuration = None if off - {""} else ConfData((conf[0], conf[1], conf[2]), conf[3])
         units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4
         units += [(1.0, 0)] * 4 if configuration else []
         slots = tuple(number.slot(*unit) for number, unit in zip(found, units, strict=False))
@@ -218,9 +248,9 @@ class _RapidTargets:
         if not off and not 0 <= round(values[10]) <= 3:
             return f"cfx = {values[10]:g} found; 0 … 3 are allowed (the wrist in front of axis 1), or a jointtarget"
         if self.displaced is not None:
-            word = _DISPLACED.search(self.displaced.text)
+            word = _DISPLACED.search(self.displaced.statement.text)
             assert word is not None
-            return f"{word[0]} in line {self.displaced.line} makes the meaning of this target uncertain"
+            return f"{word[0]} in {self.displaced.where} makes the meaning of this target uncertain"
         if why := next((f for f in frames if isinstance(f, str)), ""):
             return why
         return tg.EXTERNAL if any(abs(v) < UNUSED and v != 0.0 for v in values[11:]) else ""

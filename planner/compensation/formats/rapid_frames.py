@@ -1,7 +1,7 @@
 """Tools and work objects of a RAPID file by the key of their declaration, and the scopes in which names are found."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from planner.common.units import MM, Array
 from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import ToolAndBase
-from planner.programs.languages.rapid import POSE, RapidMove, parse
+from planner.programs.languages.rapid import POSE, RapidMove
 from planner.programs.languages.text import EXPONENT_NUMBER, spaces_once
 
 _MODULE = re.compile(r"(?<!END)\bMODULE\s+(\w+)", re.IGNORECASE)
@@ -21,14 +21,23 @@ _PARAMETERS = re.compile(r"\b(?:VAR\s+|PERS\s+|INOUT\s+)?(\w+)\s+(\w+)\s*(?:\{[^
 
 @dataclass(frozen=True)
 class Placed:
-    """A statement, and the module and the routine that it stands in, either of them empty."""
+    """A statement, and the module and the routine that it stands in, either of them empty.
+
+    ``beside``: it is of a module that was given with the file.
+    """
 
     statement: st.Statement
     module: str
     routine: str
+    beside: bool = False
+
+    @property
+    def where(self) -> str:
+        """The line of the statement, and its module where that is another."""
+        return f"line {self.statement.line}" + (f" of module {self.module}" if self.beside else "")
 
 
-def place(statements: Sequence[st.Statement]) -> Iterator[Placed]:
+def place(statements: Sequence[st.Statement], beside: bool = False) -> Iterator[Placed]:
     """Yield the statements with their scopes."""
     module = routine = ""
     for statement in statements:
@@ -36,7 +45,7 @@ def place(statements: Sequence[st.Statement]) -> Iterator[Placed]:
             module, routine = match[1].lower(), ""
         if isinstance(statement, st.Routine):
             routine = statement.name
-        yield Placed(statement, module, routine)
+        yield Placed(statement, module, routine, beside)
         if isinstance(statement, st.RoutineEnd):
             routine = ""
 
@@ -126,10 +135,15 @@ def handed_names(statement: st.Statement) -> Iterator[tuple[str, bool]]:
             yield token["name"], token["part"] is not None
 
 
-def may_change(statement: st.Statement) -> str:
-    """Return what is to be said of a name that ``statement`` hands to a routine."""
-    said = " ".join(statement.text.split())
-    return f"may be changed by '{said[:60]}' in line {statement.line}"
+def calls_any(statement: st.Statement, routines: Collection[str]) -> bool:
+    """Tell whether a statement calls one of these routines, in small letters."""
+    return any(word.lower() in routines for word in re.findall(r"[A-Za-z]\w*", statement.text))
+
+
+def may_change(p: Placed) -> str:
+    """Return what is to be said of a name that a statement hands to a routine."""
+    said = " ".join(p.statement.text.split())
+    return f"may be changed by '{said[:60]}' in {p.where}"
 
 
 _TOOL = re.compile(rf"\[\s*TRUE\s*,\s*(?P<pose>{POSE})\s*,.*", re.IGNORECASE | re.DOTALL)
@@ -141,38 +155,47 @@ _FRAME_NAME = r"([A-Za-z]\w*(?:\{[^}]*\})?)\s*+(?=\\|$)"
 
 
 class FrameTable:
-    """The frames that the files declare, and which of them change while the program runs."""
+    """The frames that the files declare, and which of them change while the program runs.
 
-    def __init__(self, placed: Sequence[Placed], names: Names, given: ToolAndBase) -> None:
+    Attributes:
+        notes: line and sentence of each frame in use that a routine of the controller may have changed.
+    """
+
+    def __init__(self, placed: Sequence[Placed], names: Names, routines: Collection[str], given: ToolAndBase) -> None:
         self._given, self._names = given, names
+        self._doubted: dict[str, str] = {}  # that a routine of the controller may write, in another module
         self._tools: dict[str, Frame] = {"tool0": np.eye(4)}
         self._objects: dict[str, Frame] = {"wobj0": np.eye(4)}
         self._handed: dict[str, str] = {}
-        for statement in parse(given.data):
-            if isinstance(statement, st.Assignment):
-                self._declare(statement, statement.name)
         for p in placed:
             if isinstance(p.statement, st.Assignment) and p.statement.kind in _KINDS:
-                self._declare(p.statement, names.own(p, p.statement.name))
+                self._declare(p, p.statement, names.own(p, p.statement.name))
         for p in placed:
             if isinstance(p.statement, st.Assignment) and not p.statement.kind:
-                self._change(p.statement, names.resolve(p, p.statement.name))
+                self._change(p, p.statement, names.resolve(p, p.statement.name))
             for name, _ in handed_names(p.statement):
-                self._handed.setdefault(names.resolve(p, name), f"{name} {may_change(p.statement)}")
+                table = self._handed if not p.beside or calls_any(p.statement, routines) else self._doubted
+                table.setdefault(names.resolve(p, name), f"{name} {may_change(p)}")
+        self.notes: dict[str, tuple[int, str]] = {}
+        self._missing: dict[str, set[str]] = {"tool": set(), "base": set()}
+        for p in placed:
+            if isinstance(p.statement, RapidMove) and not p.beside:
+                self.of(p, p.statement)
 
-    def _declare(self, statement: st.Assignment, key: str) -> None:
+    def _declare(self, p: Placed, statement: st.Assignment, key: str) -> None:
+        unknown = f"{statement.name} ({p.where}) stands still, is moved or is not declared with plain numbers"
         if statement.kind == "tooldata":
             tool = _TOOL.fullmatch(statement.value)
-            self._tools[key] = "" if tool is None else _transform(tool["pose"])
+            self._tools[key] = unknown if tool is None else _transform(tool["pose"])
         elif statement.kind == "wobjdata":
             found = _WORK_OBJECT.fullmatch(statement.value)
             user, placed = ("", "") if found is None else (_transform(found["user"]), _transform(found["object"]))
-            self._objects[key] = "" if isinstance(user, str) or isinstance(placed, str) else user @ placed
+            self._objects[key] = unknown if isinstance(user, str) or isinstance(placed, str) else user @ placed
 
-    def _change(self, statement: st.Assignment, key: str) -> None:
+    def _change(self, p: Placed, statement: st.Assignment, key: str) -> None:
         """One of the file's frames, or a name of another file, is given a value while the program runs."""
         variable = statement.text.partition(":=")[0].strip()
-        why = f"{variable} is changed in line {statement.line} while the program runs"
+        why = f"{variable} is changed in {p.where} while the program runs"
         if key in self._tools or "." not in key:
             self._tools[key] = why
         if key in self._objects or "." not in key:
@@ -213,13 +236,15 @@ class FrameTable:
             return self._handed[key]
         found = table.get(key, "")
         if not isinstance(found, str) or found:
+            if key in self._doubted:
+                self.notes.setdefault(key, (p.statement.line, f"{self._doubted[key]}: taken as it is in the files"))
             return found
-        if given is not None:
+        self._missing[what].add(key)
+        if given is not None and len(self._missing[what]) == 1:
             return given
-        option = "--tool" if what == "tool" else "--base"
         return (
             f"{name or 'the ' + what} is not declared with plain numbers: declare it in the module, give a module "
-            f"that does (--frames), or name it yourself ({option})"
+            f"that does (--frames), or name it yourself where it is the only one (--{what})"
         )
 
     def default_frames(self, because: str) -> FramePair:
