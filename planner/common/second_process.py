@@ -47,6 +47,7 @@ class Beside(Generic[T]):
             os.close(self._read)
             _answer(task, write, parent)
         os.close(write)
+        del self._task  # what it holds may go, though the copy lives
 
     def result(self) -> T:
         """Wait for what the task returns, or raise its error; to be called once.

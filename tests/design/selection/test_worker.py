@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.common.second_process import Beside
+from planner.common.second_process import Assistant, Beside
 from planner.design.selection.index_curves import BackgroundCurve, compute_index_curve
 from tests.processors import keep_to_one, use_all
 
@@ -46,6 +46,43 @@ def test_errors_come_back():
 
     with pytest.raises(InputError, match="no such thing"):
         Beside(fail).result()
+
+
+class Prover:
+    """Something that has an assistant of its own, as the proofs of motions have."""
+
+    def __init__(self):
+        self.assistant = Assistant(self.halve)
+
+    def halve(self, number):
+        if number % 2:
+            raise InputError(f"{number} is odd")
+        return number // 2, os.getpid()
+
+
+def test_an_assistant_answers_in_order_and_tells_errors():
+    assistant = Prover().assistant
+    for number in (8, 7, 6):
+        assistant.begin(number)
+    assert assistant.result()[0] == 4
+    with pytest.raises(InputError, match="7 is odd"):
+        assistant.result()
+    half, pid = assistant.result()
+    assert half == 3
+    assert pid != os.getpid()
+    os.kill(pid, signal.SIGKILL)
+    assistant.begin(2)
+    with pytest.raises(RuntimeError, match="ended from outside"):
+        assistant.result()
+
+
+def test_an_assistant_goes_when_nobody_refers_to_it():
+    prover = Prover()
+    prover.assistant.begin(2)
+    pid = prover.assistant.result()[1]
+    del prover
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
 
 
 def test_the_worker_ends_with_its_parent():
