@@ -253,25 +253,6 @@ def shared_notes(programs: Mapping[str, Program]) -> tuple[str, ...]:
     return tuple(f"{', '.join(names)}: {text}" for text, names in said.items())
 
 
-def read_back(dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:
-    """Return what ``files`` make the robot do, read without the code that wrote them.
-
-    Raises:
-        InputError: no such dialect, or a line that is not of it.
-    """
-    return read_texts(load_dialect(dialect_name), _texts(files))
-
-
-def verify(program: Program, dialect_name: str, files: Sequence[ProgramFile]) -> ReadBack:
-    """Read ``files`` back and compare them with ``program`` within the printed resolution.
-
-    Raises:
-        InputError: no such dialect.
-        ProgramMismatchError: the files do something else; no such program may be released.
-    """
-    return check_program(program, load_dialect(dialect_name), _texts(files))
-
-
 def import_map(dialect_name: str, n_joints: int) -> str:
     """Return the column map (TOML) with which the controller's own log of the axes is imported.
 

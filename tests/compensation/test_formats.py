@@ -13,8 +13,9 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.languages import READERS
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.dialect import dialects
-from planner.programs.verification import read_back, write_program
+from planner.programs.verification import write_program
 from tests.compensation.robots import BentRobot, bent, exact, regular_angles, unlimited
+from tests.programs.reading import read_back
 
 HALF = np.radians(0.5)
 NAMES = [d.name for d in dialects() if d.reading.family in READERS]  # a pose list is corrected as a table of targets

@@ -11,10 +11,10 @@ from planner.common.progress import Stages
 from planner.identification.pipeline import identify
 from planner.instruments.simulation.measurement import simulate
 from planner.instruments.simulation.truth import draw_truth
-from planner.programs.verification import read_back
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
 from planner.workflow.planning import plan_cell
+from tests.programs.reading import read_back
 
 APPROACH, WAIT = 0.060, 0.015  # [m] of the shipped cell
 

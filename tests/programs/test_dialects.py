@@ -10,7 +10,8 @@ import planner.programs.dialect as dialect_module
 import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects
-from planner.programs.verification import import_map, read_back, verify, write_program
+from planner.programs.verification import import_map, write_program
+from tests.programs.reading import read_back, verify
 
 SHIPPED = {
     "bnr", "din66025", "fanuc-tp", "krl", "lerobot", "linuxcnc", "pdl2", "poses-csv", "poses-json", "rapid",

@@ -12,7 +12,8 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Comment, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import EXECUTIONS, ProgramMismatchError, read_back, verify, write_program
+from planner.programs.verification import EXECUTIONS, ProgramMismatchError, write_program
+from tests.programs.reading import read_back, verify
 
 NAMES = [d.name for d in dialects()]
 STATEMENTS = {

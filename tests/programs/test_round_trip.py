@@ -11,7 +11,8 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
 from planner.programs.rendering import render_program
-from planner.programs.verification import ProgramMismatchError, read_back, verify, write_program
+from planner.programs.verification import ProgramMismatchError, write_program
+from tests.programs.reading import read_back, verify
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {

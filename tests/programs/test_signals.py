@@ -9,7 +9,8 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program, Sync, WaitInput
-from planner.programs.verification import program_notes, read_back, verify, write_program
+from planner.programs.verification import program_notes, write_program
+from tests.programs.reading import read_back, verify
 
 NAMES = sessions.BY_LINES
 PASSING = [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")]

@@ -10,7 +10,8 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Pause, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, read_back, read_texts, verify, write_program
+from planner.programs.verification import ProgramMismatchError, read_texts, write_program
+from tests.programs.reading import read_back, verify
 
 NAMES = [d.name for d in dialects()]
 BY_LINES = sessions.BY_LINES

@@ -15,7 +15,6 @@ from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import read_back
 from planner.runs.run import Samples
 from planner.session.document import read_plan
 from planner.session.planning import PoseSession
@@ -23,6 +22,7 @@ from planner.workflow.plan_reading import export
 from planner.workflow.plan_results import PosesResult
 from planner.workflow.planning import plan
 from tests.command import edbb
+from tests.programs.reading import read_back
 from tests.workflow.conftest import FEWER, POSES, small_cell
 
 KEYS = {

@@ -12,7 +12,7 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.dialect import load_dialect
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, read_back, verify
+from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
@@ -20,6 +20,7 @@ from planner.session.plan_record import plan_document
 from planner.session.planning import with_programs
 from planner.workflow.planning import plan_cell
 from planner.workflow.writing import write_plan
+from tests.programs.reading import read_back, verify
 
 SWEEP = 25  # states on each motion
 

@@ -13,12 +13,13 @@ from planner.instruments.circular.planning import plan_circles
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
-from planner.programs.verification import ProgramMismatchError, read_back, verify
+from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import axis_limits
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from tests.instruments.circular.conftest import cell_file, quiet
+from tests.programs.reading import read_back, verify
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 

@@ -1,0 +1,14 @@
+"""Programs read back by name of their dialect, and held against what was planned."""
+
+from planner.programs.dialect import load_dialect
+from planner.programs.verification import check_program, read_texts
+
+
+def read_back(dialect_name, files):
+    """What the files make the robot do, read without the code that wrote them."""
+    return read_texts(load_dialect(dialect_name), [f.text for f in files])
+
+
+def verify(program, dialect_name, files):
+    """Read the files back and compare them with the program within the printed resolution."""
+    return check_program(program, load_dialect(dialect_name), [f.text for f in files])
