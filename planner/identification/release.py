@@ -17,7 +17,7 @@ from planner.model.identification_document import Metrics, Release, SizeOfFamily
 from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
-DOUBT = 0.05  # probability that geometry alone is the better robot, at most
+DOUBT = 0.02  # probability that geometry alone is the better robot, at most
 LEAST_SHARE = 0.05  # of the way to the posterior mean, which is worth a robot with effects
 
 

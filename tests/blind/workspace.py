@@ -96,15 +96,9 @@ def try_task(task: Task, measured_q: np.ndarray) -> Outcome:
     made = runs.measured(arm, bench, task.gauge, measured_q, truth, task.seed)
     q = states_anywhere(arm, bench, rng)
     true = true_tool(arm, bench, made.truth, q)
-    geometry: dict[str, float] = {}
-
-    def tracer(stage, context, say):
-        geometry.update(zip(stage.fit.model.names, stage.fit.errors, strict=True))
-        return trace(stage, context, say)
-
-    _, found, seconds = identified(made, tracer)
-    if not geometry:  # too few readings to trace
-        geometry.update(zip(found.fit.model.names, found.fit.errors, strict=True))
+    _, found, seconds = identified(made, trace)
+    alone = found.released.geometry  # no stage with effects declared or noted on the way
+    geometry = dict(zip(alone.model.names, map(float, alone.errors), strict=True))
     with tempfile.TemporaryDirectory() as folder:
         off = difference(released_tool(found, bench, Path(folder), q), true)
     sigma, shift = expected_difference(found, q)
