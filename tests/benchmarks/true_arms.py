@@ -57,7 +57,7 @@ def _displaced_urdf(
         origin.set("xyz", " ".join(map(repr, map(float, moved))))
         origin.set("rpy", " ".join(map(repr, map(float, turned.as_euler("xyz")))))
     model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
-    data, frame = model.createData(), model.getFrameId(tip)
+    data, frame = model.createData(), model.getFrameId(tip, pin.FrameType.BODY)
     index = [model.joints[model.getJointId(n)].idx_q for n in joints]
 
     def flange(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
