@@ -123,6 +123,12 @@ LEFT_KRL = {
     ),
     "external axis of before": (["PTP {E1 300}", "PTP {P}"], 6, "E1 is not said here and keeps its last value"),
     "orientation kept": (["$ORI_TYPE=#CONSTANT", "LIN {P}"], 6, "ORI_TYPE may be #CONSTANT since line 5"),
+    "orientation kept by its data": (
+        ["LCPDAT1={VEL 2.0,ORI_TYP #CONSTANT}", "LDAT_ACT=LCPDAT1", "BAS(#CP_DAT)", "LIN {P}"],
+        8,
+        "ORI_TYP is #CONSTANT in line 5",
+    ),
+    "half a configuration": (["PTP {H}"], 5, "S without T, or T without S"),
     "set on the way": (
         ["XP1={P}", "TRIGGER WHEN DISTANCE=1 DELAY=0 DO XP1.Z=700.0", "PTP XP1"],
         5,
@@ -170,7 +176,7 @@ def test_krl_lines_that_are_not_certain_are_left_and_named(name, kuka, tmp_path)
     words = {
         "{P}": pose(robot), "{A}": pose(robot, plus=16), "{E}": pose(robot).replace("}", ",E1 500.0}"),
         "{F}": pose(robot, status=False), "{G}": pose(robot, (20, -80, 100, 20, 40, 30), status=False),
-        "{B}": frame_text(np.zeros(6)), "{T}": frame_text(TOOL),
+        "{B}": frame_text(np.zeros(6)), "{T}": frame_text(TOOL), "{H}": re.sub(r",T \d+", "", pose(robot)),
     }  # fmt: skip
     for word, value in words.items():
         rows = [row.replace(word, value) for row in rows]
@@ -547,6 +553,10 @@ def test_what_other_modules_do_to_a_work_object_counts(abb, tmp_path):
     with pytest.raises(InputError, match="PDispSet in line 4 of module cal"):
         correct("PDispSet x;")
     assert changed(correct("x:=3;"), text) == [2, 3]
+    assert "p1 is computed while the program runs (line 4 of module cal)" in reasons(correct("p1.trans.x:=x;"))[2]
+    assert (
+        "different tools" in reasons(correct("MoveL p1,v9,fine,tool0\\WObj:=wV;MoveL p2,v9,fine,tool0\\WObj:=wV;"))[3]
+    )
     noted = correct("MCalib wV;")
     assert changed(noted, text) == [2, 3]
     assert "wV may be changed by 'MCalib wV' in line 4 of module cal: taken as it is in the files" in noted.summary
@@ -567,6 +577,17 @@ def test_options_stand_for_what_the_file_lacks_alone(abb, tmp_path):
     text = text.replace("pc:=p3;", "MoveL p3,v9,fine,tOther;")
     with pytest.raises(InputError, match="tUnk is not declared with plain numbers"):
         run(tmp_path / "p.mod", text, abb, frames=FREE)
+
+
+def test_an_option_is_no_value_of_a_parameter(abb, tmp_path):
+    rows = "PERS tooldata tA{2}:=[[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]]];\n"
+    for tool in ("t", "tA{i}", "tc"):
+        text = (
+            f"MODULE M\nCONST robtarget p1:={target(abb[0])};\n{rows}PROC pick(PERS tooldata t)\nVAR tooldata tc;\n"
+            f"MoveL p1,v9,fine,{tool};\nENDPROC\nENDMODULE\n"
+        )
+        with pytest.raises(InputError, match=r"is a parameter, a variable or one of a row|is not declared with plain"):
+            run(tmp_path / "p.mod", text, abb, frames=FREE)
 
 
 def test_confdata_of_a_label_do_not_come_from_the_line_above(abb, tmp_path):

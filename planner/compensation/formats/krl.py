@@ -51,7 +51,8 @@ class _KrlTargets:
     def __init__(self, statements: Sequence[st.Statement], reading: tg.TargetReading) -> None:
         self.reading = reading
         self.frames = FrameState(statements, reading.frames)
-        self.driven = {axis.upper() for s in statements for axis in _DRIVEN.findall(s.text)}  # external axes that move
+        said = [*parse(reading.frames.data), *statements]
+        self.driven = {axis.upper() for s in said for axis in _DRIVEN.findall(s.text)}  # external axes that move
         self.points = PointTable(reading, "file")
         for name, line in frame_sources(statements).items():
             self.points.compute(name, f"makes a tool or a base (line {line})")
@@ -159,7 +160,7 @@ class _KrlTargets:
         """Say why a move does not go to where its target says for certain; nothing where it does."""
         if MORE_THAN_A_MOVE.search(move.rest):
             return f"'{move.rest[:60]}' in line {move.line} is no part of a move that is known here"
-        return self.frames.keeps_orientation() if linear else ""
+        return self.frames.keeps_orientation(move.rest) if linear else ""
 
     def _target(self, move: KrlMove, target: Aggregate | str, frames: FramePair, linear: bool) -> None:
         if isinstance(target, str):
@@ -229,6 +230,9 @@ class _KrlTargets:
     ) -> int | None:
         """Note a pose, and return its index; a line or a circle that ``inherits`` keeps the shape of the arm."""
         if not self._complete(line, found, POSE_KEYS, ("S", "T")):
+            return None
+        if len({"S", "T"} & found.keys()) == 1 and not inherits:
+            self._leave(line, "S without T, or T without S: which way the arm takes there is not certain")
             return None
         configuration = _configuration(found)
         if (configuration is None or inherits) and follows:

@@ -26,7 +26,14 @@ from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import Bas
 
-FOLLOWED = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT")  # variables whose value a pose depends on
+FOLLOWED = (
+    "$TOOL",
+    "$BASE",
+    "$IPO_MODE",
+    "$ORI_TYPE",
+    "FDAT_ACT",
+    "LDAT_ACT",
+)  # variables whose value a pose depends on
 _FIXED_BASE, _VARIABLE = "#BASE", "#VAR"
 _MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 _WITH_TAUGHT = re.compile(  # the frames of a point taught by inline form, as a spline move takes them
@@ -54,7 +61,8 @@ class FrameState:
 
     def forget(self, because: str = "") -> None:
         """Forget what was set: another program may have set something else."""
-        self._now: dict[str, Frame] = {"TOOL": because, "BASE": because, "IPO_MODE": "", "ORI_TYPE": "", "FDAT_ACT": ""}
+        self._now: dict[str, Frame] = dict.fromkeys((name.lstrip("$") for name in FOLLOWED), "")
+        self._now |= {"TOOL": because, "BASE": because}
 
     def hides(self, name: str) -> bool:
         """Tell whether a name is a parameter or a variable of the routine, which hides that of the module."""
@@ -97,9 +105,11 @@ class FrameState:
         names = self._values.everywhere or self._values.names_in(fdat)
         return (names, names) if isinstance(names, str) else (self._find_frame(names[0]), self._find_frame(names[1]))
 
-    def keeps_orientation(self) -> str:
+    def keeps_orientation(self, rest: str) -> str:
         """Say why a straight move here may keep the orientation that it begins with; nothing where it does not."""
-        return self._turns if self._turns and self._now["ORI_TYPE"] != _VARIABLE else ""
+        named = re.search(r"\bSORI_TYP\s*\(\s*(\w+)", rest, re.IGNORECASE)
+        mode = self._values.orientation_of(named[1]) if named else self._now["ORI_TYPE"]
+        return "" if mode == _VARIABLE else self._turns
 
     def _find_frame(self, name: str) -> Frame:
         """Return a frame by its name as it is at this statement."""
@@ -163,6 +173,10 @@ class FrameState:
                 self._set(which, found)
             mode = re.search(r"IPO_FRAME\s+(#\w+)", fdat)
             self._set("IPO_MODE", mode[1] if mode else "")
+            if statement.what == "CP_PARAMS":
+                self._set("ORI_TYPE", self._values.orientation_of(str(self._now["LDAT_ACT"])))
+        elif statement.what == "CP_DAT":
+            self._set("ORI_TYPE", self._values.orientation_of(str(self._now["LDAT_ACT"])))
         elif statement.what in RESETS_FRAMES:
             for which in list(self._now):
                 self._set(which, "")
@@ -174,6 +188,9 @@ class FrameState:
         which = statement.name.lstrip("$")
         if which == "FDAT_ACT":
             self._set(which, "" if statement.part else self._values.resolve_fdat(statement.value))
+            return
+        if which == "LDAT_ACT":
+            self._set(which, "" if statement.part else statement.value)
             return
         if which not in KINDS:
             self._set(which, statement.value.upper())
@@ -212,6 +229,8 @@ def _orientation(statements: Sequence[st.Statement]) -> str:
     for s in statements:
         if isinstance(s, st.Assignment) and s.name == "$ORI_TYPE" and s.value.upper() != _VARIABLE:
             return f"$ORI_TYPE may be {s.value} since line {s.line}: the arm keeps the orientation that it comes with"
+        if found := re.search(r"\bORI_TYP\s*=?\s*(#(?!VAR\b)\w+)", s.text, re.IGNORECASE):
+            return f"ORI_TYP is {found[1]} in line {s.line}: the arm may keep the orientation that it comes with"
     return ""
 
 

@@ -53,6 +53,7 @@ class FrameValues:
     def __init__(self, statements: Sequence[st.Statement], changes: FrameChanges, given: ToolAndBase) -> None:
         self._frames: dict[str, Frame] = {"TOOL_DATA[0]": np.eye(4), "BASE_DATA[0]": np.eye(4)}
         self._fdats: dict[str, str] = {}
+        self._orientations: dict[str, str] = {}  # of straight moves, by the name of their LDAT
         self._on_kinematic: dict[str, str] = {}  # bases that stand on an external kinematic
         self.everywhere, self.set_by_code, self._changes = "", dict[str, int](), changes
         said = [*parse(given.data), *statements]
@@ -60,6 +61,7 @@ class FrameValues:
             if isinstance(s, st.Assignment):
                 self._take_frame(s)
                 self._take_fdat(s)
+                self._take_ldat(s)
         self._take_kinematics(said)
         self._take_doubts(statements)
         self._take_given(list(self._selections(statements)), given)
@@ -69,7 +71,7 @@ class FrameValues:
 
     def find(self, name: str) -> Frame:
         """Return a frame by its name, or why it is not certain."""
-        found = self._frames.get(name, "")
+        found = self._on_kinematic.get(name) or self._frames.get(name, "")
         if not isinstance(found, str) or found:
             return found
         which = KINDS.get(name[:4], "")
@@ -79,6 +81,12 @@ class FrameValues:
     def resolve_fdat(self, value: str) -> str:
         """Return what an FDAT says, given by name or in braces; nothing where it is not certain."""
         return value.upper() if value.startswith("{") else self._fdats.get(one_spelling(value), "")
+
+    def orientation_of(self, ldat: str) -> str:
+        """Return how straight moves with an LDAT, given by name or in braces, turn; nothing where it is not certain."""
+        if ldat.startswith("{"):
+            return _orientation_in(ldat)
+        return self._orientations.get(one_spelling(ldat), "")
 
     def taught_with(self, point: str) -> str | None:
         """Return the FDAT of a point that inline forms have taught (XP1: FP1); None where it has none."""
@@ -92,7 +100,7 @@ class FrameValues:
         if len(numbers) != 2:
             return "the data that its tool and base are taught with are not certain"
         tool, base = (f"{which}_DATA[{max(int(numbers[which]), 0)}]" for which in KINDS)
-        return self._on_kinematic.get(base) or (tool, base)
+        return tool, base
 
     def _take_frame(self, statement: st.Assignment) -> None:
         """Take in a frame that has a name; one that changes has no certain value anywhere."""
@@ -124,6 +132,13 @@ class FrameValues:
         said = statement.value.upper()
         plain = not statement.part and said.startswith("{") and self._fdats.get(name, said) == said
         self._fdats[name] = said if plain else ""
+
+    def _take_ldat(self, statement: st.Assignment) -> None:
+        """Take in how the straight moves with some LDAT turn; nothing where that changes."""
+        name = one_spelling(statement.name)
+        if name != "LDAT_ACT" and (statement.kind == "LDAT" or name in self._orientations):
+            said = "" if statement.part else _orientation_in(statement.value)
+            self._orientations[name] = said if self._orientations.get(name, said) == said else ""
 
     def _take_kinematics(self, statements: Sequence[st.Statement]) -> None:
         """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
@@ -171,6 +186,11 @@ class FrameValues:
             if T is not None and len(missing) == 1:
                 self._frames[missing.pop()] = T
             self.unsaid.append(None if names else T)
+
+
+def _orientation_in(ldat: str) -> str:
+    found = re.search(r"\bORI_TYP\s*(#\w+)", ldat.upper())
+    return found[1] if found else ""
 
 
 def _variable(statement: st.Assignment) -> str:

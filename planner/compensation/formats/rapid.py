@@ -27,7 +27,7 @@ from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, A
 from planner.programs.languages.text import EXPONENT_NUMBER
 
 QUATERNION_DECIMALS = 8
-_DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal)\b", re.IGNORECASE)
+_DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
 _CONF_OFF = re.compile(r"\b(Conf[JL])\s*\\\s*Off\b", re.IGNORECASE)
 _OPTIONS = r"(?:\s*\\\s*\w+\s*(?::=\s*[\w.{}]+)?)*"
 _RELATIVE = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+)", re.IGNORECASE)
@@ -40,11 +40,13 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     own = {p.module for p in placed}
     beside = [p for p in place(list(parse(reading.frames.data)), beside=True) if not p.module or p.module not in own]
     targets = _RapidTargets(placed, beside, reading)
-    for p in placed:
+    for p in (*placed, *beside):
         targets.read_changes(p)
     for key, line in targets.frames.sources([*placed, *beside]).items():
         if targets.points.has(key):
             targets.points.compute(key, f"makes a tool or a work object (line {line})")
+    for p in beside:
+        targets.take_beside(p)
     for p in placed:
         targets.take(p)
     targets.finish()
@@ -88,8 +90,8 @@ class _RapidTargets:
             key = self.names.resolve(p, statement.name)
             self._use_elsewhere(p, set(re.findall(r"[A-Za-z]\w*", value)))
             if not self.frames.knows(key):
-                self.points.compute(key, f"{_COMPUTED} (line {statement.line})")
-        elif kind in ("jointtarget", "robtarget"):
+                self.points.compute(key, f"{_COMPUTED} ({p.where})")
+        elif kind in ("jointtarget", "robtarget") and not p.beside:
             pattern = JOINT_TARGET if kind == "jointtarget" else ROB_TARGET
             rows = list(pattern.finditer(value)) if statement.part else [pattern.fullmatch(value)]
             name = self.names.own(p, statement.name)
@@ -125,6 +127,16 @@ class _RapidTargets:
         if isinstance(said, st.Call):
             names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
         self._use_elsewhere(p, names)
+
+    def take_beside(self, p: Placed) -> None:
+        """Take in where a statement of another module drives to points of the file."""
+        self._hand_points(p)
+        if isinstance(move := p.statement, RapidMove):
+            for argument in move.arguments:
+                name = re.match(r"(?:(?:Offs|RelTool)\s*\(\s*)?([A-Za-z]\w*)\s*(\{[^}]*\})?", argument.text)
+                key = self.names.resolve(p, name[1]) + (name[2] or "") if name else ""
+                if self.points.has(key):
+                    self.points.use(key, 0, self.frames.of(p, move), None, linear=False)
 
     def _use_elsewhere(self, p: Placed, names: set[str]) -> None:
         """Note points that a statement hands on: a routine of the file, or that of another, may drive to them."""

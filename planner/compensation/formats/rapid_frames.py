@@ -68,6 +68,10 @@ class Names:
         """Return the key of ``name`` as it is declared in this statement."""
         return _key(p.module, p.routine, name)
 
+    def declares(self, key: str) -> bool:
+        """Tell whether a key is one of a declaration or a parameter in the files."""
+        return key in self._keys
+
     def resolve(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is used in this statement, or the bare name if the file does not have it."""
         name = name.lower()
@@ -231,7 +235,7 @@ class FrameTable:
         )
 
     def _find(self, p: Placed, what: str, name: str, table: dict[str, Frame], given: Array | None) -> Frame:
-        key = self._names.resolve(p, name)
+        key = self._names.resolve(p, name.partition("{")[0].strip())
         if key in self._handed and key not in ("tool0", "wobj0"):
             return self._handed[key]
         found = table.get(key, "")
@@ -239,6 +243,8 @@ class FrameTable:
             if key in self._doubted:
                 self.notes.setdefault(key, (p.statement.line, f"{self._doubted[key]}: taken as it is in the files"))
             return found
+        if self._names.declares(key):
+            return f"{name} is a parameter, a variable or one of a row: its value at the move is not certain"
         self._missing[what].add(key)
         if given is not None and len(self._missing[what]) == 1:
             return given
