@@ -20,6 +20,7 @@ from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
+PARALLEL_REFITS = 4  # candidates that are refitted side by side
 SIMILAR_GAIN = 0.9  # share of the best gain above which another candidate is refitted beside it
 THREADS = 2  # refits at a time: they are taken in order, so their number does not show
 SWAP_EVIDENCE = 4.0  # fall of minus twice the log evidence for which an effect is swapped
@@ -34,7 +35,7 @@ def best_step(
     """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
     doubtful = list[SearchState]()
     while likely:
-        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][: context.parallel_refits(state)]
+        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][:PARALLEL_REFITS]
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
         kept = []

@@ -14,7 +14,6 @@ from planner.tracing.score_test import EffectScore, ScoreTest, linearise, poster
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
-PARALLEL_REFITS = 4  # candidates that are refitted side by side
 RETRY_RATIO = 1.3  # times more of the residual than when it was refused: an effect is tried again
 Progress = Callable[[str], None]
 
@@ -63,10 +62,6 @@ class SearchContext:
     def tried(self) -> int:
         """Number of effects and values that each step looks at."""
         return len(self.dictionary.items)
-
-    def parallel_refits(self, state: SearchState) -> int:
-        """How many similar candidates are refitted side by side: of a long run the one with the best score."""
-        return PARALLEL_REFITS if self.bench.part(state.fit.model) is None else 1
 
     def score_test(self, state: SearchState) -> ScoreTest:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
