@@ -97,7 +97,7 @@ def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkey
     released = judged(0, WEAK)[0].released
     before = replace(released, fit=released.geometry, share=0.0)
     partial = 0
-    for doubt in np.linspace(0.02, 0.7, 36):
+    for doubt in np.linspace(0.02, 0.7, 12):
         monkeypatch.setattr(release, "DOUBT", doubt)
         share = release.safe_share(before)
         if not 0.0 < share < 1.0:
