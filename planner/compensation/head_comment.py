@@ -48,7 +48,7 @@ def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], befor
     yield f"Corrected lines: {lines(corrected) or 'none'}."
     reasons: dict[str, list[int]] = {}
     for line, why in left:
-        here = re.sub(r"\bline (\d+)(?! of the other)", lambda m: f"line {lines([int(m[1])])}", why)
+        here = re.sub(r"\bline (\d++)(?! of (?:the other|module))", lambda m: f"line {lines([int(m[1])])}", why)
         reasons.setdefault(textwrap.shorten(here, LENGTH, placeholder=" ..."), []).append(line)
     for count, (why, where) in enumerate(reasons.items(), start=1):
         if count > REASONS:

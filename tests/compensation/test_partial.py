@@ -550,6 +550,8 @@ def test_what_other_modules_do_to_a_work_object_counts(abb, tmp_path):
 
     done = correct("wV.oframe.trans.x:=x;")
     assert "wV.oframe.trans.x is changed in line 4 of module cal" in reasons(done)[2]
+    head = " ".join(done.text.replace("!", " ").split())
+    assert "line 4 of module cal" in head  # the head counts the lines of its own file anew, and of no other
     with pytest.raises(InputError, match="PDispSet in line 4 of module cal"):
         correct("PDispSet x;")
     assert changed(correct("x:=3;"), text) == [2, 3]
