@@ -22,7 +22,7 @@ from planner.design.observability.identifiability import Identifiability, find_i
 from planner.design.observability.information import Indices, all_indices, find_rule, index_value
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.d_optimal import EqualShares, detmax
-from planner.design.selection.index_bound import certify_bound
+from planner.design.selection.index_bound import certify_bound, price_core
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.refinement import refine_off_grid
@@ -33,6 +33,7 @@ from planner.runs.run import Samples
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
 LOOSE, TIGHT = 5e-4, 1e-4  # tolerance of the bound: from nothing, and from a certificate nearby
 ROUGH = 5e-3  # where the index did not choose the poses, and only judges them
+LIKELY_EACH = 1000  # candidates of each ball among which poses are searched
 PROBED = 400  # states at each mounting that tell how many parameters there are before candidates are drawn
 CLEARLY_TOO_FEW = 0.9  # share of the readings that the parameters take, below which no candidates are drawn
 CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
@@ -173,8 +174,16 @@ def select_poses(
         if pool.ball is None:
             chosen = exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
         else:
-            chosen = detmax(rows, n, seed=seed, group=pool.ball)
+            likely = _likely_at_balls(rows, pool.ball, certificate, n)
+            chosen = detmax(rows, n, seed=seed, group=pool.ball, likely=likely)
     return _judge_chosen(model, seen, pool, chosen, certificate), curve
+
+
+def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:
+    """Return the candidates that an optimal set may hold by their price in the certificate, enough of each ball."""
+    order, core = price_core(rows, certificate, n)
+    each = [order[ball[order] == k][:LIKELY_EACH] for k in range(int(ball.max()) + 1)]
+    return np.union1d(core, np.concatenate(each))
 
 
 def judge_poses(

@@ -48,7 +48,7 @@ class BallSocket(BallGauge):
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
     OwnKeys: ClassVar[type[SocketKeys]] = SocketKeys
-    usual_plan: ClassVar[Mapping[str, object]] = {"index": "O1", "poses": 60, "refine": False}
+    usual_plan: ClassVar[Mapping[str, object]] = {"index": "O1", "poses": 60, "refine": False, "candidates": 24_000}
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:

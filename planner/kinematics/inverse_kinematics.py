@@ -6,6 +6,7 @@ the functions after it are the tasks of this project: a tool pose, a point, and 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,7 @@ from planner.kinematics.robot import Robot
 LENGTH_SCALE = 0.5  # [m] length that makes a turn and a travel comparable
 TURN = 2 * np.pi
 POINT_TOLERANCE = 1e-9  # [m] by which a solution may miss a point
+REACHING_STATES, REACHING_SHARE = 200, 0.2  # states that tell which joints reach, and share of the best set's lever
 POINT_ITERATIONS, RETRACT_ITERATIONS = 14, 13
 POSE_TOLERANCE = 1e-9  # [m / LENGTH_SCALE and rad] of a tool pose that is held
 POLISHED = 1e-12  # [m and rad] to which retracted poses are iterated
@@ -136,34 +138,50 @@ def smallest_singular_value(chain: Chain, robot: Robot, q: Array) -> Array:
     return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1])
 
 
-def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Array, Array]:
-    """Move the first three joints of q (n, N) [rad] until the end of the chain lies on p_B (3,) [m], or nearest.
+def reaching_joints(chain: Chain, robot: Robot) -> tuple[int, ...]:
+    """Return the three joints that lead the end of the chain to a point: the first that move it in all directions.
 
-    The last joints stay, so every orientation and every posture of the arm that reaches the point comes up as often
-    as the starts do; no wrist or elbow of a certain build is assumed. Whole turns are taken off where that brings a
-    joint between its limits.
+    Those of most arms are the first three; where they meet in a shoulder (arms of seven joints) they cannot.
+    """
+    q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (REACHING_STATES, robot.n_joints))
+    screws = chain.forward(robot.theta(q)).point_screws(chain.joint_places)  # (N, 3, n) by theta
+    sets = list(combinations(range(robot.n_joints), 3))
+    J = np.moveaxis(screws[np.array(sets)], 3, 1)  # (sets, n, 3 joints, 3)
+    worth = np.median(np.linalg.svd(J, compute_uv=False)[..., -1], axis=1)
+    return sets[int(np.argmax(worth > REACHING_SHARE * worth.max()))]
+
+
+def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Array, Array]:
+    """Move three joints of q (n, N) [rad] until the end of the chain lies on p_B (3,) [m], or nearest.
+
+    The other joints stay, so every orientation and every posture of the arm that reaches the point comes up as often
+    as the starts do; no wrist or elbow of a certain build is assumed (:func:`reaching_joints`). Whole turns are taken
+    off where that brings a joint between its limits.
 
     Returns:
         The angles (n, N) [rad], and the distance from the point, (n,) [m].
     """
-    end = next(k for k, t in enumerate(chain.transforms) if t.joint == 3)
+    moved = list(reaching_joints(chain, robot))
+    end = next((k for k, t in enumerate(chain.transforms) if t.joint == moved[-1] + 1), len(chain))
     front, rest = Chain(chain.transforms[:end]), Chain(chain.transforms[end:])
     theta = robot.theta(q)
-    arm = rest.carry(theta, np.zeros(3))  # (n, 3) [m] in the frame that joint 3 carries
+    arm = rest.carry(theta, np.zeros(3))  # (n, 3) [m] in the frame that the last of the three carries
 
-    def task(theta: Array, rows: Positions) -> tuple[Array, Array]:
-        motion, moving = front.forward(theta), front.joint_places
+    def task(three: Array, rows: Positions) -> tuple[Array, Array]:
+        angles = theta[rows]
+        angles[:, moved] = three
+        motion, moving = front.forward(angles), front.joint_places[moved]
         x = motion.x + np.einsum("ijn,nj->in", motion.R, arm[rows])
         J = np.cross(motion.u[moving], x - motion.p[moving], axis=1)  # (3 joints, 3, n)
         return p_B - x.T, np.moveaxis(J, (0, 1, 2), (2, 1, 0))
 
-    found = solve_ik(
-        task, theta[:, :3], step=_bold_step, iterations=POINT_ITERATIONS, tolerance=POINT_TOLERANCE, norm=2
-    )
-    theta[:, :3] = found.q
+    start = theta[:, moved]
+    found = solve_ik(task, start, step=_bold_step, iterations=POINT_ITERATIONS, tolerance=POINT_TOLERANCE, norm=2)
+    missing = np.linalg.norm(task(found.q, np.arange(len(q)))[0], axis=1)
+    theta[:, moved] = found.q
     solved = np.linalg.solve(robot.sense_matrix, (theta - robot.theta_zero).T).T
     whole = TURN * np.round((solved - (robot.q_lower + robot.q_upper) / 2) / TURN)
-    return np.asarray(solved - whole), np.linalg.norm(task(found.q, np.arange(len(q)))[0], axis=1)
+    return np.asarray(solved - whole), missing
 
 
 def retract_tool(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Array, Array]:

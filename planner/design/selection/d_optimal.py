@@ -115,13 +115,20 @@ class _DOptimalSet:
 
 @on_one_thread
 def detmax(
-    rows: Array, n: int, starts: int = 2, seed: int = 0, excursion: int = 6, group: Positions | None = None
+    rows: Array,
+    n: int,
+    starts: int = 2,
+    seed: int = 0,
+    excursion: int = 6,
+    group: Positions | None = None,
+    likely: Positions | None = None,
 ) -> Positions:
     """Return ``n`` distinct candidates (n,) of ``rows`` (N, r, P), ascending, with a large determinant.
 
     The first start is greedy, the others ``starts - 1`` seeded samples. ``excursion``: how far the size of the
     set may wander from n before the search gives up (Mitchell's six). ``group`` (N,) int: each group, a ball of an
-    artifact, gives an equal share.
+    artifact, gives an equal share. ``likely`` (K,): candidates among which it is searched; the last exchange looks at
+    all of them.
 
     Raises:
         InputError: n outside what the candidates and parameters allow, or not to be shared evenly.
@@ -131,14 +138,18 @@ def detmax(
         raise InputError(f"{n} poses cannot be chosen: ask for {least} (the parameters) to {len(rows)} (the pool)")
     scale = np.sqrt(np.mean(rows**2, axis=(0, 1)))
     white = rows / np.where(scale > 0, scale, 1.0)
-    share = None if group is None else EqualShares.of(group, n)
+    everything = np.arange(len(rows))
+    among = everything if likely is None else likely
+    some = white[among]
+    share = None if group is None else EqualShares.of(group[among], n)
 
     def search(turn: int) -> tuple[Positions, float]:
-        design = _greedy_start(white, n, share) if turn == 0 else _sample_start(white, n, seed + turn, share)
+        design = _greedy_start(some, n, share) if turn == 0 else _sample_start(some, n, seed + turn, share)
         return _search_excursions(design, n, excursion)
 
     best, _ = search_starts(search, range(starts), lambda value, than: value > than + _GAIN)
-    return np.sort(descend(PotentialCriterion(white, BarrierPotential("O1", 1.0), group), best, np.arange(len(rows))))
+    criterion = PotentialCriterion(white, BarrierPotential("O1", 1.0), group)
+    return np.sort(descend(criterion, among[best], everything))
 
 
 def _greedy_start(rows: Array, n: int, share: EqualShares | None) -> _DOptimalSet:

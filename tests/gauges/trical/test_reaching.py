@@ -1,9 +1,11 @@
 """The inverse kinematics against pinocchio's forward pass and against a root finder from everywhere."""
 
 import numpy as np
+import pytest
 from scipy.optimize import fsolve
 
 from planner.kinematics.inverse_kinematics import retract_tool, solve_point_ik
+from planner.kinematics.robot_reader import load_robot
 
 
 def test_every_posture_that_a_root_finder_knows_is_found(cell, tool_pose):
@@ -45,3 +47,17 @@ def test_out_of_reach_the_nearest_miss_is_told(cell):
     nearest = np.linalg.norm(cell.map_position(blind) - far, axis=1)
     assert off.min() < nearest.min() + 1e-3
     assert off.min() > nearest.min() - 0.03
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "panda"])
+def test_arms_whose_first_axes_meet_in_a_shoulder_reach_a_point_by_others(name):
+    robot = load_robot(name)
+    rng = np.random.default_rng(2)
+    states = rng.uniform(robot.q_lower, robot.q_upper, (400, robot.n_joints))
+    there = robot.chain.forward(robot.theta(states[:1])).x[:, 0]
+    q, off = solve_point_ik(robot.chain, robot, states[1:], there)
+    on = off < 1e-9
+    assert on.mean() > 0.2
+    reached = robot.chain.forward(robot.theta(q[on])).x.T
+    assert np.abs(reached - there).max() < 1e-8
+    assert len(np.unique(np.round(q[on], 6), axis=0)) == on.sum()
