@@ -16,7 +16,7 @@ from planner.effects.catalogue import Excitation, catalogue, effect_kinds, regis
 from planner.effects.effect import Background, Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
-from planner.effects.nonparametric import NONPARAMETRIC
+from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.runs.run import Samples
 
@@ -76,10 +76,11 @@ def is_left_to_background(group: str) -> bool:
     """Tell whether a finding, by the group of its parameters, stays out of the released robot.
 
     A gauge's error of a shape that only seems right would move all lengths of the arm; a curve without a name is known
-    no farther than it was measured.
+    no farther than it was measured. The whole curve of a gear the background has as harmonics and ripple: beside them
+    it would stand or fall as a whole, and the draws would hardly ever exchange the one for the others.
     """
     kind = group.partition(", ")[0]
-    if kind == NONPARAMETRIC:
+    if kind in (NONPARAMETRIC, GEAR_CURVE):
         return True
     return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
 

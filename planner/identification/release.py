@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.units import MM, to_mm
-from planner.identification.cross_validation import predict_held_out
+from planner.common.units import MM, Array, to_mm
+from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families
-from planner.identification.posterior_fit import fit_posterior
+from planner.identification.posterior_fit import PosteriorFit, fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
@@ -18,7 +18,7 @@ from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
 DOUBT = 0.02  # probability that geometry alone is the better robot, at most
-LEAST_SHARE = 0.05  # of the way to the posterior mean, which is worth a robot with effects
+LEAST_SHARE = 0.05  # of the way to the compromise, which is worth a robot with effects
 
 
 def release_robot(
@@ -26,8 +26,8 @@ def release_robot(
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
 
-    It lies on the way from geometry alone to the posterior mean, as far along as it is hardly ever worse over the
-    workspace than geometry alone: what an arm may have besides is no reason to move it.
+    It lies on the way from geometry alone to the compromise between it and the posterior, as far along as it is hardly
+    ever worse over the workspace than geometry alone: what an arm may have besides is no reason to move it.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -49,37 +49,62 @@ def release_robot(
     posterior = fit_posterior(last, run, whole, families, time)
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
-    share = 0.0 if geometry_alone else safe_share(geometry)
+    aim = compromise(geometry)
+    share = 0.0 if geometry_alone else safe_share(geometry, aim)
     if share < LEAST_SHARE:
         return geometry
-    fit = _part_way(plain.fit, posterior.fit, share)
-    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
+    fit = _part_way(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
+    held = _held_residual(posterior, aim, split)
     held = share * held + (1 - share) * before
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
 
 
-def safe_share(geometry: ReleasedRobot) -> float:
-    """Return how far from geometry alone (0) to the posterior mean (1) a robot is worse with a probability of DOUBT.
+def compromise(geometry: ReleasedRobot) -> Fit:
+    """Return the posterior's fit with the values whose mean square error over that of geometry alone is least.
 
-    On the way errors are quadratic: a robot a share s along is better than geometry alone where the projection t of the
-    true robot on the way, 0 at the posterior mean and 1 at geometry, is below 1 − s / 2.
+    They are the mean of the robots drawn, each with the weight of its inverse mean square distance from geometry alone:
+    where geometry is nearly right a robot must keep near to it, where it is far off a little more or less is no matter.
     """
-    fit, mean = geometry.geometry, geometry.posterior.fit
-    length = geometry.distance(fit) ** 2
+    posterior = geometry.posterior
+    square = geometry.drawn_errors(geometry.geometry) ** 2
+    if not square.all():  # nothing moves the tool
+        return posterior.fit
+    near = 1 / square
+    errors = posterior.fit.errors + posterior.drawn @ (near / near.sum() - 1 / len(near))
+    return _with_values(posterior.fit, errors)
+
+
+def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
+    """Return how far from geometry alone (0) to ``aim`` (1) a robot is worse with a probability of DOUBT.
+
+    On the way errors are quadratic: with the true robot's projection t on the way, 0 at geometry and 1 at the aim, a
+    robot a share s along is better than geometry alone where s < 2 t.
+    """
+    length = geometry.distance(geometry.geometry, aim) ** 2
     if length == 0.0:
         return 0.0
-    projection = 0.5 + (geometry.drawn_errors(mean) ** 2 - geometry.drawn_errors(fit) ** 2) / (2 * length)
-    return float(np.clip(2 - 2 * np.quantile(projection, 1 - DOUBT), 0.0, 1.0))
+    twice = 1 + (geometry.drawn_errors(geometry.geometry) ** 2 - geometry.drawn_errors(aim) ** 2) / length
+    return float(np.clip(np.quantile(twice, DOUBT), 0.0, 1.0))
 
 
-def _part_way(geometry: Fit, posterior: Fit, share: float) -> Fit:
-    """Return the posterior's fit with values a share of the way from those of geometry alone."""
+def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:
+    """Return the posterior's fit with values a share of the way from those of geometry alone to those of ``aim``."""
     own = dict(zip(geometry.model.names, map(float, geometry.errors), strict=True))
-    start = np.array([own.get(name, 0.0) for name in posterior.model.names])
-    errors = start + share * (posterior.errors - start)
-    return replace(posterior, solution=replace(posterior.solution, errors=errors))
+    start = np.array([own.get(name, 0.0) for name in aim.model.names])
+    return _with_values(aim, start + share * (aim.errors - start))
+
+
+def _with_values(fit: Fit, errors: Array) -> Fit:
+    return replace(fit, solution=replace(fit.solution, errors=errors))
+
+
+def _held_residual(posterior: PosteriorFit, aim: Fit, split: Split) -> Array:
+    """Residuals of samples held out (n, r): of the posterior mean, and what ``aim`` adds to it."""
+    problem, mean = posterior.fit.problem, posterior.fit.errors
+    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
+    return np.asarray(held + problem.residual(aim.errors) - problem.residual(mean))
 
 
 def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:

@@ -2,7 +2,8 @@
 
 Everything is expected by the posterior: of a robot with the values v the mean square error of the tool is
 trace(W C) + (v − m)ᵀ W (v − m), with mean m and covariance C of the posterior and W the tool's motion per squared
-errors. The posterior mean itself is best by that measure; the nominal robot and geometry alone are judged beside it.
+errors. The posterior mean itself is best by that measure, and what is released by that error over the one that
+geometry alone would have; the nominal robot and geometry alone are judged beside it.
 Few directions, or an effect that is unlikely and large, often make up most of that square, and most robots are better:
 what is stated over the workspace is the median over robots drawn from the posterior, and what 95 % of them stay below.
 """
@@ -63,7 +64,7 @@ class ReleasedRobot:
     """A calibrated robot and what is known of its errors.
 
     Attributes:
-        fit: whose values are written; of geometry alone, or on the way from there to the posterior mean.
+        fit: whose values are written; of geometry alone, or on the way from there to the compromise with the posterior.
         geometry: the fit of geometry alone.
         posterior: what the errors are judged by.
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
@@ -129,9 +130,10 @@ class ReleasedRobot:
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q)))
 
-    def distance(self, fit: Fit) -> float:
-        """Return how far a robot's tool is from the posterior mean's over the workspace, rms [m]."""
-        return float(np.sqrt(self.tool.square(self.offset(self.tool.names, fit)[:, None]).mean()))
+    def distance(self, fit: Fit, other: Fit) -> float:
+        """Return how far the tools of two robots are apart over the workspace, rms [m]."""
+        apart = self.offset(self.tool.names, fit) - self.offset(self.tool.names, other)
+        return float(np.sqrt(self.tool.square(apart[:, None]).mean()))
 
     @cached_property
     def anywhere(self) -> float:

@@ -126,7 +126,7 @@ def released_text(c: Calibration) -> str:
         return "the last stage"
     if r.basis == "geometry":
         return "geometry alone"
-    mean = "the posterior mean of geometry and all effects"
+    mean = "the posterior of geometry and all effects"
     if r.share == 1.0:
         return mean
     return f"{r.share:.0%} of the way from geometry alone to {mean}, as far as that is hardly ever worse"

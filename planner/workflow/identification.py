@@ -260,7 +260,7 @@ def _workspace_text(r: Release, anywhere: float) -> str:
 
 
 def _release_text(r: Release) -> str:
-    what = "posterior mean of geometry and effects" if r.basis == "posterior" else "geometry alone"
+    what = "posterior of geometry and effects" if r.basis == "posterior" else "geometry alone"
     return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
 
 

@@ -55,7 +55,7 @@ class Outcome:
         rms, stated: error of the released robot [m], and what the document states.
         geometry_stated: what it states of geometry alone [m].
         covered: share of the coordinates of the tool that lie within their 95 % interval.
-        basis: how much of the way from geometry alone to the posterior mean the released robot goes.
+        basis: how much of the way from geometry alone to the compromise with the posterior the released robot goes.
     """
 
     task: Task

@@ -96,13 +96,14 @@ def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkey
     """Counted over the drawn robots, at every probability that ends part of the way."""
     released = judged(0, WEAK)[0].released
     before = replace(released, fit=released.geometry, share=0.0)
+    aim = release.compromise(before)
     partial = 0
     for doubt in np.linspace(0.02, 0.7, 12):
         monkeypatch.setattr(release, "DOUBT", doubt)
-        share = release.safe_share(before)
+        share = release.safe_share(before, aim)
         if not 0.0 < share < 1.0:
             continue
-        there = release._part_way(released.geometry, released.posterior.fit, share)
+        there = release._part_way(released.geometry, aim, share)
         worse = (released.drawn_errors(there) > released.drawn_errors(released.geometry)).mean()
         assert worse == pytest.approx(doubt, abs=2 / released.posterior.drawn.shape[1])
         partial += 1
@@ -159,3 +160,23 @@ def test_what_was_written_expects_over_the_workspace_what_the_identification_sta
     rows = np.loadtxt(expected_error_csv(found.released).splitlines(), delimiter=",", skiprows=1)
     assert rows.shape[1] == 6 + 3 + 3
     assert np.sqrt((rows[:, -1] ** 2).mean()) == pytest.approx(1e3 * rms, rel=0.02)
+
+
+def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_alone():
+    """Over the drawn robots: against the posterior mean, and steps towards robots drawn and away from them."""
+    released = judged(0, WEAK)[0].released
+    before = replace(released, fit=released.geometry, share=0.0)
+    aim, alone = release.compromise(before), before.drawn_errors(before.geometry)
+
+    def ratio(fit):
+        return ((before.drawn_errors(fit) / alone) ** 2).mean()
+
+    drawn = before.posterior.drawn
+    noise = 5 * drawn.std(axis=1) / np.sqrt(drawn.shape[1])  # of a mean over the drawn robots
+    assert ratio(aim) < ratio(before.posterior.fit)
+    assert ratio(aim) < ratio(before.geometry)
+    for own in np.random.default_rng(0).permutation(drawn.T)[:20]:
+        for step in (0.3, -0.3):
+            assert ratio(aim) < ratio(release._part_way(aim, release._with_values(aim, own), step))
+    best = drawn @ (alone**-2 / (alone**-2).sum())
+    assert np.all(np.abs(aim.errors - best) <= noise)
