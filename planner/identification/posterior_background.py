@@ -36,11 +36,13 @@ class EffectFamily:
     Attributes:
         name, parameters: of the family.
         known: whether the prior sizes stand as they are.
+        common: whether most arms have it, whatever else they have.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
     known: bool = False
+    common: bool = False
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
@@ -54,7 +56,7 @@ def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
 def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[EffectFamily, ...]:
     """Return the families of the background that the samples can tell of."""
     out: dict[str, list[Parameter]] = {}
-    known = set[str]()
+    known, common = set[str](), set[str]()
     for effect in catalogue(setup, samples):
         entry = registration_of(effect.kind)
         if entry.background in ABSENT or effect.has(Role.UNTRACED):
@@ -62,12 +64,13 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         label = effect.family if entry.background is Background.BY_PLACE else effect.kind
         is_known = entry.background is Background.KNOWN
         known |= {label} if is_known else set()
+        common |= {label} if effect.has(Role.COMPLIANCE) else set()
         out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
     return tuple(
-        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters), known=name in known)
+        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters), name in known, name in common)
         for name, parameters in out.items()
     )
 

@@ -26,7 +26,8 @@ NOISE_TRIES = 4  # proposals of one draw of the noise
 NOISE_STEP = 1.5  # of a proposal's logarithm, times 1/√readings
 NOISE_LOGS = (-4.0, 6.0)  # of the noise, beyond which nothing is believed
 SWAPS = 1  # families a sweep that may give way to another one
-PREVALENCE = 0.5  # of the beta prior (a, a · families) of the share of families that act: one of all is expected to
+EXPECTED = 3.0  # shared families of all that are expected to act: arms have several causes, seldom one
+PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED) of the share of families that act
 SURE = 1e-12  # least share of a direction's variance that the readings leave
 
 
@@ -46,7 +47,7 @@ class SizePrior:
         if not self.shared:
             return np.asarray(np.log(self.probability))
         here = self.factors > 0
-        chance = (acting + PREVALENCE) / (others + PREVALENCE * (others + 2))
+        chance = (acting + PREVALENCE) / (others + PREVALENCE * (1 + (others + 1) / EXPECTED))
         share = self.probability / np.where(here, self.probability[here].sum(), self.probability[~here].sum())
         return np.asarray(np.log(share * np.where(here, chance, 1 - chance)))
 

@@ -106,7 +106,8 @@ class _DrawnFit:
 
 LEARNING_READINGS = 600  # of a long run that say how large the families are
 STEPS = 2  # of Gauss and Newton from the fit to the mean
-FINDING = float(np.exp(-6.0))  # the same of a finding: it is one of some hundred that were tried
+FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
+COMMON = 0.2  # the same of what most arms have: a joint's compliance, more than the catalogue's least size
 STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
@@ -227,13 +228,16 @@ class _Families:
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
         parameters, rest = dict(own), dict[str, str]()
         same = {p.moves: p.name for p in own.values()}
-        usual = set[str]()  # findings that stand for a family of the background
+        usual, common = set[str](), set[str]()  # findings that stand for a family of the background; what is common
         for family in background:
             for p in family.parameters:
                 if p.name in parameters or p.moves in same:
-                    usual.add(label[same.get(p.moves, p.name)])
+                    name = label[same.get(p.moves, p.name)]
+                    usual.add(name)
                 else:
-                    parameters[p.name], rest[p.name] = p, "" if family.known else f"{family.name} (background)"
+                    name = "" if family.known else f"{family.name} (background)"
+                    parameters[p.name], rest[p.name] = p, name
+                common |= {name} if family.common else set()
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
         number = {name: k for k, name in enumerate(names)} | {"": -1}
@@ -241,8 +245,10 @@ class _Families:
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
         slab = _spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, shared=True)
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
+        often = _spike_and_slab(SLAB, SLAB_WEIGHT, COMMON)
         usual = behind | usual.intersection(findings)
-        priors = tuple(slab if n in usual else found if n in findings else plain for n in names)
+        kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab) | dict.fromkeys(common & usual, often)
+        priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
 

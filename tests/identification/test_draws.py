@@ -43,12 +43,12 @@ def test_the_deviance_is_that_of_the_dense_covariance(m, p):
 
 
 def prior_of(pair, shared):
-    """Log probability of two families' factors; by Beta(a, 2 a) where how often families act is learnt."""
+    """Log probability of two families' factors; by Beta(a, 2 a / EXPECTED) where how often families act is learnt."""
     own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])
     if not shared:
         return np.log(own)
     a, count = draws.PREVALENCE, np.count_nonzero(pair)
-    return np.log(own / 0.4**count / 0.6 ** (2 - count)) + betaln(a + count, 2 * a + 2 - count)
+    return np.log(own / 0.4**count / 0.6 ** (2 - count)) + betaln(a + count, 2 * a / draws.EXPECTED + 2 - count)
 
 
 @pytest.mark.parametrize("shared", [False, True])

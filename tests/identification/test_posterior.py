@@ -98,7 +98,7 @@ def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkey
     before = replace(released, fit=released.geometry, share=0.0)
     aim = release.compromise(before)
     partial = 0
-    for doubt in np.linspace(0.02, 0.7, 12):
+    for doubt in np.linspace(0.02, 0.7, 36):
         monkeypatch.setattr(release, "DOUBT", doubt)
         share = release.safe_share(before, aim)
         if not 0.0 < share < 1.0:
