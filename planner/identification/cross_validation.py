@@ -277,11 +277,10 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
 
     def one(part: slice) -> Array:
         piece = problem.piece(part, errors)
-        fold, size = split.fold[part], len(piece.columns)
+        fold, size = split.fold[part], len(piece.factored)
         out = np.zeros((split.folds, size, size))
         for f in np.unique(fold):
-            columns = piece.columns[:, :, fold == f].reshape(size, -1)
-            out[f] = columns @ columns.T
+            out[f] = piece.factored.take(np.flatnonzero(fold == f)).gram
         return out
 
     return np.asarray(sum(problem.over_pieces(one)))
@@ -307,7 +306,11 @@ def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Spl
     """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
 
     def one(part: slice) -> Array:
-        linear = problem.linear(part, errors)
-        return np.asarray(linear.residual - np.einsum("nrp,np->nr", linear.rows, shift[split.fold[part]]))
+        linear, fold = problem.linear(part, errors), split.fold[part]
+        out = np.array(linear.residual)
+        for f in np.unique(fold):
+            mine = np.flatnonzero(fold == f)
+            out[mine] -= linear.columns.take(mine).times(shift[f])
+        return out
 
     return np.concatenate(list(problem.over_pieces(one)))

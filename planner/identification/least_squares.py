@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.blas import dtrmm
 from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
@@ -209,9 +208,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
         return np.zeros((len(problem), problem.model.width))
 
     def one(part: slice) -> Array:
-        columns = problem.piece(part, solution.errors).columns[:-1]
-        own = dtrmm(1.0, root, columns.reshape(len(columns), -1).T, side=1).T
-        return np.asarray((own**2).sum(axis=0).reshape(columns.shape[1:]).T)
+        return problem.piece(part, solution.errors).factored.square_sums(root)
 
     return np.concatenate(list(problem.over_pieces(one)))
 

@@ -12,11 +12,11 @@ from planner.cell.setup import Targets
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.noise import Noise, Whitener
+from planner.model.columns import Columns
 from planner.model.model import Linearization, Model
 from planner.runs.run import Run, Samples
 
 PIECE_SAMPLES = 8192  # samples a piece
-CACHED_NUMBERS = 50_000  # that stay in a processor's cache while they are whitened
 THREADS = 2  # pieces in flight: results are taken in order, so their number does not show
 T = TypeVar("T")
 
@@ -31,19 +31,20 @@ class ProblemCache:
 
 @dataclass(frozen=True)
 class LinearPiece:
-    """Whitened rows per prior size, and residuals, of the samples at ``part``.
-
-    Attributes:
-        columns: of every parameter, the residual's behind them, (P + 1, r, n): samples side by side.
-    """
+    """Whitened columns per prior size, the residual's behind them, of the samples at ``part``."""
 
     part: slice
-    columns: Array
+    factored: Columns
+
+    @property
+    def columns(self) -> Array:
+        """All of them, (P + 1, r, n): samples side by side."""
+        return self.factored.dense
 
     @property
     def residual(self) -> Array:
         """Whitened residuals, (n, r)."""
-        return np.asarray(self.columns[-1].T)
+        return np.asarray(self.factored.plain[-1].T)
 
     @property
     def rows(self) -> Array:
@@ -53,8 +54,7 @@ class LinearPiece:
     @property
     def gram(self) -> Array:
         """Products of all columns with each other, (P + 1, P + 1)."""
-        flat = self.columns.reshape(len(self.columns), -1)
-        return np.asarray(flat @ flat.T)
+        return self.factored.gram
 
 
 @dataclass(frozen=True)
@@ -146,19 +146,8 @@ class FitProblem:
     def piece(self, part: slice, errors: Array) -> LinearPiece:
         """Linearise one piece about ``errors``, whitened."""
         linear = self.linear(part, errors)
-        raw = linear.rows.transpose(2, 1, 0)
-        columns = np.empty((raw.shape[0] + 1, *raw.shape[1:]))
-        np.multiply(raw, self.prior[:, None, None], out=columns[:-1])
-        columns[-1] = linear.residual.T
         root = np.ascontiguousarray((self.whitener.root[part] * np.sqrt(self.weight[part])[:, None, None]).T)
-        few = max(1, CACHED_NUMBERS // columns[0].size)
-        for k in range(0, len(columns), few):
-            some = columns[k : k + few]
-            for i in reversed(range(some.shape[1])):  # L⁻¹ is triangular: what is done is not needed any more
-                some[:, i] *= root[i, i]
-                for j in range(i):
-                    some[:, i] += root[j, i] * some[:, j]
-        return LinearPiece(part, columns)
+        return LinearPiece(part, linear.columns.whiten(root, self.prior, linear.residual))
 
     def residual(self, errors: Array) -> Array:
         """Reading − prediction of every sample, (n, r) [m, rad]."""

@@ -18,6 +18,7 @@ from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
 from planner.effects.effect import Parameter, gauge_parameters, robot_parameters
 from planner.kinematics.chain import ForwardPass
+from planner.model.columns import Columns
 from planner.runs.run import Samples
 
 
@@ -63,16 +64,24 @@ class ReadingNoise:
         return np.asarray(self.gauge_variance.sum() + self.robot_variance.sum(axis=1))
 
 
-LAYOUTS = ("_layout", "_fixed_layout", "_fixed_values", "parameters_and_fixed")
+LAYOUTS = ("_layout", "_blocks", "_fixed_layout", "_fixed_values", "parameters_and_fixed")
 CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
+
+
+FEWEST_OF_A_BLOCK = 4  # parameters of one transform, below which their columns are laid out one by one
 
 
 @dataclass(frozen=True)
 class Linearization:
-    """The model about some errors: residuals reading − prediction (n, r) and identification Jacobian (n, r, P)."""
+    """The model about some errors: residuals reading − prediction (n, r) and columns of the Jacobian."""
 
     residual: Array
-    rows: Array
+    columns: Columns
+
+    @property
+    def rows(self) -> Array:
+        """Identification Jacobian, (n, r, P)."""
+        return self.columns.dense.transpose(2, 1, 0)
 
 
 @dataclass(frozen=True)
@@ -169,7 +178,7 @@ class Model:
             self.linear_in(Context(self.setup, samples.take(part)), targets.take(part), errors)
             for part in chunks(len(samples))
         ]
-        return Linearization(np.concatenate([p.residual for p in parts]), np.concatenate([p.rows for p in parts]))
+        return Linearization(np.concatenate([p.residual for p in parts]), Columns.join([p.columns for p in parts]))
 
     def noise(self, samples: Samples) -> Array:
         """Standard deviation of one reading, (n,) [m]."""
@@ -219,25 +228,37 @@ class Model:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
-        layout = self._layout
+        return Linearization(residual, self._columns(context, motion))
+
+    def _columns(self, context: Context, motion: ForwardPass) -> Columns:
+        """Columns of the Jacobian where the arm stands after a forward pass."""
+        layout = self._blocks
         which = layout.transforms
-        projected = dict(zip(which.tolist(), self._project(context, motion, which), strict=True))
+        screws = self._project(context, motion, which)
+        place = {int(index): k for k, index in enumerate(which)}
         phi = context.values(layout.functions)
-        columns = np.empty((len(self.parameters), self.width, len(context.samples)))  # samples side by side: quick
-        columns[layout.several] = 0.0
+        shape = (self.width, len(context.samples))
+        plain = np.empty((len(layout.plain_at), *shape))  # samples side by side: quick
+        plain[layout.several] = 0.0
         several = set(layout.several)
-        for k, on_transform, index, f in layout.moves:
+        for k, on_transform, index, f in layout.plain:
             if not on_transform:
-                columns[k, index] += phi[f]
+                plain[k, index] += phi[f]
             elif k in several:
-                columns[k] += projected[index] * phi[f]
+                plain[k] += screws[place[index]] * phi[f]
             else:
-                np.multiply(projected[index], phi[f], out=columns[k])
-        return Linearization(residual, columns.transpose(2, 1, 0))
+                np.multiply(screws[place[index]], phi[f], out=plain[k])
+        functions = tuple(_stack_functions(own, phi, shape[1]) for own in layout.blocks)
+        own_screws = screws[[place[index] for index in layout.block_transforms]]
+        return Columns(plain, layout.plain_at, own_screws, functions, layout.phi_at)
 
     @cached_property
     def _layout(self) -> "_MoveLayout":
         return _MoveLayout.of(self.parameters)
+
+    @cached_property
+    def _blocks(self) -> "_BlockLayout":
+        return _BlockLayout.of(self._layout, len(self.parameters), self.width)
 
     @cached_property
     def _fixed_values(self) -> list[float]:
@@ -263,14 +284,10 @@ class _MoveLayout:
         moves: position of the parameter, whether it is a transform that moves (else the reading), its index, and the
             position of the function.
         functions: every function.
-        transforms: indices of those that move.
-        several: positions of parameters that are more than one move of a transform.
     """
 
     moves: tuple[tuple[int, bool, int, int], ...]
     functions: tuple[BasisFunction, ...]
-    transforms: np.ndarray
-    several: list[int]
 
     @classmethod
     def of(cls, parameters: Sequence[Parameter]) -> "_MoveLayout":
@@ -280,9 +297,70 @@ class _MoveLayout:
             (k, m.on == "transform", m.index, functions.setdefault(m.phi, len(functions)))
             for k, p in enumerate(parameters) for m in p.moves
         )  # fmt: skip
-        transforms = np.array(sorted({index for _, on_transform, index, _ in moves if on_transform}), dtype=int)
-        several = [k for k, p in enumerate(parameters) if len(p.moves) > 1 or p.main.on != "transform"]
-        return cls(moves, tuple(functions), transforms, several)
+        return cls(moves, tuple(functions))
+
+
+@dataclass(frozen=True)
+class _BlockLayout:
+    """The same, with the parameters that move one transform side by side.
+
+    Attributes:
+        functions: every function.
+        transforms: indices of those that move.
+        plain, plain_at: moves of the parameters that stand for themselves, numbered among each other, and where they
+            stand among all.
+        several: numbers of those among them that are more than one move of a transform.
+        block_transforms, blocks, phi_at: index of the transform of each block; number within the block and position
+            of the function of each move; and where its parameters stand among all.
+    """
+
+    functions: tuple[BasisFunction, ...]
+    transforms: np.ndarray
+    plain: tuple[tuple[int, bool, int, int], ...]
+    plain_at: np.ndarray
+    several: list[int]
+    block_transforms: tuple[int, ...]
+    blocks: tuple[tuple[tuple[int, int], ...], ...]
+    phi_at: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, layout: _MoveLayout, count: int, width: int) -> "_BlockLayout":
+        """Lay out so many parameters; a reading of one number gains nothing from blocks."""
+        own: list[list[tuple[bool, int, int]]] = [[] for _ in range(count)]
+        for k, on_transform, index, f in layout.moves:
+            own[k].append((on_transform, index, f))
+        on: dict[int, list[int]] = {}
+        for k, moves in enumerate(own):
+            if width > 1 and len({(t, index) for t, index, _ in moves}) == 1 and moves[0][0]:
+                on.setdefault(moves[0][1], []).append(k)
+        blocks = {index: ks for index, ks in on.items() if len(ks) >= FEWEST_OF_A_BLOCK}
+        taken = {k for ks in blocks.values() for k in ks}
+        plain_at = [k for k in range(count) if k not in taken]
+        plain = tuple((j, *move) for j, k in enumerate(plain_at) for move in own[k])
+        several = [j for j, k in enumerate(plain_at) if len(own[k]) > 1 or not own[k][0][0]]
+        return cls(
+            layout.functions,
+            np.array(sorted({index for _, on_transform, index, _ in layout.moves if on_transform}), dtype=int),
+            plain,
+            np.array(plain_at, dtype=int),
+            several,
+            tuple(blocks),
+            tuple(tuple((j, f) for j, k in enumerate(ks) for _, _, f in own[k]) for ks in blocks.values()),
+            tuple(np.array(ks) for ks in blocks.values()),
+        )
+
+
+def _stack_functions(moves: Sequence[tuple[int, int]], phi: Sequence[Array], n: int) -> Array:
+    """Return the functions of a block, (m, n): those of one parameter added up."""
+    out = np.empty((moves[-1][0] + 1, n))
+    last = -1
+    for row, f in moves:
+        if row == last:
+            out[row] += phi[f]
+        else:
+            out[row] = phi[f]
+        last = row
+    return out
 
 
 def chunks(n: int) -> Iterator[slice]:

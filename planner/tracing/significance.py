@@ -78,11 +78,11 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
     errors, R = state.fit.errors / state.fit.problem.prior, state.fit.solution.factor
     own = state.positions(found)
     rest = [j for j, p in enumerate(state.fit.model.parameters) if j not in own and p.group != LINK_MASSES]
-    part = np.zeros(len(errors))
+    part = np.zeros(len(errors) + 1)
     part[own] = errors[own]
     # the information RᵀR holds the products of all columns with each other, the prior's among them
     part[rest] = -np.linalg.solve(R[:, rest].T @ R[:, rest], R[:, rest].T @ (R[:, own] @ errors[own]))
-    return np.asarray(np.tensordot(part, piece.columns[:-1], axes=1).T)
+    return piece.factored.times(part)
 
 
 def rejection_reason(before: SearchState, after: SearchState, bench: FitContext, tried: int) -> str | None:
