@@ -24,7 +24,7 @@ from planner.cli.terminal import (
     give_file,
     print_notes,
 )
-from planner.common.errors import PARTLY_DONE
+from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import check_writing
 from planner.common.lazy_modules import LazyModule
 
@@ -92,16 +92,23 @@ def identify_command(
 
 def import_command(
     traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="controller and gauge traces")],
-    map_file: Annotated[Path, typer.Option("--map", metavar="MAP.toml", help="which column is what")],
     output: OutputFile,
+    map_file: Annotated[Path | None, typer.Option("--map", metavar="MAP.toml", help="which column is what")] = None,
+    plan: MeasuredPlan = None,
+    dialect: Annotated[str | None, typer.Option(help="of the plan's program, whose own log is the first trace")] = None,
 ) -> None:
-    """Bring controller and gauge traces into the run format."""
+    """Bring controller and gauge traces into the run format: by a map, or the log of a plan's own program."""
+    if (map_file is None) == (plan is None or dialect is None) or (map_file is not None and (plan or dialect)):
+        raise InputError(
+            "give either --map MAP.toml, or --plan PLAN.json and --dialect of the program that kept the log"
+        )
     from planner.runs.traces import import_run
     from planner.runs.writer import run_text, save_run
+    from planner.workflow.plan_reading import import_log
 
-    run = import_run(traces, map_file)
+    run = import_run(traces, map_file) if map_file else import_log(traces, plan or "", dialect or "")
     print_notes(run.warnings)
-    step = f"edbb identify {output} --cell CELL -o calibrated"
+    step = f"edbb identify {output} --cell CELL {f'--plan {plan} ' if plan else ''}-o calibrated"
     give_file(run_text(run), lambda path: save_run(run, path), output, step)
 
 

@@ -312,20 +312,28 @@ def _without_unwritten(table: RunTable) -> RunTable:
 
 
 def import_run(traces: Sequence[Path], map_file: Path) -> Run:
-    """Return the run that ``traces`` hold, read by the column map (schema ``edbb-map/1``).
+    """Return the run that ``traces`` hold, read by the column map (schema ``edbb-map/1``) in a file.
+
+    Raises:
+        InputError: the map or a trace is wrong, with file, line and column.
+    """
+    return import_mapped(traces, read_toml(Path(map_file), ColumnMap), str(map_file))
+
+
+def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str) -> Run:
+    """Return the run that ``traces`` hold by a column map, which messages call ``name``.
 
     The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order; a trace that the map
     says nothing of is read in the columns of a run. The gauge's trace and the controller's are joined by time, or pose
     by pose where they have no time.
 
     Raises:
-        InputError: the map or a trace is wrong, with file, line and column.
+        InputError: a trace is wrong, with file, line and column.
     """
-    mapping = read_toml(Path(map_file), ColumnMap)
     if not traces:
-        raise InputError(f"no trace was given; {map_file} reads {len(mapping.all_traces)}")
+        raise InputError(f"no trace was given; {name} reads {len(mapping.all_traces)}")
     if len(traces) < len(mapping.all_traces):
-        raise InputError(f"{map_file} reads {len(mapping.all_traces)} traces, but {len(traces)} were given")
+        raise InputError(f"{name} reads {len(mapping.all_traces)} traces, but {len(traces)} were given")
     said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id}
     notes = {key: value for key, value in said.items() if value is not None}
     n_joints = mapping.n_joints

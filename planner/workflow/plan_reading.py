@@ -1,11 +1,13 @@
-"""What is made later of ``plan.json`` and the cell beside it: programs in any dialect, and simulated runs."""
+"""What is made later of ``plan.json`` and the cell beside it: programs, simulated runs, runs of a controller's log."""
 
+import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
-from planner.common.schema import read_json
+from planner.common.schema import read_json, validate
 from planner.instruments.check.planning import CHECK_NOTE
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
@@ -13,6 +15,10 @@ from planner.instruments.simulation.measurement import SAMPLE_RATE, SimulatedRun
 from planner.instruments.simulation.measurement import simulate as simulate_readings
 from planner.instruments.simulation.truth import draw_truth, read_truth
 from planner.programs.dialect import load_dialect
+from planner.programs.verification import import_map
+from planner.runs.run import Run
+from planner.runs.traces import ColumnMap, import_mapped
+from planner.session.document import read_plan
 from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
@@ -49,6 +55,22 @@ def simulate(
     """
     source = Path(plan) if isinstance(plan, Path | str) else plan.plan
     return SimulationResult(simulate_plan(source, None if truth is None else Path(truth), seed, change))
+
+
+def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
+    """Return the run of a plan from the log that its program kept, and from the gauge's trace.
+
+    Args:
+        traces: the log first.
+        plan: the path of ``plan.json``.
+        dialect: in which the program was written.
+
+    Raises:
+        InputError: no plan, an unknown dialect or one that keeps no log, or a trace that is wrong.
+    """
+    n_joints = len(read_plan(Path(plan), "poses").poses[0].q_deg)
+    content = tomllib.loads(import_map(dialect, n_joints))
+    return import_mapped(traces, validate(content, ColumnMap, f"the log of {dialect}"), f"the log of {dialect}")
 
 
 @on_one_thread
