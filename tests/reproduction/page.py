@@ -100,9 +100,9 @@ def _bars(table):
     head = ("instrument", "robot time (min)", "euros", "mean (mm)", "max", "std", "expected", "held out")
     yield _table(head, lines)
     yield (
-        "<p class='note'>Expected: the tool's error over the workspace (mm rms) by the covariance of the fit, which "
-        "knows of no effect that was not found. Held out: of the instrument's own readings (mm rms), a length for the "
-        "bar.</p>"
+        "<p class='note'>Expected: the tool's error over the workspace (mm rms): of a traced bar, by the posterior "
+        "of the robot that is released, whose errors these are; else by the covariance of the fit, which knows of no "
+        "effect that was not found. Held out: of the instrument's own readings (mm rms), a length for the bar.</p>"
     )
     yield "<img src='error_time.png' alt='Error against robot time'>"
     good = quickest(table)

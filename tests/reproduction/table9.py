@@ -36,8 +36,9 @@ class Row:
 
     @property
     def held_out_mm(self):
-        """Held-out rms of the instrument's own readings."""
-        return 1e3 * self.calibration.stages[-1].held_out.rms
+        """Held-out rms of the instrument's own readings, by the robot that is released."""
+        released = self.calibration.release
+        return 1e3 * (self.calibration.stages[-1] if released is None else released).held_out.rms
 
     @property
     def expected_mm(self):
