@@ -109,7 +109,7 @@ def _beside(test: ScoreTest, A: Array) -> ScoreTest:
     U = (A - test.basis @ shared) @ root
     return replace(
         test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ (root.T @ (A.T @ test.residual)),
-        dof=max(1.0, test.dof - U.shape[1]),
+        dof=max(1.0, test.dof - U.shape[1]), whole=None, gone=None,
     )  # fmt: skip
 
 
@@ -171,9 +171,9 @@ def _sums_before(test: ScoreTest, A: Array) -> tuple[Array, Array, Array]:
     n, r, _ = A.shape
     Q, e = test.basis.reshape(n, r, -1), test.residual.reshape(n, r)
     S = np.cumsum(np.einsum("nri,nrj->nij", A, A), axis=0)[:-1]
-    W = np.cumsum(np.einsum("nrp,nri->npi", Q, A), axis=0)[:-1]
+    W = np.cumsum(Q.transpose(0, 2, 1) @ A, axis=0)[:-1]
     along = -np.cumsum(np.einsum("nri,nr->ni", A, e), axis=0)[:-1]
-    return S - np.einsum("npi,npj->nij", W, W), along, np.einsum("nii->ni", S)
+    return S - W.transpose(0, 2, 1) @ W, along, np.einsum("nii->ni", S)
 
 
 def _worst_row(test: ScoreTest) -> list[EffectScore]:

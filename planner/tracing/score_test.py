@@ -9,13 +9,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cholesky
+from scipy.linalg.blas import dtrsm
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Effect, Role
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
-from planner.tracing.dictionary import DictionaryItem, EffectAtValue, EffectDictionary, WhitenedDictionary
+from planner.tracing.dictionary import DictionaryItem, EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
 from planner.tracing.state import (
     MASS_PRIOR,
     FittedEffect,
@@ -29,6 +31,8 @@ from planner.tracing.state import (
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
+REFLECTED_NUMBERS = 1_000_000  # of a Jacobian, up to which its basis is found by Householder's reflections
+NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 KEPT_ITEMS = 1_000  # of a dictionary, from which on its columns are kept for the next look
 REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
 
@@ -100,6 +104,8 @@ class ScoreTest:
         basis: orthonormal rows Q (m, P) of the whitened Jacobian with the prior's, readings only.
         residual: whitened, (m,).
         dof: degrees of freedom of the residual, autocorrelation of the noise counted.
+        triangle: R (P, P) of the Jacobian with the prior's, Q R.
+        whole, gone: of a model less some parameters, the test with all of them, and what of its basis, (P, k), is gone.
     """
 
     problem: FitProblem
@@ -107,8 +113,12 @@ class ScoreTest:
     basis: Array
     residual: Array
     dof: float
+    triangle: Array
+    whole: "ScoreTest | None" = None
+    gone: Array | None = None
     _columns: dict[int, WhitenedDictionary] = field(default_factory=dict, repr=False, compare=False)
     _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _projections: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, fit: Fit, correlation_time: float = 1.0) -> "ScoreTest":
@@ -118,10 +128,22 @@ class ScoreTest:
         if n > subset_size(fit.model, SCREENED_SAMPLES):
             problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
         rows, residual = linearise(problem, fit.errors)
-        Q = posterior_basis(rows, len(rows) / (n * fit.model.width))
+        Q, R = posterior_basis(rows, len(rows) / (n * fit.model.width))
         spacing = n / len(problem)
         dof = max(1.0, len(rows) / max(1.0, correlation_time / spacing) - fit.effective)
-        return cls(problem, fit.errors, Q, residual - Q @ (Q.T @ residual), dof)
+        return cls(problem, fit.errors, Q, residual - Q @ (Q.T @ residual), dof, R)
+
+    def without(self, kept: Sequence[int]) -> "ScoreTest":
+        """Return the model with only the parameters at the positions ``kept``, about the same errors of these.
+
+        Its columns are taken as they are: what is left of them spans a part of the same space.
+        """
+        problem = self.problem.with_model(self.problem.model.subset(list(kept)))
+        turn = np.linalg.qr(self.triangle[:, kept], mode="complete")[0]
+        raw = problem.model.residual_in(problem.context, problem.targets, self.errors[list(kept)])
+        white = whiten(problem, raw[..., None]).reshape(-1)
+        Q = self.basis @ turn[:, : len(kept)]
+        return replace(self, basis=Q, residual=white - Q @ (Q.T @ white), whole=self, gone=turn[:, len(kept) :])
 
     @cached_property
     def scatter(self) -> float:
@@ -150,28 +172,33 @@ class ScoreTest:
     def score(self, dictionary: EffectDictionary) -> DictionaryScores:
         """Score every item of a dictionary that was laid out over the screened samples."""
         if len(dictionary.items) < KEPT_ITEMS:
-            return self._score(WhitenedDictionary.of(dictionary, self.problem, self.errors))
+            columns = WhitenedDictionary.of(dictionary, self.problem, self.errors)
+            projection, products = columns.multiply(self.basis, self.residual)
+            return _scores(columns, _informations(columns, projection), products)
         known = self._scores.get(id(dictionary))
         if known is None:
-            columns = self._columns.get(id(dictionary))  # the same for all tests about the same errors
-            if columns is None:
-                columns = WhitenedDictionary.of(dictionary, self.problem, self.errors)
-                self._columns[id(dictionary)] = columns
-            known = self._scores[id(dictionary)] = self._score(columns)
+            if id(dictionary) not in self._columns:  # the same for all tests about the same errors
+                self._columns[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.errors)
+            columns = self._columns[id(dictionary)]
+            products = columns.multiply(self.basis[:, :0], self.residual)[1]
+            known = self._scores[id(dictionary)] = _scores(columns, self._informations(columns), products)
         return known
 
-    def _score(self, columns: WhitenedDictionary) -> DictionaryScores:
-        dictionary = columns.dictionary
-        projection, products = columns.multiply(self.basis, self.residual)
-        gains, sizes = np.empty(len(dictionary.items)), np.empty(len(dictionary.items), dtype=int)
-        informations, alongs = [], []
-        for equal, square in zip(dictionary.equal_items, columns.squares, strict=True):
-            W, along = projection[equal.columns], products[equal.columns]
-            information = square - W @ W.transpose(0, 2, 1)
-            gains[equal.items], sizes[equal.items] = score_gains(information, along, np.einsum("kii->ki", square))
-            informations.append(information)
-            alongs.append(along)
-        return DictionaryScores(dictionary, gains, sizes, tuple(informations), tuple(alongs))
+    def _informations(self, columns: WhitenedDictionary) -> Sequence[Array]:
+        """Information after projection of a kept dictionary's items, (K, k, k) for each of its equal items."""
+        if self.whole is None or self.gone is None:
+            return _informations(columns, self._project(columns))
+        known = self.whole.score(columns.dictionary).information
+        free = self.whole._project(columns) @ self.gone
+        own = [free[equal.columns] for equal in columns.dictionary.equal_items]
+        return [before + W @ W.transpose(0, 2, 1) for before, W in zip(known, own, strict=True)]
+
+    def _project(self, columns: WhitenedDictionary) -> Array:
+        """Products of a kept dictionary's columns with the basis, (width, P)."""
+        key = id(columns.dictionary)
+        if key not in self._projections:
+            self._projections[key] = columns.multiply(self.basis, self.residual)[0]
+        return self._projections[key]
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
         """Score one effect."""
@@ -210,10 +237,48 @@ def linearise(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
     return piece.rows.reshape(-1, piece.rows.shape[2]), piece.residual.reshape(-1)
 
 
-def posterior_basis(rows: Array, prior_weight: float) -> Array:
-    """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them."""
-    prior = np.eye(rows.shape[1]) * np.sqrt(prior_weight)
-    return np.asarray(np.linalg.qr(np.vstack([rows, prior]))[0][: len(rows)])
+def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
+    """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them, and R.
+
+    Of many rows by the Cholesky factor of their products, twice over, which is as exact as Householder's reflections
+    where the first one exists at all (Yamamoto et al. 2015, ETNA 44).
+    """
+    count = rows.shape[1]
+    if rows.size > REFLECTED_NUMBERS:
+        try:
+            Q, below, R = _orthogonalise(rows, np.eye(count) * np.sqrt(prior_weight))
+            Q, below, more = _orthogonalise(Q, below)
+            if np.abs(more - np.eye(count)).max() < NEARLY_ORTHOGONAL:
+                return Q, more @ R
+        except np.linalg.LinAlgError:
+            pass
+    prior = np.eye(count) * np.sqrt(prior_weight)
+    Q, R = np.linalg.qr(np.vstack([rows, prior]))
+    return np.asarray(Q[: len(rows)]), np.asarray(R)
+
+
+def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
+    """Return rows (m, P) and (P, P) below them times R⁻¹, and R, the Cholesky factor of their products."""
+    R = cholesky(rows.T @ rows + below.T @ below)
+    return dtrsm(1.0, R, rows.T, trans_a=1).T, dtrsm(1.0, R, below.T, trans_a=1).T, R
+
+
+def _informations(columns: WhitenedDictionary, projection: Array) -> list[Array]:
+    """Information after projection (width, P) of a dictionary's items, (K, k, k) for each of its equal items."""
+    own = [projection[equal.columns] for equal in columns.dictionary.equal_items]
+    return [square - W @ W.transpose(0, 2, 1) for W, square in zip(own, columns.squares, strict=True)]
+
+
+def _scores(columns: WhitenedDictionary, informations: Sequence[Array], products: Array) -> DictionaryScores:
+    """Score a dictionary's items by their information and the products (width,) of their columns with the residual."""
+    dictionary = columns.dictionary
+    gains, sizes = np.empty(len(dictionary.items)), np.empty(len(dictionary.items), dtype=int)
+    alongs = [products[equal.columns] for equal in dictionary.equal_items]
+    for equal, square, information, along in zip(
+        dictionary.equal_items, columns.squares, informations, alongs, strict=True
+    ):
+        gains[equal.items], sizes[equal.items] = score_gains(information, along, np.einsum("kii->ki", square))
+    return DictionaryScores(dictionary, gains, sizes, tuple(informations), tuple(alongs))
 
 
 def score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:

@@ -120,13 +120,21 @@ def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> 
     """Return the fitted model less one effect, its nonlinear value and what masses do through it, about the fit."""
     names = {p.name for p in found.parameters} | {found.sensitivity_name}
     where = {m.index for p in found.parameters for m in p.moves} if found.has(Role.COMPLIANCE) else set[int]()
+    test = test.whole or test
+    parameters = test.problem.model.parameters
+    stays = [k for k, p in enumerate(parameters) if p.name not in names]
+    if not any(
+        parameters[k].group == LINK_MASSES and any(m.index in where for m in parameters[k].moves) for k in stays
+    ):
+        return test.without(stays)
     kept, errors = list[Parameter](), list[float]()
-    for p, value in zip(test.problem.model.parameters, test.errors, strict=True):
+    for k in stays:
+        p = parameters[k]
         moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
-        if p.name not in names and moves:
+        if moves:
             kept.append(replace(p, moves=moves))
-            errors.append(float(value))
+            errors.append(float(test.errors[k]))
     problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
     rows, residual = linearise(problem, np.array(errors))
-    Q = posterior_basis(rows, len(problem) / len(state.fit.problem))
-    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual))
+    Q, _ = posterior_basis(rows, len(problem) / len(state.fit.problem))
+    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual), whole=test)
