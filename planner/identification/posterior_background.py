@@ -5,7 +5,7 @@ size at each joint; the other kinds have one for all places, since a run says li
 has, and whose errors would grow beyond the angles measured, enter by name only.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
+from planner.model.model import Model
 from planner.runs.run import Samples
 
 HARMONICS = 8  # of a gear's error, once to eight times a turn
@@ -86,6 +87,17 @@ def is_left_to_background(group: str) -> bool:
     if kind in (NONPARAMETRIC, GEAR_CURVE):
         return True
     return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
+
+
+def without_rivals_of(curves: Collection[str], families: Sequence[EffectFamily]) -> tuple[EffectFamily, ...]:
+    """Return the families without harmonics and ripple of the gears whose whole curves, by their groups, are there."""
+    places = tuple(f", {group.partition(', ')[2]}" for group in curves)
+    return tuple(f for f in families if not (f.name.startswith("gear ") and f.name.endswith(places)))
+
+
+def curve_groups(model: Model) -> frozenset[str]:
+    """Return the groups of the model's whole curves of gears."""
+    return frozenset(p.group for p in model.parameters if p.group.partition(", ")[0] == GEAR_CURVE)
 
 
 def _band(effect: Effect, size: float | None) -> Iterator[Parameter]:

@@ -17,7 +17,7 @@ from planner.common.units import Array
 from planner.effects.effect import Parameter
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise
-from planner.identification.posterior_background import EffectFamily, is_left_to_background
+from planner.identification.posterior_background import EffectFamily, is_left_to_background, without_rivals_of
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
@@ -146,7 +146,12 @@ class PosteriorFit:
 
 
 def fit_posterior(
-    before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], correlation_time: float = 1.0
+    before: Fit,
+    run: Run,
+    whole: Model,
+    background: Sequence[EffectFamily],
+    correlation_time: float = 1.0,
+    curves: frozenset[str] = frozenset(),
 ) -> PosteriorFit:
     """Fit everything together.
 
@@ -156,13 +161,14 @@ def fit_posterior(
         whole: gauge and geometry, what the run cannot identify too, with the prior sizes of the robot's file.
         background: what else may be there.
         correlation_time: how many samples of the run are worth one.
+        curves: groups of whole curves of gears that stand for what the background has of these gears.
     """
     most = LEARNING_READINGS // whole.width
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
     found = before.model.subset(
-        [k for k, p in enumerate(before.model.parameters) if not is_left_to_background(p.group)]
+        [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]
     )
-    families = _Families.of(found, whole, background)
+    families = _Families.of(found, whole, without_rivals_of(curves, background))
     known = dict(zip(before.model.names, before.errors, strict=True))
     errors = np.array([known.get(p.name, 0.0) for p in families.model.parameters])
     effects = _linearize(FitProblem.of(families.model, few), errors, families)

@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
-from planner.identification.posterior_background import background_families
+from planner.identification.posterior_background import background_families, curve_groups
 from planner.identification.posterior_fit import PosteriorFit, fit_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
@@ -18,6 +18,8 @@ from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
 DOUBT = 0.02  # probability that geometry alone is the better robot, at most
+DENSE = 20  # readings for each parameter, from which poses held out stand for those anywhere
+BEYOND_CHANCE, LEAST_GAIN = 3.0, 0.1  # standard deviations, and of the mean square, that whole curves of gears pay
 LEAST_SHARE = 0.05  # of the way to the compromise, which is worth a robot with effects
 
 
@@ -47,6 +49,11 @@ def release_robot(
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
     posterior = fit_posterior(last, run, whole, families, time)
+    dense = len(context.run) * whole.width >= DENSE * len(last.model.names)
+    if dense and (curves := curve_groups(last.model)):
+        other = fit_posterior(last, run, whole, families, time, curves)
+        if predicts_better(other, posterior, split):
+            posterior = other
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
     aim = compromise(geometry)
@@ -59,6 +66,17 @@ def release_robot(
     held = share * held + (1 - share) * before
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
+
+
+def predicts_better(other: PosteriorFit, posterior: PosteriorFit, split: Split) -> bool:
+    """Tell whether another posterior predicts samples that it has not seen better, beyond chance and by enough."""
+    held = [predict_held_out(p.fit, split, p.mixture.scaled).residual for p in (other, posterior)]
+    size = np.sqrt((held[1] ** 2).mean(axis=0))
+    mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in held)
+    each = np.bincount(split.group, theirs - mine) / np.maximum(np.bincount(split.group), 1)
+    gain = each[np.bincount(split.group) > 0]
+    surely = gain.mean() - BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
+    return bool(surely > 0 and mine.mean() < (1 - LEAST_GAIN) * theirs.mean())
 
 
 def compromise(geometry: ReleasedRobot) -> Fit:
