@@ -30,7 +30,7 @@ INK, GRID_COLOUR = "#222222", "#E4E4E4"
 PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}
 GAP = 78  # [px] between two panels, room for a label and the next title
 TOP, BOTTOM, LEFT, RIGHT = 36, 52, 74, 30
-ASIDE = 0.16  # part of the width between panels side by side, for each of them
+ASIDE = 0.21  # part of the width between panels side by side, for each of them
 DECADES = range(-18, 19)
 DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN else f"10<sup>{k}</sup>" for k in DECADES]
 LOG = {"type": "log", "tickmode": "array", "tickvals": [10.0**k for k in DECADES], "ticktext": DECADE_TEXTS}
