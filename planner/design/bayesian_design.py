@@ -85,6 +85,7 @@ class BayesianPosterior:
 TARGET_SHARE = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
 FEWEST, MOST = 100, 400  # poses, where no number is given
 START_PRIOR_SHARE = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
+FEWEST_AT_A_PLACE = 12  # poses at a fixture that would have none: its place has to be found
 PASSES = 2  # through the chosen, in which each may give way to another
 CONSIDERED = 24_000  # candidates among which the poses are chosen, evenly spread over the pool
 SHORTLIST = 6000  # of them that promise most, among which the chosen are exchanged
@@ -195,6 +196,7 @@ def choose_bayesian_poses(
     first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
+    chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], weight)
     limits = Beside(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
 
@@ -205,6 +207,24 @@ def choose_bayesian_poses(
         return BayesianDesign(unknown, considered[chosen], after, bound, float(after[-1]), floor, numbers)
 
     return BackgroundDesign(considered[chosen], limits, others, design)
+
+
+def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:
+    """Let each fixture at which nothing was chosen have some poses: a person who set it up wants to know where it is.
+
+    Args:
+        place: fixture of each considered reading, (n,) int.
+        chosen: positions of the chosen ones, (k,) int; the last of them give way.
+        white: the readings, the gauge's places taken for nearly known, (n, P).
+        weight: as of :class:`BayesianPosterior`.
+    """
+    parts = [chosen]
+    for p in np.setdiff1d(place, place[chosen]):
+        there = np.flatnonzero(place == p)
+        begun = BayesianPosterior.prior(white[there], weight)
+        parts.append(there[select_greedily(begun, min(FEWEST_AT_A_PLACE, len(there)), 0.0)])
+    more = sum(map(len, parts[1:]))
+    return np.concatenate([chosen[: len(chosen) - more], *parts[1:]]).astype(np.intp)
 
 
 def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:

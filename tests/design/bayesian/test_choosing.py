@@ -9,6 +9,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
+from planner.design import bayesian_design
 from planner.design.bayesian_design import (
     FEWEST,
     OTHER_NUMBERS,
@@ -150,3 +151,16 @@ def test_minutes_of_the_planned_number_are_those_that_are_driven():
     minutes = session_minutes(cell, [drive], 100)
     assert minutes(100) == pytest.approx(40.0)
     assert np.all(np.diff([minutes(n) for n in (20, 40, 100, 200)]) > 0)
+
+
+def test_a_fixture_that_tells_less_with_every_reading_has_poses_nevertheless():
+    rng = np.random.default_rng(8)
+    place = np.repeat([0, 1], 300)
+    white = rng.normal(0, 1, (600, 6)) * np.where(place == 0, 10.0, 0.1)[:, None]
+    chosen = rng.choice(300, 40, replace=False)
+    out = bayesian_design._use_every_place(place, chosen, white, np.eye(6))
+    assert len(np.unique(out)) == 40
+    assert np.bincount(place[out]).tolist() == [28, 12]
+    assert out[:28].tolist() == chosen[:28].tolist()
+    both = np.append(chosen, 400)
+    assert bayesian_design._use_every_place(place, both, white, np.eye(6)).tolist() == both.tolist()
