@@ -34,11 +34,14 @@ from planner.runs.run import Samples
 
 
 def expected_error_csv(released: ReleasedRobot) -> str:
-    """Return the table: joint angles, where the measured tool point is, and its expected error of three robots."""
+    """Return the table: joint angles, where the measured tool point is, and its likely error of three robots.
+
+    The rms of a column is the robot's error over the workspace as ``identification.json`` and the report state it.
+    """
     tool = released.tool
     head = [f"q{j + 1}_deg" for j in range(tool.q.shape[1])]
     head += ["x_mm", "y_mm", "z_mm", "nominal_mm", "geometry_mm", "released_mm"]
-    errors = [released.expected_errors(fit) for fit in (None, released.geometry, released.fit)]
+    errors = [released.likely_errors(fit) for fit in (None, released.geometry, released.fit)]
     rows = np.column_stack([to_deg(tool.q), to_mm(tool.position), to_mm(np.stack(errors, axis=1))])
     text = "\n".join(",".join(f"{v + 0.0:.4f}" for v in row) for row in rows.round(4))
     return ",".join(head) + "\n" + text + "\n"
@@ -76,6 +79,8 @@ class ExpectedErrorFile(StrictModel):
         nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
         spread: root of the parameters' covariance, (P, r).
         rest_mm, rest_other_mm: tool error that the root lacks, rms, of the measured tool and of others.
+        likely_share: error over the workspace that is as likely exceeded as not, over the root of the expected mean
+            square: of nominal, geometry and released robot.
         states_deg: joint states at which the base is aligned, (n, N).
     """
 
@@ -90,6 +95,7 @@ class ExpectedErrorFile(StrictModel):
     spread: tuple[tuple[float, ...], ...]
     rest_mm: float
     rest_other_mm: float
+    likely_share: tuple[float, float, float] = (1.0, 1.0, 1.0)
     states_deg: tuple[tuple[float, ...], ...]
 
 
@@ -114,6 +120,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "spread": _few_digits(root).tolist(),
         "rest_mm": float(_few_digits(to_mm(np.sqrt(max(rest[0], 0.0))))),
         "rest_other_mm": float(_few_digits(to_mm(np.sqrt(max(float(np.mean(rest[1:])), 0.0))))),
+        "likely_share": [float(_few_digits(released.likely_share(f))) for f in (None, released.geometry, released.fit)],
         "states_deg": np.round(to_deg(few), 3).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
@@ -155,7 +162,10 @@ def _few_digits(values: Array | float) -> Array:
 
 @dataclass(frozen=True)
 class ErrorAtPoses:
-    """Expected tool error of n poses [m], (n,): of the nominal robot, of geometry alone, and of the released one."""
+    """Tool error of n poses [m], (n,): of the nominal robot, of geometry alone, and of the released one.
+
+    It is what is expected there, on the scale of the error over the workspace that is as likely exceeded as not.
+    """
 
     nominal: Array
     geometry: Array
@@ -230,7 +240,7 @@ class ExpectedError:
             square[part] = ((motion - frame @ shift) ** 2).reshape(len(q[part]), 3, -1).sum(axis=1)
         rest = self.file.rest_mm if self.is_measured(p_FM) else self.file.rest_other_mm
         known = square[:, 3:].sum(axis=1) + float(from_mm(rest)) ** 2
-        return ErrorAtPoses(*(np.sqrt(square[:, k] + known) for k in range(3)))
+        return ErrorAtPoses(*(s * np.sqrt(square[:, k] + known) for k, s in enumerate(self.file.likely_share)))
 
     def _motion(self, q: Array, p_FM: Array, vectors: Array) -> tuple[Array, Array]:
         """Tool motion per how the base stands, (3 n, 6), and by each vector of errors (P, k), (3 n, k) [m]."""

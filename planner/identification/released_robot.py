@@ -114,6 +114,18 @@ class ReleasedRobot:
         off = self.offset(self.tool.names, fit)
         return np.sqrt(self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None]))
 
+    def likely_errors(self, fit: Fit | None) -> Array:
+        """Return the tool's error at every state [m], (n,), whose rms is as likely exceeded as not: the figure that leads.
+
+        It is shared out over the states as the expected mean square is.
+        """
+        return np.asarray(self.likely_share(fit) * self.expected_errors(fit))
+
+    def likely_share(self, fit: Fit | None) -> float:
+        """Return what is as likely exceeded as not over the root of the expected mean square, over the workspace."""
+        expected = float(np.sqrt((self.expected_errors(fit) ** 2).mean()))
+        return self.anywhere_with(fit) / expected if expected > 0 else 1.0
+
     def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
         """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
         return float(np.median(self.drawn_errors(fit, tool)))

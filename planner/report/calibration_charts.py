@@ -178,8 +178,7 @@ FIELD_HEIGHT, LINE_HEIGHT = 300, 170
 class WorkspaceErrors:
     """Reach and height of n states [mm], (n,), and expected error there of nominal robot, geometry, released robot.
 
-    Their rms is the figure that leads the page, which is as likely exceeded as not: the mean square is larger, as a few
-    of the robots that the run allows are far off.
+    Their rms is the figure that leads the page, which is as likely exceeded as not.
     """
 
     reach: Array
@@ -192,9 +191,7 @@ class WorkspaceErrors:
     def of(cls, robot: ReleasedRobot) -> "WorkspaceErrors":
         """Take the states at which the robot is judged."""
         fits = (None, robot.geometry, robot.fit)
-        shapes = ((to_mm(robot.expected_errors(fit)), to_mm(robot.anywhere_with(fit))) for fit in fits)
-        errors = (error * (known / float(np.sqrt((error**2).mean()))) for error, known in shapes)
-        return cls(*_reach_height(robot.tool.position), *errors)
+        return cls(*_reach_height(robot.tool.position), *(to_mm(robot.likely_errors(fit)) for fit in fits))
 
 
 def _reach_height(p: Array) -> tuple[Array, Array]:

@@ -78,7 +78,7 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (
-        ("tool anywhere, rms", f"{in_mm(c.workspace_error)} mm", f"expected; {was}"),
+        ("tool anywhere, rms", f"{in_mm(c.workspace_error)} mm", was),
         (
             f"{c.fit.model.setup.gauge.plural}, mean",
             f"{in_mm(after.mean)} mm",
@@ -119,7 +119,7 @@ def _metrics(m: Metrics) -> Row:
 
 
 def _most_moved(facts: CalibrationFacts) -> list[Row]:
-    """The fitted errors of the robot that move the reading most: name, what, change, unit, and by how much."""
+    """The fitted errors of the robot that move the reading most: name, what, change, unit, by how much, absorbed."""
     c = facts.calibration
     by_name = {e.name: e for e in c.estimates}
     shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True)]
@@ -127,7 +127,7 @@ def _most_moved(facts: CalibrationFacts) -> list[Row]:
     rows = list[Row]()
     for e, moves in robot[:MOST_MOVED]:
         change = f"{_format(e, e.value - e.nominal, '+')} ± {_format(e, e.std)}"
-        rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2)))
+        rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2), ", ".join(e.absorbs)))
     return rows
 
 

@@ -250,8 +250,8 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
 
 def _workspace_text(r: Release, anywhere: float) -> str:
     """Say how good the tool is expected to be anywhere: the figure that leads."""
-    out = f"tool error over the workspace {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm rms (expected"
-    out += f", with 95 % less than {r.at_most / MM:.3f} mm"
+    out = f"tool error over the workspace, rms: {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm"
+    out += f" (as likely more as less; with 95 % below {r.at_most / MM:.3f} mm"
     out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
     own = r.work_tool
     if own is None:

@@ -102,7 +102,7 @@ def test_headline_is_the_tools_error_and_then_that_of_readings_not_seen(c: Calib
     said = " ".join(headline_text(CalibrationFacts(c)))
     assert c.release
     assert c.released
-    assert said.startswith(f"Error of the tool over the workspace {in_mm(c.release.nominal_anywhere)} mm → ")
+    assert said.startswith(f"Error of the tool over the workspace, rms: {in_mm(c.release.nominal_anywhere)} mm → ")
     before, after = next(s for s in c.stages if s.name == "frames"), c.released
     found = re.search(r"Mean error of lengths ([\d.]+) mm → ([\d.]+) mm on poses that no fit saw\.", said)
     assert found
