@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel
@@ -83,6 +83,7 @@ class Gauge(ABC):
     usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
     left_to_person: float = 0.0  # share of the last way to a ball that a person goes, not the program
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
+    usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # where the cell does not say
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
     calibrates_unasked: ClassVar[bool] = True  # whether a plan calibrates where no number of poses is given

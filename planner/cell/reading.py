@@ -152,8 +152,8 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         InputError: a key is wrong, missing, or contradicts another.
     """
     gauge = gauge_class(file)
-    if not gauge.reads_moving:  # whatever the file says or leaves out: the arm rests at every pose
-        file = file.model_copy(update={"motion": file.motion.model_copy(update={"measure": "static"})})
+    if not gauge.reads_moving or "measure" not in file.motion.model_fields_set:  # or it rests, whatever the file says
+        file = file.model_copy(update={"motion": file.motion.model_copy(update={"measure": gauge.usual_measure})})
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -98,6 +98,7 @@ class LengthGauge(LineGauge):
     is_attached: ClassVar[bool] = True
     has_zero: ClassVar[bool] = True
     reads_moving: ClassVar[bool] = True
+    usual_measure: ClassVar[Literal["continuous", "static"]] = "continuous"
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "bar (mm)")
     travel_name: ClassVar[str] = "way without the bar"
     bare: ClassVar[str] = ", without the bar"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class DrawWire(LengthGauge):
 
     kind: ClassVar[str] = "draw-wire"
     noun: ClassVar[str] = "wire"
+    usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # read at each pose, by a person or over a line
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "wire (mm)")
     travel_name: ClassVar[str] = "way without the wire"

@@ -8,6 +8,7 @@ __all__ = [
     "cross_validation",
     "expected_error",
     "identifiable_parameters",
+    "joint_zeros",
     "least_squares",
     "pipeline",
     "problem",

@@ -194,6 +194,9 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
     lines = read_lines(path, trace.encoding)
     text = "\n".join(lines)
     found = {key: m[1] for key, m in (("plan_id", PLAN_ID.search(text)), ("truth", TRUTH.search(text))) if m}
+    other, wanted = found.get("plan_id"), notes.get("plan_id", found.get("plan_id"))
+    if other != wanted and other is not None:
+        raise InputError(f"{path}: was kept while plan {other} was driven, not plan {wanted}")
     notes = {**found, **notes}
     read = _read_matches if trace.pattern else _read_separated
     source, frame = read(str(path), lines, trace)
@@ -205,6 +208,14 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
     frame = frame.with_columns(_constant(c, v) for c, v in zip(constants, trace.constants.values(), strict=True))
     table = table_in_si(source, frame, [*columns, *constants], notes)
     return _without_unwritten(table) if trace.pattern else table
+
+
+def is_trace_of(path: Path, trace: TraceMap) -> bool:
+    """Tell whether a line of the file is one that the map's pattern reads; ``True`` for a map of columns."""
+    if trace.pattern is None:
+        return True
+    pattern = regex.compile(trace.pattern)
+    return any(pattern.search(line, timeout=LINE_SECONDS) for line in read_lines(path, trace.encoding))
 
 
 def _scaled_column(name: str, target: RunColumn, trace: TraceMap) -> pl.Expr:

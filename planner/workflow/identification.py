@@ -18,6 +18,7 @@ from planner.identification.calibrated_robot import calibrated_files, calibrated
 from planner.identification.calibration import Calibration
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
+from planner.identification.joint_zeros import joint_zeros_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -69,6 +70,8 @@ class CalibrationResult(Result):
         lines.append(f"  left        {found.diagnosis.sentence}")
         if found.release is not None:
             lines.append(f"  written     {_release_text(found.release)}")
+            zeros = joint_zeros_text(found)
+            lines += [f"  zeros       {zeros}"] if zeros else []
         return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
 
     def content(self) -> Mapping[str, Any]:

@@ -17,7 +17,7 @@ from planner.instruments.simulation.truth import draw_truth, read_truth
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import import_map
 from planner.runs.run import Run
-from planner.runs.traces import ColumnMap, import_mapped
+from planner.runs.traces import ColumnMap, import_mapped, is_trace_of
 from planner.session.document import read_plan
 from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
@@ -68,9 +68,12 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
     Raises:
         InputError: no plan, an unknown dialect or one that keeps no log, or a trace that is wrong.
     """
-    n_joints = len(read_plan(Path(plan), "poses").poses[0].q_deg)
-    content = tomllib.loads(import_map(dialect, n_joints))
-    return import_mapped(traces, validate(content, ColumnMap, f"the log of {dialect}"), f"the log of {dialect}")
+    planned, name = read_plan(Path(plan), "poses"), f"the log of {dialect}"
+    content = tomllib.loads(import_map(dialect, len(planned.poses[0].q_deg))) | {"plan_id": planned.plan_id}
+    mapping = validate(content, ColumnMap, name)
+    if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
+        raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
+    return import_mapped(traces, mapping, name)
 
 
 @on_one_thread

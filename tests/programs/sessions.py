@@ -72,6 +72,15 @@ def static(n_joints: int = 6, n_poses: int = 4) -> Program:
     return _frame(n_joints, tour)
 
 
+def led_by_hand(n_joints: int = 6, n_poses: int = 4) -> Program:
+    """A person leads the ball into a socket before each pose: a stretch begins with a stay."""
+    tour: list[Instruction] = []
+    for pose, q in enumerate(angles(n_joints, n_poses), start=1):
+        tour += [JointMove(q, 7.3, 16.6, 0.52, pose=pose), Pause("lead the ball in"), Dwell(0.5), Sync(pose)]
+        tour += [LogAxes(pose), Dwell(1.25)]
+    return _frame(n_joints, tour)
+
+
 def continuous(n_joints: int = 6, n_poses: int = 4) -> Program:
     """Rounded at the poses, marked in passing; a support point in between."""
     tour: list[Instruction] = []

@@ -43,6 +43,12 @@ def test_shipped() -> None:
     assert tuple(found["din66025"].options) == ("rounding",)
 
 
+@pytest.mark.parametrize("name", sorted(SHIPPED))
+def test_a_pose_that_a_person_leads_the_arm_to_is_written_and_read_back(name: str) -> None:
+    program = sessions.led_by_hand()
+    verify(program, name, write_program(program, name, "led"))
+
+
 def test_unknown_dialect_names_the_nearest() -> None:
     with pytest.raises(InputError, match="no dialect 'rapdi'; did you mean \"rapid\""):
         write_program(sessions.static(), "rapdi", "a")

@@ -272,7 +272,7 @@ class _BallFilter:
         if funnel.cable == 0:
             return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
         if funnel.approach == 0:
-            pair = self.at.scene.pair_name(int(np.argmax(self.hit)))
+            pair = self.at.scene.blamed_pair(int(np.argmax(self.hit)))
             where = "there" if funnel.collision == 0 else "on the way there"
             return (
                 f"{head} Every pose collides {where}, most often {pair}: look at motion.clearance_mm, the stem and "

@@ -254,7 +254,9 @@ def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
         return "too few of them were drawn to say what with"
     share = (world.distances(q[:BLAMED]) < cell.motion.clearance).mean(axis=0)
     worst = np.argsort(-share, kind="stable")[:SHOWN_PAIRS]
-    return ", ".join(f"{world.scene.pair_name(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0)
+    return ", ".join(
+        f"{world.scene.blamed_pair(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0
+    )
 
 
 def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:

@@ -14,7 +14,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import GaugeBody
 from planner.common.errors import InputError
 from planner.common.files import check_readable
-from planner.common.units import Array, read_only
+from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
@@ -234,8 +234,14 @@ class Scene:
 
     def pair_name(self, k: int) -> str:
         """Return the two bodies of pair ``k`` as a person calls them."""
-        a, b = self.pairs[k]
-        return f"{self.pieces[a].body.name} and {self.pieces[b].body.name}"
+        a, b = (self.pieces[i].body.name for i in self.pairs[k])
+        return f"{a} and {b}"
+
+    def blamed_pair(self, k: int) -> str:
+        """Return the two bodies of pair ``k``, and the key of the cell that places one of them."""
+        name, floor = self.pair_name(k), self.cell.base.floor
+        has_floor = FLOOR in (self.pieces[i].body.name for i in self.pairs[k])
+        return f"{name} (base.floor_mm = {to_mm(floor):g})" if has_floor and floor is not None else name
 
 
 def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:

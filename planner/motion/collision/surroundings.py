@@ -45,8 +45,8 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     if not links:
         return ()
     neighbours = [f"{a} and {b}" for a, b in pairwise(links) if b - a == 1]
-    named = [f"{a} and {b} ({robot.never_meet_reason})" for a, b in sorted(robot.never_meet)]
-    said = "; ".join(filter(None, (", ".join(neighbours), *named)))
+    named = ", ".join(f"{a} and {b}" for a, b in sorted(robot.never_meet))
+    said = "; ".join(filter(None, (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})")))
     return (f"bodies of these links are not checked against each other: {said}",) if said else ()
 
 
@@ -63,6 +63,10 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     )
 
 
+def _apart_text(distance: float) -> str:
+    return f"{to_mm(abs(distance)):.1f} mm {'apart' if distance > 0 else 'into each other'}"
+
+
 def _check_apart(cell: Cell) -> None:
     """Refuse bodies that touch wherever the robot stands: everything would collide, and nothing may be left out."""
     world = CollisionWorld(build_scene(cell)).without_bar()
@@ -70,19 +74,22 @@ def _check_apart(cell: Cell) -> None:
     if not found:
         return
     pieces = [tuple(world.scene.pieces[i] for i in world.scene.pairs[k]) for k in found]
+    low = any(FLOOR in (a.body.name, b.body.name) for a, b in pieces)
     own = [
         sorted((a.link, b.link))
         for a, b in pieces
         if a.of_robot and b.of_robot and abs(a.link - b.link) == NEXT_BUT_ONE
     ]
-    hint = "mend their shapes or places"
+    hint = "mend their shapes or places" + (", or set base.floor_mm to where the floor is" if low else "")
     if own:
         listed = [list(pair) for pair in sorted({tuple(pair) for pair in own})]
         hint += (
             f", or, where only crude shapes touch, name the links in robot.toml (which can name a URDF): "
             f"never_meet = {listed} and never_meet_reason"
         )
-    names = "; ".join(world.scene.pair_name(k) for k in found[:SHOWN_PAIRS])
+    apart = world.distances(cell.home[None])[0]
+    shown = found[:SHOWN_PAIRS]
+    names = "; ".join(f"{world.scene.blamed_pair(k)}, {_apart_text(float(apart[k]))} at home" for k in shown)
     raise InputError(
         f"{cell.path}: these bodies come closer than motion.clearance_mm = {to_mm(cell.motion.clearance):g} wherever "
         f"the robot stands: {names}; {hint}"

@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
@@ -68,13 +67,15 @@ class TrajectoryExecution(Execution):
             InputError: a file names other joints, its times do not increase, or a stay is at another place.
         """
         self._check_names([s.text for s in statements if isinstance(s, FileBegin)])
-        followed = [s for s in statements if isinstance(s, FileBegin | TrajectoryPoint)]
-        for before, after in pairwise(followed):
-            if isinstance(after, TrajectoryPoint):
-                since = before.time if isinstance(before, TrajectoryPoint) else 0.0
-                moved = not isinstance(before, TrajectoryPoint) or before.angles != after.angles
-                self._check_point(after, since, moved)
-                yield after
+        last: TrajectoryPoint | None = None  # a file may begin with a stay where the one before ended
+        since = 0.0
+        for each in statements:
+            if isinstance(each, FileBegin):
+                since = 0.0
+            elif isinstance(each, TrajectoryPoint):
+                self._check_point(each, since, moved=last is None or last.angles != each.angles)
+                last, since = each, each.time
+                yield each
 
     def execute(self, statement: st.Statement) -> bool:
         """Take in a point."""

@@ -1,0 +1,58 @@
+"""Joint zeros as the screen states them, against an arm whose zeros alone are off."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.reading import load_cell
+from planner.identification.joint_zeros import joint_zeros_text
+from planner.identification.pipeline import FitSettings, identify
+from planner.runs.loader import load_runs
+from tests.identification.worlds import arm_of
+from tests.simulation.generator import runs
+from tests.simulation.generator.truth import Noise, Truth
+
+NAME, TURNED = "kuka-kr6-r700", 3  # the joint whose controller counts the other way
+STATED = re.compile(r"joint (\d) ([+-][\d.]+) ± ([\d.]+)°(\*?)")
+
+
+def test_zeros_are_what_the_controller_shows_too_little(tmp_path) -> None:
+    """A tracker's run of an arm that stands 0.2° and more elsewhere than its controller shows."""
+    off = np.deg2rad([0.0, 0.3, -0.25, 0.2, -0.4, 0.0])
+    truth = Truth(0, {}, (), Noise(5e-6, 1e-5), (1.0,) * 6)
+    run, cell = runs.tracker(arm_of(NAME), n_poses=40, seed=0, truth=truth, logs=()).write(tmp_path)
+    moved = _with_other_angles(run, off)
+    text = re.sub(r"^robot = .*$", 'robot = "robot.toml"', cell.read_text(), count=1, flags=re.MULTILINE)
+    cell.write_text(text)
+    (tmp_path / "robot.toml").write_text(_turned_robot())
+    found = identify(load_runs([moved], 6), load_cell(str(cell), planning=False), settings=FitSettings())
+    stated = {int(k): (float(v), float(s)) for k, v, s, _ in STATED.findall(joint_zeros_text(found))}
+    assert set(stated) >= {2, 3, 4, 5}
+    for joint, (value, std) in stated.items():
+        assert abs(value - np.rad2deg(off[joint - 1])) < 4 * std + 1e-3
+        assert std < 0.05
+
+
+def _turned_robot():
+    head, *joints = (Path(__file__).parents[2] / "robots" / NAME / "robot.toml").read_text().split("[[joints]]")
+    own = joints[TURNED - 1].replace("sense = 1", "sense = -1")
+    lower, upper = (float(v) for v in re.search(r"limit_deg = \[(.*), (.*)\]", own).groups())
+    joints[TURNED - 1] = re.sub(r"limit_deg = .*", f"limit_deg = [{-upper}, {-lower}]", own)
+    return "[[joints]]".join([head, *joints])
+
+
+def _with_other_angles(run, off):
+    """Return a copy of the run whose controller shows ``off`` [rad] less than where the joints stand."""
+    lines = run.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    at = [lines[first].split(",").index(f"q{j + 1}_deg") for j in range(6)]
+    for k in range(first + 1, len(lines)):
+        fields = lines[k].split(",")
+        for j, column in enumerate(at):
+            sense = -1 if j + 1 == TURNED else 1
+            fields[column] = f"{sense * float(fields[column]) - np.rad2deg(off[j]):.6f}"
+        lines[k] = ",".join(fields)
+    out = run.with_name("moved.csv")
+    out.write_text("\n".join(lines) + "\n")
+    return out
