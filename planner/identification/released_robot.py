@@ -115,9 +115,9 @@ class ReleasedRobot:
         return np.sqrt(self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None]))
 
     def likely_errors(self, fit: Fit | None) -> Array:
-        """Return the tool's error at every state [m], (n,), whose rms is as likely exceeded as not: the figure that leads.
+        """Return the tool's error at every state [m], (n,), shared out over them as the expected mean square is.
 
-        It is shared out over the states as the expected mean square is.
+        Its rms is as likely exceeded as not: the figure that leads.
         """
         return np.asarray(self.likely_share(fit) * self.expected_errors(fit))
 
