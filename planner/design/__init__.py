@@ -7,6 +7,7 @@ __all__ = [
     "fixtures",
     "free_parameters",
     "observability",
+    "off_grid_bound",
     "pose_selection",
     "selection",
 ]

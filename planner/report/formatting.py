@@ -93,12 +93,13 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
     if choice.value != choice.on_grid_value:
         off = plan.certificate
-        least = f"no {n} of the candidates and these poses together {verb} a {rule.what}"
+        sought = count_text(off.candidates - bound.candidates - n)
+        least = f"no {n} of the candidates, these and {sought} poses sought between them {verb} a {rule.what}"
         limit = f"{'above' if rule.maximise else 'below'} {bound_text(off.value, rule.maximise)}"
         apart = f"a gap of at most {percent_text(max(rule.gap(choice.value, off.value), 0.0))}"
         out.append(
             f"After moving them off the grid of candidates: {digits(choice.value, 4)}; {least} {limit}, {apart}. "
-            "Poses between the candidates are not covered otherwise."
+            "Of poses between the candidates that is not proven otherwise."
         )
     driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
     out.append(f"{driven}: {digits(plan.driven, 4)}.")

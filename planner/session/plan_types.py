@@ -11,7 +11,6 @@ from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_curves import IndexCurve
 from planner.motion.path.verdict import ProvenPath, Verdict
 from planner.motion.timing.trajectory import LimitReport, Trajectory
@@ -20,7 +19,6 @@ from planner.programs.rendering import ProgramFile
 from planner.runs.run import Mounting
 from planner.session.course import Course, Role
 
-REFINED_TOLERANCE = 1e-3  # of the bound that holds for poses off the grid too
 Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
 """Files of the program in each dialect."""
 
@@ -119,7 +117,7 @@ class Plan(SessionPlan):
 
     Attributes:
         pool: candidates; choice: those that are measured.
-        certificate: no set of candidates and of the poses as chosen beats its value.
+        certificate: no set of candidates, of the poses as chosen and of those found off the grid beats its value.
         curve: index and bound against the number of poses, where the index chose them.
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
@@ -139,15 +137,6 @@ class Plan(SessionPlan):
     def by_index(self) -> bool:
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
         return self.foresight is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
-
-
-def certify_refined(pool: PoseSet, choice: PoseChoice) -> Certificate:
-    """Certify that no set of candidates and of the poses as chosen, which may have left the candidates, does better."""
-    among = choice.certificate
-    if choice.value == choice.on_grid_value:
-        return among
-    rows = np.concatenate([choice.model.rows(s) for s in (pool.samples, choice.samples)])
-    return certify_bound(rows, choice.index, among.poses, REFINED_TOLERANCE, near=among)
 
 
 def motion_signs(q: Array) -> np.ndarray:

@@ -19,6 +19,7 @@ from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
+from planner.design.off_grid_bound import certify_off_grid
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
@@ -28,7 +29,7 @@ from planner.session.neutral_program import assemble_programs, session_program, 
 from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
-from planner.session.plan_types import Drive, Plan, SessionPlan, certify_refined
+from planner.session.plan_types import Drive, Plan, SessionPlan
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
@@ -150,16 +151,16 @@ class PoseSession(ABC):
     def _drive_refined(self, refined: PoseChoice, stages: Stages) -> tuple[PoseChoice, Certificate, tuple[Drive, ...]]:
         """Drive all places, and certify the poses beside that; those that are driven come with the drives."""
         try:
-            with Beside(partial(certify_refined, self.pool, refined)) as certifying, stages.stage("path"):
+            with Beside(partial(certify_off_grid, self.cell, self.pool, refined)) as certifying, stages.stage("path"):
                 drives, choice = self._drive_places(refined)
         except TimeIsOverError as over:
-            limit, certificate = current_limit(), certify_refined(self.pool, refined)
+            limit, certificate = current_limit(), certify_off_grid(self.cell, self.pool, refined)
             notes = (*self.notes, *session_notes(self.cell), *(limit.notes if limit else ()))
             raise PathNotProvenError(
                 UnprovenPoses(self.cell, self.options.seed, self.pool, refined, certificate, notes, str(over))
             ) from over
         certificate = certifying.result()
-        return choice, certificate if choice is refined else certify_refined(self.pool, choice), drives
+        return choice, certificate if choice is refined else certify_off_grid(self.cell, self.pool, choice), drives
 
     def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""

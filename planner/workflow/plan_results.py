@@ -65,7 +65,8 @@ class PlanResult(SessionResult):
         choice, drives = plan.choice, plan.drives
         gap = INDEX_RULES[choice.index].gap
         bound, off = choice.certificate.value, plan.certificate.value
-        moved = f"; with the refined poses among them {off:#.4g}, gap {100 * max(gap(choice.value, off), 0.0):.1f} %"
+        least = 100 * max(gap(choice.value, off), 0.0)
+        moved = f"; with poses sought off the grid among them {off:#.4g}, gap {least:.1f} %"
         tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
         clearance = min(d.path.clearance for d in drives) * 1e3
         proof = (

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
 from planner.design.observability.information import all_indices
+from planner.design.off_grid_bound import certify_off_grid
 from planner.design.pose_selection import PoseChoice, identify_candidates
 from planner.design.selection.index_curves import compute_index_curve
 from planner.design.selection.index_search import exchange_poses
@@ -18,7 +19,7 @@ from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import Waypoints, axis_limits, time_course
-from planner.session.plan_types import Drive, Plan, Visit, certify_refined, motion_signs
+from planner.session.plan_types import Drive, Plan, Visit, motion_signs
 from planner.session.tour_cost import tour_costs
 
 PLAN_ID = "0123456789ab"
@@ -56,7 +57,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
         plan_id=PLAN_ID,
         pool=pool,
         choice=choice,
-        certificate=certify_refined(pool, choice),
+        certificate=certify_off_grid(cell, pool, choice),
         curve=curve,
         driven=1.03 * found.value,
     )
