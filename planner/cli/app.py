@@ -43,8 +43,8 @@ VERBS = {  # name: (module, function, line in the list of commands)
     "centre": ("cell_commands", "centre_command", "Centre a head of indicators on the balls of a plan."),
     "measure": ("cell_commands", "measure_command", "Read a bar or wire at each pose of a plan into a run."),
     "serve": ("service_commands", "serve_command", "Serve the planner to browsers and programs."),
-    "robots": ("list_commands", "robots_command", "List the robots and cells that come with the planner."),
-    "dialects": ("list_commands", "dialects_command", "List the robot languages that programs can be written in."),
+    "robots": ("service_commands", "robots_command", "List the robots and cells that come with the planner."),
+    "dialects": ("service_commands", "dialects_command", "List the robot languages that programs can be written in."),
 }
 
 

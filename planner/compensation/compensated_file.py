@@ -11,23 +11,25 @@ from planner.common.files import read_bytes
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
-from planner.compensation.head_comment import add_head
-from planner.compensation.languages import comment_style, companion_of, detect_dialect, family_of, read_targets
+from planner.compensation.languages import (
+    add_head,
+    check_reach,
+    companion_of,
+    detect_dialect,
+    foreign_robot_notes,
+    read_targets,
+)
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
-from planner.compensation.other_robot import check_reach, foreign_robot_notes
-from planner.compensation.printed import read_printed
+from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.report import (
     CompensationReport,
-    large_joint_motions,
-    near_singular_angles,
+    read_printed,
     report_of,
-    summary,
 )
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.compensation.targets import SAME, CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
 from planner.kinematics.robot import Robot
-from planner.programs.languages.text import Slot, write_values
+from planner.programs.languages.statements import Slot, write_values
 
 NO_FRAMES = ToolAndBase()
 
@@ -49,7 +51,7 @@ class CompensatedFile:
     @property
     def summary(self) -> str:
         """What was done, for the person at the screen."""
-        return summary(self.name, self.report)
+        return self.report.summary(self.name)
 
     @property
     def partly(self) -> bool:
@@ -115,7 +117,7 @@ def compensate_file(
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
     targets = _certain_targets(path, reading, strict)
-    q, problems = solve_nominal_angles(nominal, targets, source.seeds)
+    q, problems = solve_nominal_angles(targets, source.seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
@@ -190,13 +192,11 @@ def _finish(
     """Measure what was done, and say at the head of the file what was not."""
     nominal, rows = source.robot, written.rows
     chosen, printed = [targets[i] for i in rows], [written.printed[i] for i in rows]
-    report = report_of(nominal, calibrated, chosen, q[rows], written.q_new, written.q_printed)
-    more = (*large_joint_motions(nominal, chosen, q[rows], written.q_new), *near_singular_angles(chosen, printed))
-    report = replace(report, notes=(*notes, *more), kept=tuple(sorted(left)))
+    report = report_of(nominal, calibrated, chosen, printed, q[rows], written.q_new, written.q_printed)
+    report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
     text = written.text
     if report.kept:
-        style = comment_style(source.dialect)
-        text = add_head(text, family_of(source.dialect), style, nominal.name, report.corrected, report.kept)
+        text = add_head(text, source.dialect, nominal.name, report.corrected, report.kept)
     return CompensatedFile(source.name, text, encoding, report, tuple(chosen), q[rows])
 
 

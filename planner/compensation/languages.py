@@ -1,13 +1,20 @@
-"""Which language a file is in: by its suffix, and where that is not known by what it says; and who reads it."""
+"""Which language a file is in, by its suffix or by what it says; who reads it; and how it says what was left in it."""
 
 import re
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from planner.common.errors import InputError, did_you_mean
+from planner.common.units import DEG, Array
 from planner.compensation.formats import csv, fanuc, gcode, krl, pdl2, rapid, urscript
-from planner.compensation.targets import TargetReading
-from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect
+from planner.compensation.nominal_angles import UNREACHED
+from planner.compensation.targets import Note, Target, TargetReading, line_ranges
+from planner.kinematics.robot import Robot
+from planner.programs.dialect import CommentStyle, Dialect, comment_text, dialect_names, load_dialect
+from planner.programs.languages.statements import Lines
 
 TABLE = "csv"  # stands for a table of targets among the names of dialects
 READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
@@ -50,23 +57,23 @@ def detect_dialect(path: Path, text: str) -> str:
     )
 
 
-def family_of(name: str) -> str:
+def _family_of(name: str) -> str:
     """Return the family of languages that a dialect belongs to, or ``csv``."""
     return TABLE if name == TABLE else load_dialect(name).reading.family
 
 
-def comment_style(name: str) -> CommentStyle:
+def _comment_style(name: str) -> CommentStyle:
     """Return how a remark is written in a dialect, or in a table."""
     if name == TABLE:
         return CommentStyle(start="# ")
     style = load_dialect(name).comment
-    return TP_REMARK if family_of(name) == "fanuc" else style
+    return TP_REMARK if _family_of(name) == "fanuc" else style
 
 
 def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
     """Return the text of the other half of a KRL module, which lies beside it, or nothing."""
     other = HALVES.get(path.suffix.lower())
-    if other is None or name == TABLE or name not in dialect_names() or family_of(name) != "krl":
+    if other is None or name == TABLE or name not in dialect_names() or _family_of(name) != "krl":
         return ""
     wanted = (path.stem + other).casefold()  # a controller does not tell capitals from small letters
     beside = next((p for p in sorted(path.parent.iterdir()) if p.name.casefold() == wanted), None)
@@ -92,3 +99,117 @@ def read_targets(name: str, text: str, reading: TargetReading) -> None:
         raise InputError(f"{reading.name}: {name} has words for {dialect.max_joints} axes, the robot has {n}")
     reading.axes = dialect.axes[:n]
     READERS[dialect.reading.family](text, dialect, reading)
+
+
+REASONS = 20  # that are told; the lines are all told
+LENGTH = 160  # characters of a reason
+MOST = 100_000  # of what is said before it is cut into lines
+_SPELLED = str.maketrans({"µ": "u", "°": " deg", "…": "...", "−": "-"})
+_BEHIND = {  # the lines that must stay first
+    "krl": re.compile(r"\s*(&|;|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
+    "rapid": re.compile(r"\s*(!|%%%|VERSION:|LANGUAGE:|MODULE\b)", re.IGNORECASE),
+    "gcode": re.compile(r"\s*(%|;\$PATH)", re.IGNORECASE),
+    "csv": re.compile(r"(?!)"),
+    "pdl2": re.compile(r"(?!)"),
+    "urscript": re.compile(r"\s*(#|def\b)"),
+    "fanuc": re.compile(r"(?!\s*\d*\s*:)"),
+}
+
+
+def add_head(text: str, dialect: str, robot: str, corrected: Sequence[int], left: Sequence[Note]) -> str:
+    """Return ``text`` with a comment: lines as counted in it that were corrected, those that were left, and why."""
+    style = _comment_style(dialect)
+    at, before = _place(text, _BEHIND[_family_of(dialect)])
+    shift, head = -1, [""] * 0
+    while shift != len(head):  # the head's own length moves the lines
+        shift = len(head)
+        head = [
+            f"{style.start}{row}{style.end}"
+            for said in _sentences(robot, corrected, left, before, shift)
+            for row in textwrap.wrap(
+                comment_text(said.translate(_SPELLED), style.model_copy(update={"max_length": MOST})), style.max_length
+            )
+        ]
+    end = "\r\n" if "\r\n" in text else "\n"
+    gap = end if at and not text[:at].endswith(("\n", "\r")) else ""
+    return text[:at] + gap + "".join(row + end for row in head) + text[at:]
+
+
+def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], before: int, shift: int) -> Iterator[str]:
+    def lines(numbers: Sequence[int]) -> str:
+        return line_ranges(n + shift if n > before else n for n in numbers)
+
+    yield f"Compensated in part for {robot}. Lines are counted in this file."
+    yield f"Corrected lines: {lines(corrected) or 'none'}."
+    reasons: dict[str, list[int]] = {}
+    for line, why in left:
+        here = re.sub(r"\bline (\d++)(?! of (?:the other|module))", lambda m: f"line {lines([int(m[1])])}", why)
+        reasons.setdefault(textwrap.shorten(here, LENGTH, placeholder=" ..."), []).append(line)
+    for count, (why, where) in enumerate(reasons.items(), start=1):
+        if count > REASONS:
+            rest = [n for group in list(reasons.values())[REASONS:] for n in group]
+            yield f"Left as they were for other reasons: {lines(rest)}."
+            break
+        yield f"Left as written, lines {lines(where)}: {why}."
+
+
+def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
+    """Return where the head goes, and how many lines stand before it."""
+    place = (1, 0) if text.startswith("\ufeff") else (0, 0)
+    for line, start, said in Lines.of(text):
+        if not behind.match(said.lstrip("\ufeff")):
+            if said.strip():
+                break
+            continue
+        end = start + len(said)
+        end += len(re.match(r"\r\n|\n|\r|", text[end:])[0])  # type: ignore[index]
+        place = end, line
+        if re.match(r"\s*(MODULE|(GLOBAL\s+)?DEF)", said, re.IGNORECASE):
+            break
+    return place
+
+
+HEAD = 60  # lines in which a program says what it is
+BEYOND = 0.5 * DEG  # a taught angle may stand a little over a limit
+_OWN = re.compile(r"\brobot:\s*(?P<name>[^\r\n)]*)")
+_MODEL = re.compile(r"\b(?:KR[ _-]?\d{1,4}(?:[ _-]?R\d{3,4})?|IRB[ _-]?\d{3,5}|NJ[ _-]?\d{2,3}|UR\d{1,2}e?)(?!\w)")
+
+
+def foreign_robot_notes(name: str, text: str, robot: Robot) -> Iterator[Note]:
+    """Yield the lines of the head that name another robot.
+
+    Raises:
+        InputError: a program of this planner names another robot.
+    """
+    own = "plan_id:" in text
+    for line, _, said in list(Lines.of(text))[:HEAD]:
+        match = _OWN.search(said)
+        if own and match and not _same(match["name"], robot):
+            raise InputError(
+                f"{name}:{line}: the program is for the robot '{match['name'].strip()}', the model is of "
+                f"'{robot.title}' ({robot.name})"
+            )
+        for model in _MODEL.findall(said):
+            if not _same(model, robot):
+                yield line, f"{model} is named here, the model is of {robot.title}: is it a program of another robot?"
+
+
+def _same(said: str, robot: Robot) -> bool:
+    """Return whether ``said`` is the robot's name, or a part of it that ends where a number ends."""
+    short = re.sub(r"[^A-Z0-9]", "", said.upper())
+    names = (re.sub(r"[^A-Z0-9]", "", name.upper()) for name in (robot.name, robot.title))
+    return bool(short) and any(re.search(rf"{short}(?!\d)", name) for name in names)
+
+
+def check_reach(name: str, robot: Robot, targets: Sequence[Target], q: Array, problems: Sequence[Note]) -> str:
+    """Return what is to be said of a file most of whose targets the nominal robot does not reach, or nothing."""
+    lines = {line for line, why in problems if UNREACHED in why or "are allowed" in why}
+    for target, angles in zip(targets, q, strict=True):
+        if target.q is not None and (np.maximum(robot.q_lower - angles, angles - robot.q_upper) > BEYOND).any():
+            lines.add(target.line)
+    if len(lines) < 2 or 2 * len(lines) <= len({t.line for t in targets}):
+        return ""
+    return (
+        f"{name}: {len(lines)} of {len({t.line for t in targets})} targets are out of reach of {robot.title}: is it a "
+        "program of another robot, or are tool and base not the program's own (--tool, --base, --frames)?"
+    )

@@ -59,17 +59,15 @@ class SearchSeeds:
         return self._trees[shape]
 
 
-def solve_nominal_angles(
-    robot: Robot, targets: list[Target], seeds: SearchSeeds | None = None
-) -> tuple[Array, list[Note]]:
+def solve_nominal_angles(targets: list[Target], seeds: SearchSeeds) -> tuple[Array, list[Note]]:
     """Return the angles (n, N) [rad] of the targets of a file, NaN where there are none, and (line, why) of those."""
-    q = np.full((len(targets), robot.n_joints), np.nan)
+    q = np.full((len(targets), seeds.robot.n_joints), np.nan)
     problems: list[Note] = []
     for i, target in enumerate(targets):
         if target.q is not None:
             q[i] = target.q
-    _from_start(robot, targets, q, problems)
-    _from_configuration(robot, targets, q, problems, SearchSeeds(robot) if seeds is None else seeds)
+    _from_start(seeds.robot, targets, q, problems)
+    _from_configuration(targets, q, problems, seeds)
     return q, problems
 
 
@@ -92,9 +90,8 @@ def _from_start(robot: Robot, targets: list[Target], q: Array, problems: list[No
             problems.append((targets[i].line, "the pose is not reached from its starting angles"))
 
 
-def _from_configuration(
-    robot: Robot, targets: list[Target], q: Array, problems: list[Note], seeds: SearchSeeds
-) -> None:
+def _from_configuration(targets: list[Target], q: Array, problems: list[Note], seeds: SearchSeeds) -> None:
+    robot = seeds.robot
     rows = [i for i, t in enumerate(targets) if t.pose is not None and t.pose.start is None]
     if not rows:
         return
@@ -109,7 +106,7 @@ def _from_configuration(
         wanted = None if pose.configuration is None else pose.configuration.shape
         shapes[i] = shapes[follows[0]] if wanted is None and follows else wanted or 0
         poses.append(pose)
-    found, ok = _search(robot, flange_of(poses), shapes[rows], seeds)
+    found, ok = _search(flange_of(poses), shapes[rows], seeds)
     for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
         target = targets[i]
         before = targets[target.follows[0]].line if target.follows else None
@@ -150,8 +147,9 @@ def _turns_over(robot: Robot, both: Array) -> bool:
     return not np.isnan(both).any() and not _in_one_way(robot, both)
 
 
-def _search(robot: Robot, T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np.ndarray]:
+def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np.ndarray]:
     """Return angles (n, 6) in the shapes (n,) that reach T (n, 4, 4), and which were found."""
+    robot = seeds.robot
     q, ok = np.zeros((len(T), robot.n_joints)), np.zeros(len(T), dtype=bool)
     features = seeds.features(T[:, :3, 3], T[:, :3, :3])
     for shape in np.unique(shapes):

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.common.units import DEG, MM, UM, Array
 from planner.compensation.correction import NominalPoser, Poser, flange_deviation
+from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.targets import Note, Target, line_ranges, list_lines
 from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
@@ -74,14 +75,34 @@ class CompensationReport:
     moved_max_rad: float
     left_m: float
     left_rad: float
-    corrected: tuple[int, ...] = ()
+    corrected: tuple[int, ...]
     kept: tuple[Note, ...] = ()
+
+    def summary(self, name: str) -> str:
+        """Return what was done, with every line that the person should look at."""
+        lines = [
+            f"{name}: {_count(self.joint_targets, 'joint target')} and {_count(self.poses, 'pose')} corrected by "
+            f"{self.shift_mean_m / MM:.3f} mm on average, {self.shift_max_m / MM:.3f} mm at most; "
+            f"no joint moved by more than {self.moved_max_rad / DEG:.3f}°",
+            f"as printed {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad of error are left at most",
+            *list_lines(name, self.notes),
+        ]
+        if self.kept:
+            lines.append(f"corrected lines: {line_ranges(self.corrected)}")
+            lines.append(f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")
+        return "\n".join([*lines, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
 
 
 def report_of(
-    robot: Robot, calibrated: Poser, targets: list[Target], q: Array, q_new: Array, q_printed: Array
+    robot: Robot,
+    calibrated: Poser,
+    targets: list[Target],
+    printed: list[Target],
+    q: Array,
+    q_new: Array,
+    q_printed: Array,
 ) -> CompensationReport:
-    """Say where the calibrated robot stands at the angles (n, N) [rad] that the printed numbers give."""
+    """Say where the calibrated robot stands at the angles (n, N) [rad] that the ``printed`` targets give."""
     nominal = NominalPoser(robot)
     p, R = nominal.flange(q)
     poses = sum(t.pose is not None for t in targets)
@@ -90,7 +111,7 @@ def report_of(
     return CompensationReport(
         joint_targets=len(targets) - poses,
         poses=poses,
-        notes=(),
+        notes=(*large_joint_motions(robot, targets, q, q_new), *near_singular_angles(targets, printed)),
         shift_mean_m=float(shift.mean()) if len(shift) else 0.0,
         shift_max_m=float(shift.max(initial=0.0)),
         moved_max_rad=float(np.abs(q_new - q).max(initial=0.0)),
@@ -104,17 +125,40 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def summary(name: str, report: CompensationReport) -> str:
-    """Return what was done, with every line that the person should look at."""
-    lines = [
-        f"{name}: {_count(report.joint_targets, 'joint target')} and {_count(report.poses, 'pose')} corrected by "
-        f"{report.shift_mean_m / MM:.3f} mm on average, {report.shift_max_m / MM:.3f} mm at most; "
-        f"no joint moved by more than {report.moved_max_rad / DEG:.3f}°",
-        f"as printed {report.left_m / UM:.2f} µm and {report.left_rad * 1e6:.2f} µrad of error are left at most",
-    ]
-    lines += list_lines(name, report.notes)
-    if report.kept:
-        lines.append(f"corrected lines: {line_ranges(report.corrected)}")
-        lines.append(f"lines left as they were: {line_ranges(line for line, _ in report.kept)}")
-    lines += (f"left as it was: {line}" for line in list_lines(name, report.kept))
-    return "\n".join(lines)
+JOINTS = 1e-3  # [rad] of a joint between what is read and what was meant: another turn is 2π, another shape far more
+PLACE = 5e-6  # [m and rad] of the calibrated flange, from rounding alone
+
+
+def read_printed(
+    seeds: SearchSeeds, calibrated: Poser, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
+) -> tuple[Array, list[tuple[int, str]]]:
+    """Return the angles (n, N) [rad] at which a controller stands at the printed targets, and which are wrong and why.
+
+    Args:
+        seeds: of the nominal robot, as which the controller reads the file.
+        calibrated: the robot as it is.
+        printed: all targets of the corrected text.
+        rows: indices of those that were corrected.
+        q, q_new: their nominal and corrected angles, (n, N) [rad].
+    """
+    robot = seeds.robot
+    found, problems = solve_nominal_angles(printed, seeds)
+    angles = found[rows]
+    said: dict[int, str] = dict(sorted(problems, reverse=True))
+    p, R = NominalPoser(robot).flange(q)
+    known = np.asarray(~np.isnan(angles).any(axis=1))
+    far_m, far_rad = np.full(len(q), np.inf), np.full(len(q), np.inf)
+    far_m[known], far_rad[known] = flange_deviation(robot, calibrated, angles[known], p[known], R[known])
+    wrong = []
+    for k, i in enumerate(rows):
+        if not known[k]:
+            wrong.append((k, f"read again, {said.get(printed[i].line, 'the pose is not reached')}"))
+            continue
+        off = np.abs(angles[k] - q_new[k])
+        j = int(off.argmax())
+        if off[j] > JOINTS:
+            stands = f"{angles[k, j] / DEG:.3f}° instead of {q_new[k, j] / DEG:.3f}°"
+            wrong.append((k, f"read again, joint {j + 1} would stand at {stands}"))
+        elif max(far_m[k], far_rad[k]) > PLACE:
+            wrong.append((k, f"read again, {far_m[k] / UM:.1f} µm and {far_rad[k] * 1e6:.1f} µrad are left"))
+    return angles, wrong

@@ -9,8 +9,7 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
 from planner.kinematics.robot import Robot
-from planner.programs.languages.statements import PlacedNumber
-from planner.programs.languages.text import Slot
+from planner.programs.languages.statements import PlacedNumber, Slot
 
 Note = tuple[int, str]
 """A line of the file, and what is to be said of it."""

@@ -3,9 +3,9 @@
 import numpy as np
 
 from planner.common.units import UM, Array, to_deg, to_mm
-from planner.instruments.loaded.circle import sine
 from planner.instruments.loaded.circle_candidates import CirclePlaceChoice
 from planner.instruments.loaded.common_fit import CommonFit
+from planner.instruments.loaded.equilibrium import sine
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.results import SENSES, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation

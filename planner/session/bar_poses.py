@@ -23,13 +23,13 @@ from planner.design.pose_selection import (
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
 from planner.runs.run import Samples
-from planner.session.approaches import TourStop
 from planner.session.course import is_continuous
 from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, with_mounts
 from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
+from planner.session.release import TourStop
 from planner.session.tour_drive import MountingSession
 
 DRIVEN_SAMPLES = 2000

@@ -31,7 +31,7 @@ from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath, is_continuous
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.plan_types import Programs
-from planner.session.resumption import count_starts, cut_stretches
+from planner.session.tour_cost import count_starts, cut_stretches
 
 PIECES = 32  # of a leg, whose chords give the largest speed on it
 SLACK = 1.0 + 1e-3

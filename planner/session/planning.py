@@ -24,12 +24,12 @@ from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
-from planner.session.approaches import TourStop
 from planner.session.neutral_program import assemble_programs, session_program, write_programs
 from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
+from planner.session.release import TourStop
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 

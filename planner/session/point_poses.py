@@ -14,12 +14,12 @@ from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, 
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.approaches import TourStop
 from planner.session.course import Role
 from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
+from planner.session.release import TourStop
 from planner.session.tour_drive import MountingSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)

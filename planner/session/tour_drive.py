@@ -23,12 +23,18 @@ from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.runs.run import Mounting
-from planner.session.approaches import TourStop, approach_from_sides, ball_motions, insert_ball_approaches
 from planner.session.course import Course, Role, axis_limits, is_continuous, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
-from planner.session.release import add_blends, release_path, release_way
-from planner.session.resumption import prove_shortcuts
-from planner.session.tour_cost import tour_costs
+from planner.session.release import (
+    TourStop,
+    add_blends,
+    approach_from_sides,
+    ball_motions,
+    insert_ball_approaches,
+    release_path,
+    release_way,
+)
+from planner.session.tour_cost import prove_shortcuts, tour_costs
 
 TRIES = 12  # tours re-solved with a leg forbidden
 LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile

@@ -8,7 +8,7 @@ from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, Slot
+from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
 _UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0}
 _DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
-from planner.programs.languages.statements import PlacedNumber
-from planner.programs.languages.text import NUMBER, Lines
+from planner.programs.languages.statements import NUMBER, Lines, PlacedNumber
 
 _COMMENT = re.compile(r'(\[\d+):(?:\s*"[^"\r\n]*"|[^\]\r\n]*)\]')  # of a numbered thing: P[2:"above"]
 _REMARK = re.compile(r"!|--|//|(?:REMARK|MESSAGE|CALL|RUN|LBL|JMP)\b")

@@ -15,8 +15,7 @@ from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.execution import known_statements
 from planner.programs.languages.gcode import Block, parse
-from planner.programs.languages.statements import PlacedNumber
-from planner.programs.languages.text import Slot
+from planner.programs.languages.statements import PlacedNumber, Slot
 
 _MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
 _BESIDE = {

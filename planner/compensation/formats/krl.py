@@ -16,8 +16,7 @@ from planner.compensation.formats.krl_calls import (
 )
 from planner.compensation.formats.krl_frames import FOLLOWED, FrameState, frame_sources
 from planner.compensation.formats.krl_values import transform
-from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
-from planner.compensation.service_points import SENTENCE, is_service_name
+from planner.compensation.points import SENTENCE, DeclaredPose, FramePair, PointTable, common_frames, is_service_name
 from planner.programs.dialect import Dialect
 from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
 

@@ -2,7 +2,7 @@
 
 import re
 
-from planner.compensation.service_points import SENTENCE, is_service_name
+from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.pdl2 import Pdl2Move, parse

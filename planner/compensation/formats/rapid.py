@@ -19,12 +19,10 @@ from planner.compensation.formats.rapid_frames import (
     may_change,
     place,
 )
-from planner.compensation.points import DeclaredPose, FramePair, PointTable, common_frames
+from planner.compensation.points import SENTENCE, DeclaredPose, FramePair, PointTable, common_frames, is_service_name
 from planner.compensation.rotations import pose_matrix
-from planner.compensation.service_points import SENTENCE, is_service_name
 from planner.programs.dialect import Dialect
 from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, Argument, RapidMove, parse
-from planner.programs.languages.text import EXPONENT_NUMBER
 
 QUATERNION_DECIMALS = 8
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
@@ -269,7 +267,7 @@ class _RapidTargets:
 
 
 def _numbers(value: str, start: int) -> list[st.PlacedNumber]:
-    return st.placed_numbers(value, start, EXPONENT_NUMBER)
+    return st.placed_numbers(value, start, st.EXPONENT_NUMBER)
 
 
 def _pose_of(values: Sequence[float]) -> Array:

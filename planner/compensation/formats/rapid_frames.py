@@ -12,7 +12,6 @@ from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.rapid import POSE, RapidMove
-from planner.programs.languages.text import EXPONENT_NUMBER, spaces_once
 
 _MODULE = re.compile(r"(?<!END)\bMODULE\s+(\w+)", re.IGNORECASE)
 _VALUELESS = re.compile(r"\b(?:VAR|PERS)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\{[^}]*\})?\s*$", re.IGNORECASE)
@@ -105,7 +104,7 @@ _READERS = re.compile(
     re.IGNORECASE,
 )
 _WORDS = re.compile(r"and|x?or|not|mod|div|(?:else)?if|while|for|from|to|step|until|test|case|", re.IGNORECASE)
-_TOKEN = spaces_once(
+_TOKEN = st.spaces_once(
     r"(?P<open>(?:(?<![\w.\\])(?P<routine>[A-Za-z]\w*)\s*)?\()|(?P<close>\))"
     r"|(?<![\w.\\])(?P<name>[A-Za-z]\w*)(?P<part>(?:\{[^{}]*\})?\.)?",
     re.IGNORECASE,
@@ -261,7 +260,7 @@ class FrameTable:
 
 
 def _transform(pose: str) -> Frame:
-    values = np.array([float(m[0]) for m in re.finditer(EXPONENT_NUMBER, pose)])
+    values = np.array([float(m[0]) for m in re.finditer(st.EXPONENT_NUMBER, pose)])
     if abs(np.linalg.norm(values[3:7]) - 1.0) > 1e-3:
         return ""
     return pose_matrix(values[:3] * MM, values[3:7])

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
-from planner.programs.languages.statements import PlacedNumber
-from planner.programs.languages.text import NUMBER
+from planner.programs.languages.statements import NUMBER, PlacedNumber
 from planner.programs.languages.urscript import UrMove, parse
 
 _TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")

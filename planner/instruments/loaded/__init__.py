@@ -2,9 +2,9 @@
 
 __all__ = [
     "both_bars",
-    "circle",
     "circle_candidates",
     "common_fit",
+    "equilibrium",
     "evaluation",
     "joint_fit",
     "place_results",

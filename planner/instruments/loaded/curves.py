@@ -9,8 +9,8 @@ from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
-from planner.instruments.loaded.circle import find_circle, measured_points
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
+from planner.instruments.loaded.equilibrium import find_circle, measured_points
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.runs.run import Run
 

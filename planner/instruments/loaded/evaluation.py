@@ -14,10 +14,9 @@ from planner.common.units import DEG, MM, UM, Array, read_only
 from planner.gauges.placement.flange_poses import nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.loaded.circle import centring_offset, measured_points, sine
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
-from planner.instruments.loaded.equilibrium import raise_fixture
+from planner.instruments.loaded.equilibrium import centring_offset, measured_points, raise_fixture, sine
 from planner.instruments.loaded.results import loaded_sentences
 from planner.instruments.loaded.types import (
     AveragedCurves,

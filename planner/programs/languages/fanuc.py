@@ -9,13 +9,12 @@ from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import NUMBER, Lines
 
 _NUMBERED = re.compile(r"\s*(?:\d+\s*)?:\s*")
 _MOTION = re.compile(r"[JLCAS] P(?:R)?\[.*")
-_MOVE = re.compile(rf"J P\[(?P<number>\d+)\] (?P<speed>{NUMBER})(?P<unit>sec|%) (?P<end>FINE|CNT\d+)")
+_MOVE = re.compile(rf"J P\[(?P<number>\d+)\] (?P<speed>{st.NUMBER})(?P<unit>sec|%) (?P<end>FINE|CNT\d+)")
 _MESSAGE = re.compile(r"MESSAGE\[[^\[\];]*\]")  # shows its text, like a remark
-_AXIS = rf"(?:J\d|E\d)\s*=\s*({NUMBER})\s*deg"
+_AXIS = rf"(?:J\d|E\d)\s*=\s*({st.NUMBER})\s*deg"
 _POSITION = re.compile(
     r"P\[(?P<number>\d+)\]\{\s*GP1:\s*UF : (?P<frame>\d+), UT : (?P<tool>\d+),\s*"
     rf"(?P<axes>{_AXIS}(?:,\s*{_AXIS})*)\s*\}};"
@@ -38,7 +37,7 @@ class TpMove(st.MotionStatement):
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of every section; remarks and messages are left out."""
     head, mark, tail = text.partition("\n/POS")
-    for line, start, code in Lines.of(head):
+    for line, start, code in st.Lines.of(head):
         said = _NUMBERED.sub("", code, count=1).strip().removesuffix(";").strip()
         place = line, start + len(code) - len(code.lstrip()), re.sub(r'"[^"]*"', '""', said)
         if not said or said.startswith("!") or _MESSAGE.fullmatch(said):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import Lines
 
 _HEAD = re.compile(r"timestamp,((?:[A-Za-z][\w/-]*\.pos,)+)event")
 _EVENT = re.compile(r"|move|via|dwell \d+\.\d+")
@@ -29,7 +28,7 @@ class Frame(st.MotionStatement):
 
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the rows of one file."""
-    for line, start, code in Lines.of(text):
+    for line, start, code in st.Lines.of(text):
         place = line, start, code.strip()
         if not place[2] or place[2].startswith("#"):
             continue

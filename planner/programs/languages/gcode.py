@@ -9,8 +9,17 @@ from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.statements import Call, PlacedNumber, Routine, RoutineEnd, Statement, parse_fixed
-from planner.programs.languages.text import NUMBER, Lines, mask_comments
+from planner.programs.languages.statements import (
+    NUMBER,
+    Call,
+    Lines,
+    PlacedNumber,
+    Routine,
+    RoutineEnd,
+    Statement,
+    mask_comments,
+    parse_fixed,
+)
 
 _WORD = re.compile(rf"([A-Z]+\d*=|[A-Z])\s*({NUMBER})")
 _HEAD = re.compile(r"\s*(?P<optional>/\d*\s*)?(?:N\d+\s*)?")

@@ -10,7 +10,6 @@ from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments, spaces_once
 
 EXTERNAL = tuple(f"E{i}" for i in range(1, 7))
 AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
@@ -22,7 +21,7 @@ _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return spaces_once(rf"\s*{text}", re.IGNORECASE)
+    return st.spaces_once(rf"\s*{text}", re.IGNORECASE)
 
 
 _MOVE = _pattern(r"(?P<word>S?PTP|S?LIN|S?CIRC|SPL)(?P<relative>_REL)?\b(?!\s*[=.\[])(?P<rest>.*)")
@@ -71,9 +70,9 @@ class Bas(st.Statement):
 
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of a file, one a line, or more where braces are open or a backslash ends the line."""
-    masked = mask_comments(text, r";[^\r\n]*")
+    masked = st.mask_comments(text, r";[^\r\n]*")
     begun: tuple[int, int] | None = None
-    for line, start, code in Lines.of(masked):
+    for line, start, code in st.Lines.of(masked):
         first, place = begun or (line, start)
         whole = masked[place : start + len(code)]
         goes_on = whole.count("{") > whole.count("}") or whole.rstrip().endswith("\\")
@@ -132,7 +131,7 @@ def aggregate(text: str, start: int) -> Aggregate:
     at = 0 if head is None else head.end()
     found: dict[str, st.PlacedNumber] = {}
     for cell in text[at:-1].split(","):
-        match = re.fullmatch(rf"(\s*(\w+)\s+)({EXPONENT_NUMBER}|{_WHOLE})\s*", cell, re.IGNORECASE)
+        match = re.fullmatch(rf"(\s*(\w+)\s+)({st.EXPONENT_NUMBER}|{_WHOLE})\s*", cell, re.IGNORECASE)
         if match is None or match[2].upper() in found:
             return Aggregate(text, None)
         found[match[2].upper()] = st.PlacedNumber(_value(match[3]), match[3], start + at + len(match[1]))

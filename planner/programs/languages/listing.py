@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import NUMBER
 
 MARK = "a row of the kind mark"
 HEAD = re.compile(r"kind,pose,(?P<axes>(?:q\d+_deg,)+)duration_s,blend_mm,seconds_s,text")
@@ -101,7 +100,7 @@ def _parse_json(text: str) -> Iterator[st.Statement]:
 
 
 def _plain_number(text: str) -> float:
-    value = float(text) if re.fullmatch(NUMBER, text) else math.nan
+    value = float(text) if re.fullmatch(st.NUMBER, text) else math.nan
     if not math.isfinite(value):
         raise InputError(f"'{text}' is no number in fixed point")
     return value

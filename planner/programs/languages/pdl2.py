@@ -9,7 +9,6 @@ from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments
 
 MAIN = "PROGRAM"  # the routine that the program's own body counts as
 _MOVE = re.compile(
@@ -35,7 +34,7 @@ class Pdl2Move(st.MotionStatement):
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements; a move with its WITH clauses up to ENDMOVE is one, and so is a condition."""
     program = owner = ""
-    for line, start, code in _join_lines(mask_comments(text, r"--[^\r\n]*", "'")):
+    for line, start, code in _join_lines(st.mask_comments(text, r"--[^\r\n]*", "'")):
         place = line, start + len(code) - len(code.lstrip()), code.strip()
         said = place[2]
         if re.match(r"MOVE(FLY)?\b", said, re.IGNORECASE):
@@ -70,7 +69,7 @@ def _join_lines(text: str) -> Iterator[tuple[int, int, str]]:
     """Yield line, place and text of statements, those that go over several lines as one."""
     begun: tuple[int, int] | None = None
     closing = ""
-    for line, start, code in Lines.of(text):
+    for line, start, code in st.Lines.of(text):
         said = code.strip()
         if begun is None and said:
             begun = line, start
@@ -89,9 +88,9 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
         return Pdl2Move(line, start, code.strip(), "MOVE", "", "", None, "")
     inside = match["target"][1:-1]
     plain = match["target"].startswith("{") and re.fullmatch(
-        rf"\s*{EXPONENT_NUMBER}\s*(,\s*{EXPONENT_NUMBER}\s*)*", inside
+        rf"\s*{st.EXPONENT_NUMBER}\s*(,\s*{st.EXPONENT_NUMBER}\s*)*", inside
     )
-    numbers = tuple(st.placed_numbers(inside, start + match.start("target") + 1, EXPONENT_NUMBER))
+    numbers = tuple(st.placed_numbers(inside, start + match.start("target") + 1, st.EXPONENT_NUMBER))
     word, how, target = match["word"].upper(), match["how"].strip(), match["target"]
     how = "VIA" if match["to"].upper() == "VIA" else how
     return Pdl2Move(line, start, code.strip(), word, how, target, numbers if plain else None, match["rest"].strip())

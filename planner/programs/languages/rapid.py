@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import EXPONENT_NUMBER, Lines, mask_comments, spaces_once
 
 
 def _row(count: int) -> str:
-    return r"\[\s*" + r"\s*,\s*".join([EXPONENT_NUMBER] * count) + r"\s*\]"
+    return r"\[\s*" + r"\s*,\s*".join([st.EXPONENT_NUMBER] * count) + r"\s*\]"
 
 
 POSE = rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*\]"
@@ -21,7 +20,7 @@ UNUSED = 8e9  # external axes that are not there read 9E9
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return spaces_once(text, re.IGNORECASE | re.DOTALL)
+    return st.spaces_once(text, re.IGNORECASE | re.DOTALL)
 
 
 _CHUNK = _pattern(
@@ -61,8 +60,8 @@ class RapidMove(st.MotionStatement):
 
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of a module, the names of its routines in lower case."""
-    text = mask_comments(text, r"![^\r\n]*")
-    lines = Lines.of(text)
+    text = st.mask_comments(text, r"![^\r\n]*")
+    lines = st.Lines.of(text)
     at = 0
     while match := _CHUNK.match(text, at):
         start, at = match.start(match.lastgroup or 0), match.end()
@@ -80,7 +79,7 @@ def parse(text: str) -> Iterator[st.Statement]:
         yield st.Statement(lines.number(at), at, text[at:].strip())
 
 
-def _statement(code: str, start: int, lines: Lines) -> st.Statement:
+def _statement(code: str, start: int, lines: st.Lines) -> st.Statement:
     said = code.strip()
     place = lines.number(start), start, said
     if (match := _DECLARED.search(code)) or (not _MOVE.search(code) and (match := _ASSIGNED.search(code))):
@@ -161,7 +160,7 @@ def _refusal(move: RapidMove) -> InputError:
 def _target_angles(move: RapidMove, target: str) -> list[float]:
     if not JOINT_TARGET.fullmatch(target):
         raise _refusal(move)
-    numbers = st.placed_numbers(target, 0, EXPONENT_NUMBER)
+    numbers = st.placed_numbers(target, 0, st.EXPONENT_NUMBER)
     used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED)]
     return [st.parse_fixed(n.text, move.text) for n in used]
 

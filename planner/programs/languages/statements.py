@@ -1,11 +1,114 @@
-"""What the reader of every language yields: statements and numbers with their places, run in the controller's order."""
+"""Statements and numbers in a text with their places: what the reader of every language yields, and writes back."""
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from planner.common.errors import InputError
-from planner.programs.languages.text import Slot
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
+EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?\d+)?"
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A place for one number.
+
+    Attributes:
+        start, end: of the number in the text; equal where a word is to be inserted.
+        unit: size of one printed unit in SI (m, rad, or 1).
+        decimals: fewest digits behind the point when the number changes; 0 for whole numbers.
+        prefix: what stands before an inserted number.
+        aligned: whether spaces before the number may give way, to keep columns straight.
+    """
+
+    start: int
+    end: int
+    unit: float
+    decimals: int
+    prefix: str = ""
+    aligned: bool = True
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The lines of a text, with their places; only line feeds and carriage returns end a line."""
+
+    text: str
+    starts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, text: str) -> "Lines":
+        """Cut ``text`` into lines."""
+        ends = [m.end() for m in re.finditer(r"\r\n|\n|\r", text)]
+        return cls(text, (0, *(e for e in ends if e < len(text))))
+
+    def __iter__(self) -> Iterator[tuple[int, int, str]]:
+        """Yield number (from 1), place and text of every line, without its end."""
+        for k, start in enumerate(self.starts):
+            end = self.starts[k + 1] if k + 1 < len(self.starts) else len(self.text)
+            yield k + 1, start, self.text[start:end].rstrip("\r\n")
+
+    def number(self, place: int) -> int:
+        """Return the number of the line that ``place`` is in."""
+        return bisect_right(self.starts, place)
+
+
+def spaces_once(pattern: str, flags: re.RegexFlag) -> re.Pattern[str]:
+    """Compile a pattern whose runs of spaces are taken whole: thousands of them are not shared out in every way."""
+    return re.compile(pattern.replace(r"\s*", r"\s*+").replace(r"\s+", r"\s++"), flags)
+
+
+def mask_comments(text: str, comment: str, strings: str = '"') -> str:
+    """Return ``text`` with remarks (regular expression ``comment``) and quoted strings blanked, places unchanged.
+
+    A remark that ends in an empty group ``unfinished`` stays: it is passed over once, not tried from each of its signs.
+    """
+    quoted = "".join(rf"|{q}[^{q}\r\n]*{q}" for q in strings)
+
+    def blank(match: re.Match[str]) -> str:
+        return " " * len(match[0]) if match.groupdict().get("unfinished") is None else match[0]
+
+    return re.sub(f"(?:{comment}){quoted}", blank, text)
+
+
+def write_values(text: str, values: Iterable[tuple[Slot, float]]) -> str:
+    """Return ``text`` with SI ``values`` in their slots; a number that the change does not reach stays as it is."""
+    pieces, last = [], 0
+    for slot, value in sorted(values, key=lambda pair: pair[0].start):
+        old = text[slot.start : slot.end]
+        new = number_text(old, value / slot.unit, slot.decimals)
+        gap = text[last : slot.start]
+        if old and slot.aligned:
+            gap = _keep_alignment(gap, len(new) - len(old))
+        pieces += [gap, slot.prefix if not old else "", new]
+        last = slot.end
+    return "".join([*pieces, text[last:]])
+
+
+def number_text(old: str, value: float, decimals: int) -> str:
+    """Return ``value`` with as many decimals as ``old`` shows, or more; ``old`` itself if it says the same."""
+    shown = len(old.partition(".")[2]) if "." in old and "e" not in old.lower() else 0
+    places = max(decimals, shown)
+    if old.startswith("'"):  # a whole number in bits or hexadecimal digits
+        base, digits = (2, "b") if old[1] in "Bb" else (16, "X")
+        if int(old[2:-1], base) == value:
+            return old
+        return f"{old[:2]}{round(value):0{len(old[2:-1].strip())}{digits}}'"
+    if old and abs(float(old) - value) < 0.5 * 10.0**-places:
+        return old
+    text = f"{value:.{places}f}"
+    text = text.lstrip("-") if float(text) == 0.0 else text
+    return "+" + text if old.startswith("+") and not text.startswith("-") else text
+
+
+def _keep_alignment(gap: str, growth: int) -> str:
+    """Let the spaces before a number take up its growth, where there are columns: two spaces or more."""
+    spaces = len(gap) - len(gap.rstrip(" "))
+    if spaces < 2:
+        return gap
+    return gap[: len(gap) - spaces] + " " * max(1, spaces - growth)
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import NUMBER, Lines
 
 CUBIC = 1.5
 """Peak over mean speed of the cubic that a controller joins two points at rest with."""
-_ROW = rf"\[({NUMBER}(?:, {NUMBER})*)\]"
+_ROW = rf"\[({st.NUMBER}(?:, {st.NUMBER})*)\]"
 _ZEROS = r"\[0\.0(?:, 0\.0)*\]"
 _POINT = re.compile(
     rf"- \{{positions: {_ROW}(?P<rest>, velocities: {_ZEROS})?(?P<dwell>, accelerations: {_ZEROS})?"
@@ -37,13 +36,13 @@ class TrajectoryPoint(st.MotionStatement):
 
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the lines of one file."""
-    for line, start, code in Lines.of(text):
+    for line, start, code in st.Lines.of(text):
         said = code.strip()
         place = line, start, said
         if not said or said.startswith("#"):
             continue
         if match := _POINT.fullmatch(said):
-            angles = tuple(math.degrees(float(n.value)) for n in st.placed_numbers(match[1], 0, NUMBER))
+            angles = tuple(math.degrees(float(n.value)) for n in st.placed_numbers(match[1], 0, st.NUMBER))
             time = int(match["sec"]) + 1e-9 * int(match["nanosec"])
             yield TrajectoryPoint(*place, "point", angles, time, match["rest"] is not None, match["dwell"] is not None)
         elif said.startswith("joint_names:"):

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
-from planner.programs.languages.text import NUMBER, Lines, mask_comments
 
-_ANGLE = rf"d2r\(({NUMBER})\)"
+_ANGLE = rf"d2r\(({st.NUMBER})\)"
 _ROUTINE = re.compile(r"(?:def|thread)\s+(\w+)\(\)\s*:")
 _BLOCK = re.compile(r"(?:while|if)\b.*:")
 _MOTION = re.compile(r"\b(?:(?:opti)?move[jlpc]|servo[jc]|speed[jl]|stop[jl]|force_mode|freedrive_mode|teach_mode)\b")
 _JOINTS = rf"\[({_ANGLE}(?:, {_ANGLE})*)\]"
-_MOVE = re.compile(rf"movej\({_JOINTS}, v=d2r\((?P<speed>{NUMBER})\)(?:, r=(?P<radius>{NUMBER}))?\)")
-_CIRCLE = re.compile(rf"movec\({_JOINTS}, {_JOINTS}, v=(?P<speed>{NUMBER})(?:, r=(?P<radius>{NUMBER}))?\)")
+_MOVE = re.compile(rf"movej\({_JOINTS}, v=d2r\((?P<speed>{st.NUMBER})\)(?:, r=(?P<radius>{st.NUMBER}))?\)")
+_CIRCLE = re.compile(rf"movec\({_JOINTS}, {_JOINTS}, v=(?P<speed>{st.NUMBER})(?:, r=(?P<radius>{st.NUMBER}))?\)")
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Inner(st.Statement):
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements, the program's own routine first."""
     open_blocks: list[bool] = []  # whether each open block is a routine
-    for line, start, code in Lines.of(mask_comments(text, r"#[^\r\n]*")):
+    for line, start, code in st.Lines.of(st.mask_comments(text, r"#[^\r\n]*")):
         said = code.strip()
         place = line, start + len(code) - len(code.lstrip()), said
         depth = sum(open_blocks)

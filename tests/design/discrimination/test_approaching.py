@@ -11,7 +11,7 @@ from planner.design.discrimination.selection import select_discriminating_poses
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import ProvenPath
-from planner.session.approaches import approach_from_sides
+from planner.session.release import approach_from_sides
 from tests.design.discrimination.test_refusals import file
 from tests.design.discrimination.worlds import NJ, cell, pool, usual
 

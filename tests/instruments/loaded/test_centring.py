@@ -6,7 +6,7 @@ from scipy.optimize import curve_fit
 
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
-from planner.instruments.loaded.circle import centring_offset
+from planner.instruments.loaded.equilibrium import centring_offset
 from tests.instruments.loaded.reproduction import paper_offset
 
 THETA = (np.arange(360) + 0.5) * 2 * np.pi / 360

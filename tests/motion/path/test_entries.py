@@ -11,8 +11,7 @@ from planner.cell.reading import load_cell
 from planner.programs.instructions import Comment, Instruction, JointMove, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import TimedPath
-from planner.session.resumption import cut_stretches, entry_ways
-from planner.session.tour_cost import leg_times
+from planner.session.tour_cost import cut_stretches, entry_ways, leg_times
 
 
 @pytest.mark.parametrize("seed", range(3))
