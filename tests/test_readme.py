@@ -12,7 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.instruments.centring.settings import read_settings
-from planner.instruments.simulation.truth import read_truth
+from planner.instruments.truth import read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.traces import import_run

@@ -3,8 +3,8 @@
 import numpy as np
 
 from planner.common.units import UM, to_mm
-from planner.instruments.accuracy.precision import PUBLISHED_UM, TOLERANCE, Mastering, RepeatedCentrings
-from planner.instruments.accuracy.validation import ErrorFigures, ModelErrors, Validation
+from planner.instruments.precision import PUBLISHED_UM, TOLERANCE, Mastering, RepeatedCentrings
+from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
 from planner.report.formatting import in_um
 from planner.report.page import Report, Row

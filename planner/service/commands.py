@@ -8,10 +8,9 @@ import planner.service.job_requests as ask
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.runs.run import SIMULATED
-from planner.service.file_store import FileStore
+from planner.service.file_store import FileStore, UploadList
 from planner.service.job_requests import FileInFolder, FileReference, JobRequest
 from planner.service.job_store import JobCommand, JobInput, JobRecord, JobStore
-from planner.service.uploads import UploadList
 
 JSON = "--json"
 HEAD = 65536  # bytes of a run that its comments are sought in

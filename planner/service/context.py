@@ -1,19 +1,102 @@
-"""What the routes share: the stores, the builder of commands, and the supervisor."""
+"""The parts of a running service, which the routes share: stores, builder of commands, and what runs the jobs."""
 
+import logging
+import shutil
+import threading
+import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
 from planner.service.answers import Job, describe_job
 from planner.service.commands import CommandBuilder
-from planner.service.file_store import FileStore
+from planner.service.file_store import FileStore, UploadList
 from planner.service.job_requests import JobRequest
-from planner.service.job_store import JobRecord, JobStore
+from planner.service.job_store import MOST_CRASHES, JobProblem, JobRecord, JobStore
 from planner.service.record_store import RecordStore
-from planner.service.settings import ServiceSettings
-from planner.service.supervisor import Supervisor
-from planner.service.uploads import UploadList
+from planner.service.runner import JobRunner
+from planner.service.settings import JobLimits, ServiceSettings
+
+IDLE_S, TROUBLE_S = 0.5, 2.0
+LOG = logging.getLogger("edbb.service")
+
+
+class Supervisor:
+    """The thread that takes jobs, and those that run them."""
+
+    def __init__(self, jobs: JobStore, files: FileStore, folder: Path, workers: int, limits: JobLimits) -> None:
+        self._jobs, self._files, self._folder = jobs, files, folder / "jobs"
+        self._workers, self._limits = workers, limits
+        self._running: dict[threading.Thread, JobRunner] = {}
+        self._news, self._stopping = threading.Event(), False
+        self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
+
+    def start(self) -> None:
+        """Remove what earlier servers left, and begin to take jobs."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._files.clear_drafts()
+        there = list(self._folder.iterdir())
+        alive = self._jobs.running()  # after the look: another server may begin one meanwhile
+        for left in there:
+            if left.name not in alive:
+                shutil.rmtree(left, ignore_errors=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Look for jobs now: one was submitted, or something changed."""
+        self._news.set()
+
+    def stop(self) -> None:
+        """Stop all processes; their jobs wait for the next server."""
+        self._stopping = True
+        self.wake()
+        self._thread.join()
+        for runner in self._running.values():
+            runner.stop.set()
+        for thread in self._running:
+            thread.join()
+
+    def _run(self) -> None:
+        while not self._stopping:
+            self._news.clear()
+            self._running = {t: r for t, r in self._running.items() if t.is_alive()}
+            try:
+                job = self._jobs.take(self._workers)
+            except Exception:  # the disk may be full: nothing is lost by waiting
+                LOG.exception("no job could be taken")
+                self._news.wait(TROUBLE_S)
+                continue
+            if job is None:
+                self._news.wait(IDLE_S)
+            else:
+                self._begin(job)
+
+    def _begin(self, job: JobRecord) -> None:
+        runner = JobRunner(job, self._jobs, self._files, self._folder, self._limits)
+        thread = threading.Thread(target=self._watch, args=(runner, job), name=f"job {job.id}", daemon=True)
+        self._running[thread] = runner
+        thread.start()
+
+    def _watch(self, runner: JobRunner, job: JobRecord) -> None:
+        try:
+            runner.run()
+        except Exception:
+            LOG.exception("job %s could not be ended", job.id)
+            self._try_again(job)
+        self.wake()
+
+    def _try_again(self, job: JobRecord) -> None:
+        """After a pause let the job wait again, unless it was tried often enough."""
+        time.sleep(TROUBLE_S)
+        try:
+            if job.crashes + 1 < MOST_CRASHES:
+                self._jobs.requeue(job, crashed=True)
+            else:
+                self._jobs.finish(job, "failed", [], None, JobProblem("Internal error", "its result could not be kept"))
+        except Exception:
+            LOG.exception("job %s waits until its lease ends", job.id)
 
 
 @dataclass(frozen=True)

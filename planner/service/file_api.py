@@ -1,5 +1,6 @@
 """Routes of files, runs and cells."""
 
+import asyncio
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any
@@ -11,15 +12,17 @@ from starlette.exceptions import HTTPException
 
 from planner import __version__, load_robot
 from planner.cell.reading import load_cell, shipped_cells
+from planner.common.errors import InputError
 from planner.kinematics.robot_reader import list_robots
 from planner.programs.dialect import dialects
 from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
 from planner.service.context import Context, ServiceContext
+from planner.service.file_store import FileStore
 from planner.service.job_requests import FileName, Sha256
 from planner.service.problems import Problem
-from planner.service.uploads import receive_body
 
 FILES = APIRouter(prefix="/api", tags=["files"])
+STALL_S = 60.0  # without a byte, after which a client is taken for gone
 BINARY: Mapping[str, Any] = {
     "requestBody": {
         "required": True,
@@ -87,6 +90,33 @@ def get_shipped_cell(robot: str, cell: str) -> FileResponse:
     if f"{robot}/{cell}" not in _shipped_names():
         raise HTTPException(404, f"there is no shipped cell {robot}/{cell}")
     return FileResponse(load_cell(f"{robot}/{cell}").path, media_type="application/toml")
+
+
+async def receive_body(request: Request, files: FileStore, name: str, sha256: str | None) -> StoredFile:
+    """Write the body of a request to the store while it comes in.
+
+    Raises:
+        InputError: nothing was sent, or not what ``sha256`` says.
+        DiskFullError: there is no room.
+    """
+    with files.receive() as draft:
+        room = 0
+        chunks = request.stream().__aiter__()
+        while True:
+            try:
+                chunk = await asyncio.wait_for(anext(chunks), STALL_S)
+            except StopAsyncIteration:
+                break
+            except TimeoutError as err:
+                raise HTTPException(408, f"nothing came for {STALL_S:g} s; send the file again") from err
+            draft.add(chunk)
+            if draft.size - room > 16 << 20:
+                room = draft.size
+                files.check_room()
+        if draft.size == 0:
+            raise InputError(f"'{name}': the file is empty")
+        found = files.keep(draft, expected=sha256)
+        return StoredFile(id=found, name=name, size=draft.size)
 
 
 async def _receive(request: Request, context: ServiceContext, name: str, sha256: str | None, kind: str) -> StoredFile:

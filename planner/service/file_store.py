@@ -1,4 +1,4 @@
-"""Files by their content: each named by its SHA-256, there as a whole or not at all, and never changed."""
+"""Files by their content, named by their SHA-256, there as a whole or not at all; and the names they were sent by."""
 
 import errno
 import hashlib
@@ -6,11 +6,14 @@ import os
 import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.service.answers import StoredFile
+from planner.service.database import Database
 
 CHUNK = 1 << 20
 ID = re.compile(r"[0-9a-f]{64}")
@@ -166,3 +169,32 @@ def disk_error(err: OSError) -> InputError:
     if err.errno in FULL:
         return DiskFullError("the disk of the service is full; nothing was kept")
     return InputError(f"the store of the service cannot be written ({err.strerror or err})")
+
+
+class UploadList:
+    """The names under which files were sent."""
+
+    def __init__(self, database: Database) -> None:
+        self._db = database
+
+    def add(self, file: StoredFile, kind: str) -> None:
+        """Note a file; the same again changes nothing."""
+        with self._db.write() as db:
+            db.execute(
+                "INSERT OR IGNORE INTO uploads VALUES (?, ?, ?, ?, ?)",
+                (file.id, file.name, file.size, kind, time.time()),
+            )
+
+    def list_files(self, kind: str, most: int = 200) -> list[StoredFile]:
+        """Return the latest files of a kind."""
+        rows = self._db.connection.execute(
+            "SELECT * FROM uploads WHERE kind = ? ORDER BY at DESC LIMIT ?", (kind, most)
+        )
+        return [StoredFile(id=r["sha256"], name=r["name"], size=r["size"]) for r in rows]
+
+    def find(self, sha256: str) -> StoredFile | None:
+        """Return an uploaded file, by the first name it had."""
+        row = self._db.connection.execute(
+            "SELECT * FROM uploads WHERE sha256 = ? ORDER BY at LIMIT 1", (sha256,)
+        ).fetchone()
+        return None if row is None else StoredFile(id=row["sha256"], name=row["name"], size=row["size"])

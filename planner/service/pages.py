@@ -23,7 +23,6 @@ from planner.instruments.record import CheckedChange, CheckFile
 from planner.report.formatting import duration_text
 from planner.report.page import template_environment
 from planner.service.answers import Job
-from planner.service.certificate import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
@@ -49,7 +48,7 @@ from planner.service.record_api import (
     list_records,
 )
 from planner.service.record_store import RecordedEntry
-from planner.service.session_steps import session_steps
+from planner.service.sheets import build_certificate, session_steps
 from planner.session.document import PlanDocument, PlanHeader
 
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan

@@ -11,10 +11,10 @@ from starlette.types import ASGIApp
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.commands import CommandBuilder
-from planner.service.context import ServiceContext
+from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database
 from planner.service.file_api import FILES, LISTS
-from planner.service.file_store import FileStore, disk_error
+from planner.service.file_store import FileStore, UploadList, disk_error
 from planner.service.guards import Guard
 from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_store import JobStore
@@ -23,8 +23,6 @@ from planner.service.problems import Problem, add_problem_handlers
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
 from planner.service.settings import ServiceSettings
-from planner.service.supervisor import Supervisor
-from planner.service.uploads import UploadList
 
 GRACE_S = 3
 DESCRIPTION = (

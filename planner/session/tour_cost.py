@@ -1,4 +1,4 @@
-"""Time of a leg by its slowest limit: what a tour costs, how long a session takes, the quickest ways to later starts."""
+"""Time of a leg by its slowest limit: what a tour costs, how long a session takes, the quickest ways to its starts."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise

@@ -12,7 +12,7 @@ from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result, draft_folder, move_all, simulated_section
 from planner.common.units import UM
-from planner.instruments.accuracy.precision import (
+from planner.instruments.precision import (
     Mastering,
     RepeatedCentrings,
     check_mastering,
@@ -20,7 +20,7 @@ from planner.instruments.accuracy.precision import (
     repeat_groups,
     repeated_centrings,
 )
-from planner.instruments.accuracy.validation import Validation, errors_csv, validate_robot, validation_content
+from planner.instruments.validation import Validation, errors_csv, validate_robot, validation_content
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan

@@ -16,7 +16,7 @@ from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
-from planner.instruments.simulation.measurement import planned_samples
+from planner.instruments.simulation import planned_samples
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions

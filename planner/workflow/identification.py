@@ -23,8 +23,8 @@ from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
-from planner.instruments.accuracy.precision import check_mastering
-from planner.instruments.simulation.measurement import SimulatedRun
+from planner.instruments.precision import check_mastering
+from planner.instruments.simulation import SimulatedRun
 from planner.model.identification_document import Metrics, Release
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings

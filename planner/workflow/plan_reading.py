@@ -11,9 +11,9 @@ from planner.common.schema import read_json, validate
 from planner.instruments.check.planning import CHECK_NOTE
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
-from planner.instruments.simulation.measurement import SAMPLE_RATE, SimulatedRun, planned_samples
-from planner.instruments.simulation.measurement import simulate as simulate_readings
-from planner.instruments.simulation.truth import draw_truth, read_truth
+from planner.instruments.simulation import SAMPLE_RATE, SimulatedRun, planned_samples
+from planner.instruments.simulation import simulate as simulate_readings
+from planner.instruments.truth import draw_truth, read_truth
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import import_map
 from planner.runs.run import Run

@@ -16,7 +16,7 @@ from planner.design.bayesian_design import describe_bayesian_design, describe_nu
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.instruments.circular.plan import CircularPlan
-from planner.instruments.simulation.measurement import SimulatedRun
+from planner.instruments.simulation import SimulatedRun
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument

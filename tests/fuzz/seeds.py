@@ -17,7 +17,7 @@ from planner.design.discrimination.findings import read_identification
 from planner.instruments.centring.journal import open_journal
 from planner.instruments.centring.path import read_planned_path
 from planner.instruments.centring.settings import read_settings
-from planner.instruments.simulation.truth import read_truth
+from planner.instruments.truth import read_truth
 from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot

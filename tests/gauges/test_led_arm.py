@@ -11,8 +11,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.candidates.balls import ROOM, led_turns
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import draw_truth
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
 from planner.runs.run import Samples
 from planner.workflow.run_checks import FAR, check_angles

@@ -13,8 +13,8 @@ from planner.common.schema import read_toml
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import select_poses
 from planner.identification.pipeline import identify
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
 from planner.runs.run import Samples

@@ -9,8 +9,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.identification.pipeline import identify
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
 from planner.workflow.planning import plan_cell

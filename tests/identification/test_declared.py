@@ -19,8 +19,8 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.d_optimal import detmax
 from planner.identification.least_squares import solve
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.report.calibration_text import findings_summary
 from planner.report.formatting import digits

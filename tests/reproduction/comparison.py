@@ -16,8 +16,8 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import MM, Array
 from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.circular.plan import CircularPlan, circle_samples
-from planner.instruments.simulation.measurement import SAMPLE_RATE
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import SAMPLE_RATE
+from planner.instruments.truth import draw_truth
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model

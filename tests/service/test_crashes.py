@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from planner.service import job_store
+from planner.service.context import Supervisor
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobCommand, JobStore
 from planner.service.settings import JobLimits
-from planner.service.supervisor import Supervisor
 
 CHEAP = JobCommand(("--version",))  # the quickest command line there is
 

@@ -5,8 +5,8 @@ import pytest
 import schemathesis
 from schemathesis import GenerationMode
 
+from planner.service.context import Supervisor
 from planner.service.serving import build_app, build_context
-from planner.service.supervisor import Supervisor
 from tests.service.conftest import settings
 
 OPERATIONS = 38  # of the document; a new one is counted here, so that none slips by

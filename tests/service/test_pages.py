@@ -9,13 +9,12 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.service.certificate import RMS_OF_REPEATABILITY, find_validation
 from planner.service.job_requests import CommandRequest
 from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.page_content import GENERAL, find_action
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
-from planner.service.session_steps import session_steps
+from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, session_steps
 from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument

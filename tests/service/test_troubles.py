@@ -9,8 +9,8 @@ import pytest
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
-import planner.service.supervisor as supervisor
-import planner.service.uploads as uploads
+import planner.service.context as context
+import planner.service.file_api as file_api
 from planner.service.file_store import FileStore
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP, Store
@@ -42,7 +42,7 @@ def test_a_full_disk_refuses_uploads_and_keeps_nothing(tmp_path, monkeypatch):
 
 
 def test_a_result_that_found_no_room_is_computed_again_and_ends_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(supervisor, "TROUBLE_S", 0.1)
+    monkeypatch.setattr(context, "TROUBLE_S", 0.1)
     full, take = [True], FileStore.take
 
     def take_or_fail(self, path):
@@ -74,11 +74,11 @@ def test_a_newer_version_takes_over_what_an_older_one_had_accepted(tmp_path):
 def received(tmp_path, receive):
     """What comes of an upload whose client sends as ``receive`` does."""
     request = Request({"type": "http", "method": "POST", "headers": []}, receive)
-    return asyncio.run(uploads.receive_body(request, FileStore(tmp_path), "run.csv", None))
+    return asyncio.run(file_api.receive_body(request, FileStore(tmp_path), "run.csv", None))
 
 
 def test_clients_that_stall_or_vanish_leave_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(uploads, "STALL_S", 0.05)
+    monkeypatch.setattr(file_api, "STALL_S", 0.05)
     begun = []
 
     async def stall():

@@ -10,7 +10,7 @@ from planner.common.units import UM, Array, read_only
 from planner.design.candidates.balls import FirstContact
 from planner.instruments.centring.settings import CentringSettings
 from planner.instruments.centring.stop import LinkError
-from planner.instruments.simulation.truth import Truth, draw_truth
+from planner.instruments.truth import Truth, draw_truth
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.runs.run import Samples
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Nest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.instruments.accuracy.precision import repeat_groups, repeat_precision, repeated_centrings
-from planner.instruments.accuracy.reference_frame import NestFrame, nest_frame, position_errors, register_tracker
-from planner.instruments.accuracy.validation import error_figures
+from planner.instruments.precision import repeat_groups, repeat_precision, repeated_centrings
+from planner.instruments.reference_frame import NestFrame, nest_frame, position_errors, register_tracker
+from planner.instruments.validation import error_figures
 from planner.runs.run import Readings, Run, Samples
 
 R_WG = Rotation.from_euler("xyz", [3.0, -2.0, 175.0], degrees=True).as_matrix()

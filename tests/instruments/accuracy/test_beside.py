@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.instruments.accuracy.precision import check_mastering
+from planner.instruments.precision import check_mastering
 from planner.runs.run import ReferenceReadings, read_reference_readings
 
 COLUMNS = "q1_deg,x_mm,y_mm,z_mm\n1,2,3,4\n"

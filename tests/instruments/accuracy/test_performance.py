@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.instruments.accuracy.validation import pose_performance
+from planner.instruments.validation import pose_performance
 from planner.runs.run import Readings, Run, Samples
-from planner.service.certificate import RMS_OF_REPEATABILITY
+from planner.service.sheets import RMS_OF_REPEATABILITY
 
 POSES, VISITS, SIGMA = 5, 400, 2e-5
 

@@ -8,10 +8,10 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.units import MM, UM
-from planner.instruments.accuracy.reference_frame import nest_frame
-from planner.instruments.accuracy.validation import validate_robot
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.reference_frame import nest_frame
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import draw_truth
+from planner.instruments.validation import validate_robot
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, ReferenceReadings, Run, Samples, read_reference_readings
 from planner.runs.writer import run_text

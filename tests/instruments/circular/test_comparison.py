@@ -6,8 +6,8 @@ import pytest
 from planner.cell.setup import Targets
 from planner.design.candidates.pool import draw_candidates
 from planner.instruments.circular.plan import circle_samples
-from planner.instruments.simulation.measurement import SAMPLE_RATE
-from planner.instruments.simulation.truth import draw_truth
+from planner.instruments.simulation import SAMPLE_RATE
+from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
 from tests.reproduction.comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
 

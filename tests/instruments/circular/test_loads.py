@@ -6,7 +6,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.circular.planning import plan_circles
-from planner.instruments.simulation.measurement import SAMPLE_RATE
+from planner.instruments.simulation import SAMPLE_RATE
 from planner.programs.dialect import PathForm
 from planner.programs.instructions import Pause
 from planner.session.neutral_program import session_program

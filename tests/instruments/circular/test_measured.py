@@ -11,7 +11,7 @@ from planner.common.files import document_text
 from planner.instruments.circular.document import circular_document, read_circular_plan
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import circle_samples
-from planner.instruments.simulation.measurement import SAMPLE_RATE
+from planner.instruments.simulation import SAMPLE_RATE
 from planner.runs.run import Readings, Run
 
 PLAY = 6e-5  # [rad] of joint 1

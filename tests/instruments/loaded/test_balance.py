@@ -10,8 +10,8 @@ import tests.instruments.loaded.world as world
 from planner.cell.setup import Targets, setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import solve_equilibrium
-from planner.instruments.simulation.measurement import simulate
-from planner.instruments.simulation.truth import Truth
+from planner.instruments.simulation import simulate
+from planner.instruments.truth import Truth
 from planner.model.model import Model
 from planner.runs.run import Samples
 

@@ -9,8 +9,8 @@ import polars as pl
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM, Array, in_units, read_only, to_mm
-from planner.instruments.accuracy.precision import DIGITS, SCHEMA
-from planner.instruments.accuracy.reference_frame import (
+from planner.instruments.precision import DIGITS, SCHEMA
+from planner.instruments.reference_frame import (
     ErrorFloor,
     RobotModel,
     TrackerRegistration,

@@ -1,3 +1,0 @@
-"""Runs of robots with known errors."""
-
-__all__ = ["measurement", "truth"]
