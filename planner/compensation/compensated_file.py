@@ -21,11 +21,7 @@ from planner.compensation.languages import (
 )
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.points import SENTENCE, is_service_name
-from planner.compensation.report import (
-    CompensationReport,
-    read_printed,
-    report_of,
-)
+from planner.compensation.report import CompensationReport, read_printed, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
 from planner.compensation.targets import SAME, CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
 from planner.kinematics.robot import Robot

@@ -15,18 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from PIL import Image
 
-from planner.report.chart import (
-    BASE,
-    BLUE,
-    PLAIN,
-    RED,
-    Chart,
-    ColourField,
-    Heatmap,
-    Panel,
-    ReferenceLine,
-    Series,
-)
+from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
 COLOURS = 128  # of a small picture

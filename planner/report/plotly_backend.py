@@ -12,18 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.report.chart import (
-    BASE,
-    BLUE,
-    PLAIN,
-    RED,
-    Chart,
-    ColourField,
-    Heatmap,
-    Panel,
-    ReferenceLine,
-    Series,
-)
+from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"

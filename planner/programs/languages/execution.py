@@ -12,15 +12,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
-from planner.programs.languages.statements import (
-    Call,
-    Pulse,
-    Routine,
-    RoutineEnd,
-    Statement,
-    Waiting,
-    parse_fixed,
-)
+from planner.programs.languages.statements import Call, Pulse, Routine, RoutineEnd, Statement, Waiting, parse_fixed
 
 
 @dataclass(frozen=True)
