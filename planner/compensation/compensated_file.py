@@ -212,11 +212,9 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[T
                     "targets are allowed, or a table of poses with joint angles to start from",
                 )
         reading.check()
-    if reading.left and (strict or not targets):
-        what = "" if targets else f"{path}: holds no target that could be compensated\n"
-        raise InputError(what + "\n".join(list_lines(path.name, reading.left)))
-    if not targets:
-        raise InputError(f"{path}: holds no target that could be compensated")
+    if not targets or (reading.left and strict):
+        none = [] if targets else [f"{path}: holds no target that could be compensated"]
+        raise InputError("\n".join([*none, *list_lines(path.name, reading.left)]))
     return targets
 
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -230,7 +230,7 @@ def write_checked(program: Program, dialect_name: str, stem: str) -> tuple[tuple
     """Return what :func:`write_program` returns, and what was read back of it."""
     dialect = load_dialect(dialect_name)
     files = render_program(program, dialect, stem)
-    return files, check_program(program, dialect, _texts(files))
+    return files, check_program(program, dialect, tuple(f.text for f in files))
 
 
 def program_notes(program: Program, dialect_name: str) -> tuple[str, ...]:
@@ -272,7 +272,3 @@ def import_map(dialect_name: str, n_joints: int) -> str:
         lines += [f'separator = "{log.separator}"', "header = false", "[columns]", "pose = 1"]
         lines += [f"{log.columns}{i}_deg = {i + 1}" for i in range(1, n_joints + 1)]
     return "\n".join(lines) + "\n"
-
-
-def _texts(files: Sequence[ProgramFile]) -> tuple[str, ...]:
-    return tuple(f.text for f in files)

@@ -21,16 +21,15 @@ def read(text: str, reading: TargetReading) -> None:
     Raises:
         InputError: the header has no complete set of target columns.
     """
-    header: list[str] | None = None
     separator, groups = ",", None
     for number, start, line in Lines.of(text):
         if not line.strip("\ufeff \t") or line.lstrip("\ufeff").startswith("#"):
             continue
-        if header is None:
+        if groups is None:
             separator = max(",;\t", key=line.count)
             header = [name.strip("\ufeff \t\"'") for name in line.split(separator)]
             groups = _TargetColumns(header, reading)
-        elif groups is not None:
+        else:
             _row(number, start, line, separator, groups, reading)
 
 

@@ -87,8 +87,11 @@ def _branch_pattern(text: str) -> re.Pattern[str]:
 class Execution(ABC):
     """Runs a program's statements and notes moves, stops, dwells and pulses; one subclass a language.
 
-    A subclass remembers what the controller does between statements, as far as it decides what a move does.
+    A subclass remembers what the controller does between statements, as far as it decides what a move does, and says
+    what reads the statements of a file.
     """
+
+    parse_file: Callable[[str], Iterable[Statement]]
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         self.dialect, self.program = dialect, program
@@ -112,13 +115,13 @@ class Execution(ABC):
         """Return what scales all speeds [%]."""
         return 100.0
 
-    @abstractmethod
     def parse(self, texts: Sequence[str]) -> Iterable[Statement]:
         """Return every statement of the files ``texts``, run or not."""
+        return (statement for text in texts for statement in self.parse_file(text))
 
-    @abstractmethod
     def order(self, statements: Sequence[Statement]) -> Iterator[Statement]:
         """Yield statements in the order in which the controller runs them."""
+        yield from statements
 
     @abstractmethod
     def execute(self, statement: Statement) -> bool:

@@ -70,13 +70,11 @@ def _other(text: str, start: int, line: int) -> Iterator[st.Statement]:
 class FanucExecution(Execution):
     """Every move says its time and its end; the angles stand with the positions."""
 
+    parse_file = staticmethod(parse)
+
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.positions: dict[int, TpPosition] = {}
-
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the statements of the one file."""
-        return parse(texts[0])
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements as they stand, after the positions that they name.

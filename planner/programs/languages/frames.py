@@ -47,10 +47,7 @@ def parse(text: str) -> Iterator[st.Statement]:
 class FramesExecution(Execution):
     """Legs and stays from the frames between their ends."""
 
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the rows of all files."""
-        for text in texts:
-            yield from parse(text)
+    parse_file = staticmethod(parse)
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the rows as they are played.

@@ -151,6 +151,8 @@ _WORDS, _CIRCLE_WORDS = ("$OV_PRO", "$APO.CPTP"), ("$APO.CDIS", "$VEL.CP")  # va
 class KrlExecution(Execution):
     """The system variables that a PTP move takes its speed and its rounding from."""
 
+    parse_file = staticmethod(parse)
+
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0}  # and $OV_PRO where the program sets it
@@ -166,10 +168,6 @@ class KrlExecution(Execution):
     def overall_speed(self) -> float:
         """Return the override."""
         return self.values.get("$OV_PRO", 100.0)
-
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the statements of all files."""
-        return (statement for text in texts for statement in parse(text))
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements from the first DEF of the first file on."""

@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import planner.programs.languages.statements as st
@@ -115,13 +115,7 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
 class ListExecution(Execution):
     """Every step says all of itself."""
 
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the steps of the one file."""
-        return parse(texts[0])
-
-    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
-        """Yield the steps in their order."""
-        yield from statements
+    parse_file = staticmethod(parse)
 
     def execute(self, statement: st.Statement) -> bool:
         """Take in a move."""

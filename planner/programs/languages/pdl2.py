@@ -99,13 +99,11 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
 class Pdl2Execution(Execution):
     """Every move says its own speed and rounding (WITH); a circle's two places are variables that hold joint angles."""
 
+    parse_file = staticmethod(parse)
+
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.places: dict[str, list[float]] = {}
-
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the statements of the one file."""
-        return parse(texts[0])
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements of the program's own body."""

@@ -54,10 +54,7 @@ def parse(text: str) -> Iterator[st.Statement]:
 class TrajectoryExecution(Execution):
     """The points of all files, one file after the other."""
 
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the lines of all files."""
-        for text in texts:
-            yield from parse(text)
+    parse_file = staticmethod(parse)
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the points as they are driven.

@@ -64,9 +64,7 @@ def _statement(place: tuple[int, int, str]) -> st.Statement:
 class UrScriptExecution(Execution):
     """Every movej says its own speed and radius; nothing is remembered."""
 
-    def parse(self, texts: Sequence[str]) -> Iterator[st.Statement]:
-        """Yield the statements of the one file."""
-        return parse(texts[0])
+    parse_file = staticmethod(parse)
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield what stands in the program's own routine, outside of those that are defined inside it."""
