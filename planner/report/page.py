@@ -32,17 +32,18 @@ MANY_PICTURES = 6  # that two copies of the process draw: each begins by importi
 def template_environment(folder: Path) -> jinja2.Environment:
     """Return what renders the templates of a folder: all that they show is escaped, what is missing is an error."""
     loader, missing = jinja2.FileSystemLoader(folder), jinja2.StrictUndefined
-    return jinja2.Environment(loader=loader, autoescape=True, undefined=missing, trim_blocks=True, lstrip_blocks=True)
+    made = jinja2.Environment(loader=loader, autoescape=True, undefined=missing, trim_blocks=True, lstrip_blocks=True)
+    made.filters |= {
+        "mm": lambda value, form=".3f": f"{float(to_mm(value)):{form}}",
+        "deg": lambda value, form=".3f": f"{float(to_deg(value)):{form}}",
+        "significant": digits,
+        "duration": duration_text,
+        "count": count_text,
+    }
+    return made
 
 
 ENVIRONMENT = template_environment(FOLDER)
-ENVIRONMENT.filters |= {
-    "mm": lambda value, form=".3f": f"{float(to_mm(value)):{form}}",
-    "deg": lambda value, form=".3f": f"{float(to_deg(value)):{form}}",
-    "significant": digits,
-    "duration": duration_text,
-    "count": count_text,
-}
 
 
 @dataclass(frozen=True)

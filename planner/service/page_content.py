@@ -106,49 +106,36 @@ ROLES = {  # of poses: what is done there, and why
 }
 
 
-@dataclass(frozen=True)
-class StageRow:
-    """One stage of a calibration, or the robot that is written: errors held out, and on the validation readings."""
-
-    name: str
-    parameters: int | None
-    rms_mm: float
-    largest_mm: float
-    validation_mm: float | None
-
-    @classmethod
-    def of(cls, stage: Stage | Release, name: str, parameters: int | None) -> "StageRow":
-        """Return the row of a stage or of the released robot."""
-        seen = None if stage.validation is None else float(to_mm(stage.validation.rms))
-        return cls(name, parameters, float(to_mm(stage.held_out.rms)), float(to_mm(stage.held_out.largest)), seen)
-
-
-@dataclass(frozen=True)
-class FindingText:
-    """A finding in words: what, how large, how sure, and what to do."""
-
-    title: str
-    size: str
-    note: str
-    rivals: str
-    action: str
+Errors = Stage | Release
+"""What a stage of the fit, or the robot that is written, leaves of the readings."""
 
 
 @dataclass(frozen=True)
 class CalibrationPage:
-    """What the page of a calibration shows: the last of the stages is the robot that is written; lengths in mm."""
+    """What the page of a calibration shows of its document."""
 
     document: Identification
-    stages: list[StageRow]
-    before: StageRow
-    anywhere_mm: float
-    anywhere_before_mm: float | None
-    findings: list[FindingText]
 
     @property
-    def after(self) -> StageRow:
+    def before(self) -> Stage:
+        """The robot of its data sheet, only the gauge placed on it."""
+        return next((s for s in self.document.stages if s.name == "frames"), self.document.stages[0])
+
+    @property
+    def after(self) -> Errors:
         """The robot that is written."""
-        return self.stages[-1]
+        return self.document.release or self.document.stages[-1]
+
+    @property
+    def stages(self) -> list[tuple[str, int | None, Errors]]:
+        """Name, number of parameters and errors of every stage, and of the robot that is written."""
+        rows: list[tuple[str, int | None, Errors]] = [(s.name, s.parameters, s) for s in self.document.stages]
+        return rows if self.document.release is None else [*rows, ("calibrated", None, self.document.release)]
+
+    @property
+    def titles(self) -> str:
+        """What was found, and where."""
+        return "; ".join(f"{f.effect}, {f.on}" for f in self.document.findings)
 
     @property
     def modelled(self) -> str:
@@ -221,49 +208,18 @@ def _foreseen(plan: PlanDocument) -> list[tuple[str, str]]:
     return rows
 
 
-def read_calibration(path: Path) -> CalibrationPage:
-    """Read what the page of a calibration shows out of ``identification.json``.
-
-    Raises:
-        InputError: the file is none.
-    """
-    d = Identification.read(path)
-    stages = [StageRow.of(s, s.name, s.parameters) for s in d.stages]
-    before = next((s for s in stages if s.name == "frames"), stages[0])
-    if d.release is not None:
-        stages.append(StageRow.of(d.release, "calibrated", None))
-    return CalibrationPage(
-        document=d,
-        stages=stages,
-        before=before,
-        anywhere_mm=float(to_mm(d.workspace_error)),
-        anywhere_before_mm=None if d.release is None else float(to_mm(d.release.nominal_anywhere)),
-        findings=[describe_finding(f) for f in d.findings],
-    )
-
-
-def describe_finding(finding: Finding) -> FindingText:
-    """Return a finding in words, with what to do about it."""
-    scaled, unit = _in_unit(finding)
-    std = "" if not finding.std else f" ± {_digits(scaled * finding.std / finding.value if finding.value else 0.0)}"
-    return FindingText(
-        title=f"{finding.effect}, {finding.on}",
-        size=f"{_digits(scaled)}{std} {unit}; {_digits(to_mm(finding.gain))} mm better on poses held out",
-        note=finding.note,
-        rivals=", ".join(finding.rivals),
-        action=find_action(finding.effect),
-    )
+def finding_size(finding: Finding) -> str:
+    """Say how large a finding is, in the unit in which the file writes it, and what it brings."""
+    written = finding.model_dump(mode="json", by_alias=True)
+    value = float(written["value"])
+    std = "" if not finding.std else f" ± {_digits(value * finding.std / finding.value if finding.value else 0.0)}"
+    gain = f"{_digits(to_mm(finding.gain))} mm better on poses held out"
+    return f"{_digits(value)}{std} {written['unit']}; {gain}"
 
 
 def _caption(stem: str) -> str:
     base = stem.rstrip("0123456789").rstrip("_")
     return CAPTIONS.get(stem) or CAPTIONS.get(base) or stem.replace("_", " ").capitalize()
-
-
-def _in_unit(finding: Finding) -> tuple[float, str]:
-    """A finding's value in the unit in which the file writes it."""
-    written = finding.model_dump(mode="json", by_alias=True)
-    return float(written["value"]), str(written["unit"])
 
 
 def _digits(value: object) -> str:

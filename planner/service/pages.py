@@ -2,7 +2,7 @@
 
 import hmac
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
+from planner.model.identification_document import Identification
 from planner.report.formatting import duration_text
 from planner.report.page import template_environment
 from planner.service.answers import Job
@@ -30,11 +31,13 @@ from planner.service.job_api import find_job, output_path
 from planner.service.job_requests import REQUESTS, JobId, Sha256
 from planner.service.page_content import (
     AnyPlan,
+    CalibrationPage,
     CheckForecastFile,
+    find_action,
+    finding_size,
     is_simulated,
     pictures,
     plan_facts,
-    read_calibration,
     visible_files,
 )
 from planner.service.problems import http_problem, request_problem
@@ -48,7 +51,7 @@ from planner.service.record_api import (
     list_records,
 )
 from planner.service.record_store import RecordedEntry
-from planner.service.sheets import build_certificate, session_steps
+from planner.service.sheets import certificate_content, session_steps
 from planner.session.document import PlanDocument, PlanHeader
 
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
@@ -77,7 +80,7 @@ FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 ENVIRONMENT = template_environment(FOLDER / "templates")
-ENVIRONMENT.globals["version"] = __version__
+ENVIRONMENT.globals |= {"version": __version__, "find_action": find_action, "finding_size": finding_size}
 
 
 def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:
@@ -214,7 +217,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
 def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
     found, outputs = None, {f.name: f.sha256 for f in job.files}
     if job.state == "done":
-        found = read_calibration(context.files.path(outputs["identification.json"]))
+        found = CalibrationPage(Identification.read(context.files.path(outputs["identification.json"])))
     baseline = BASELINE in outputs
     checks = [c for c in _plans(context, "check-plan") if find_calibration(context, c.id) == job.id] if baseline else []
     shown = {"files": visible_files(job), "pictures": pictures(job), **_record_form(context, job)}
@@ -255,8 +258,7 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
     job = _job(context, id)
     if job.kind != "identification" or job.state != "done":
         return render("problem", 404, detail="Only a finished calibration has a certificate.")
-    made = build_certificate(context, job)
-    return render("certificate", job=job, **{f.name: getattr(made, f.name) for f in fields(made)})
+    return render("certificate", job=job, **certificate_content(context, job))
 
 
 @PAGES.get("/calibrate")

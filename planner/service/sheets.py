@@ -13,15 +13,14 @@ from planner.common.units import to_mm
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import AccuracyFile
 from planner.kinematics.robot_reader import RobotDescription
-from planner.model.identification_document import Metrics
+from planner.model.identification_document import Identification, Metrics
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
-from planner.service.page_content import AnyPlan, CalibrationPage, is_simulated, read_calibration
+from planner.service.page_content import AnyPlan, CalibrationPage, is_simulated
 from planner.service.record_api import find_recorded
-from planner.service.record_store import RecordedEntry
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
@@ -30,80 +29,36 @@ SPACE_AXES = 3
 HASHED = ("identification.json", "robot.toml", "residuals.csv")
 
 
-@dataclass(frozen=True)
-class CertifiedError:
-    """Errors of one robot on one set of readings [mm]."""
-
-    what: str
-    rms_mm: float
-    mean_mm: float
-    largest_mm: float
-
-    @classmethod
-    def of(cls, what: str, errors: Metrics) -> "CertifiedError":
-        """Return errors in mm."""
-        return cls(what, *(float(to_mm(v)) for v in (errors.rms, errors.mean, errors.largest)))
-
-
-@dataclass(frozen=True)
-class FileHash:
-    """A file by its content."""
-
-    name: str
-    sha256: str
-
-
-@dataclass(frozen=True)
-class CalibrationCertificate:
-    """What the sheet says beside the fields that a person fills in."""
-
-    found: CalibrationPage
-    model: str
-    simulated: bool
-    recorded: RecordedEntry
-    gauge: str
-    plan_id: str
-    fitted: int
-    results: list[CertifiedError]
-    validation: AccuracyFile | None
-    repeatability_mm: float
-    measured_rp_mm: float | None
-    hashes: list[FileHash]
-    software: str
-
-
-def build_certificate(context: ServiceContext, job: Job) -> CalibrationCertificate:
-    """Return the certificate of a finished identification.
+def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
+    """Return what the certificate of a finished identification says beside the fields that a person fills in.
 
     Raises:
         InputError: its files are not what they should be.
     """
-    record = context.jobs.get(job.id)
-    document = output_path(context, job.id, "identification.json")
-    found = read_calibration(document)
+    record, outputs = context.jobs.get(job.id), {f.name: f.sha256 for f in job.files}
+    found = CalibrationPage(Identification.read(context.files.path(outputs["identification.json"])))
     inputs = {i.name: i.sha256 for i in record.command.inputs}
     plan = inputs.get(str(record.command.option("--plan")))
-    plan_id = "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
-    hashes = [FileHash(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
-    hashes += [FileHash(f.name, f.sha256) for f in job.files if f.name in HASHED]
+    measured = {n: h for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))}
+    hashes = [*measured.items(), *((f.name, f.sha256) for f in job.files if f.name in HASHED)]
     cell = _cell_file(context, record.command.words, inputs)
     width = 1 if gauge_class(cell).columns == "length_mm" else SPACE_AXES
     scatter, rp = _repeatability(context, job, found, width)
-    return CalibrationCertificate(
-        found=found,
-        model=robot_title(found.document.robot),
-        simulated=is_simulated(context, job),
-        recorded=find_recorded(context, job.id),
-        gauge=_gauge(cell),
-        plan_id=plan_id,
-        fitted=sum(e.identifiable for e in found.document.estimates),
-        results=_results(found),
-        validation=find_validation(context, {f.name: f.sha256 for f in job.files}["robot.toml"]),
-        repeatability_mm=scatter,
-        measured_rp_mm=rp,
-        hashes=[h for h in hashes if not h.name.endswith("trajectory.csv")],
-        software=record.version,
-    )
+    return {
+        "found": found,
+        "model": robot_title(found.document.robot),
+        "simulated": is_simulated(context, job),
+        "recorded": find_recorded(context, job.id),
+        "gauge": _gauge(cell),
+        "plan_id": "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", "")),
+        "fitted": sum(e.identifiable for e in found.document.estimates),
+        "results": _results(found),
+        "validation": find_validation(context, outputs["robot.toml"]),
+        "repeatability_mm": scatter,
+        "measured_rp_mm": rp,
+        "hashes": [(name, sha256) for name, sha256 in hashes if not name.endswith("trajectory.csv")],
+        "software": record.version,
+    }
 
 
 def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile | None:
@@ -117,16 +72,11 @@ def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile 
     return found if found.after is not None else None
 
 
-def _results(found: CalibrationPage) -> list[CertifiedError]:
-    d = found.document
-    before = next((s for s in d.stages if s.name == "frames"), d.stages[0])
-    after = d.stages[-1].held_out if d.release is None else d.release.held_out
-    rows = [CertifiedError.of("before, held out", before.held_out), CertifiedError.of("after, held out", after)]
-    validation = d.stages[-1].validation if d.release is None else d.release.validation
-    if before.validation is not None and validation is not None:
-        rows.append(CertifiedError.of("before, validation run", before.validation))
-        rows.append(CertifiedError.of("after, validation run", validation))
-    return rows
+def _results(found: CalibrationPage) -> list[tuple[str, Metrics]]:
+    """Errors on the readings held out, and on those of a validation where both robots have them."""
+    both = (("before", found.before), ("after", found.after))
+    seen = [(f"{name}, validation run", s.validation) for name, s in both if s.validation is not None]
+    return [(f"{name}, held out", s.held_out) for name, s in both] + (seen if len(seen) == len(both) else [])
 
 
 def _cell_file(context: ServiceContext, words: tuple[str, ...], inputs: dict[str, str]) -> CellFile:
