@@ -10,7 +10,7 @@ from planner.cell.places import nests_frame
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, in_units, read_only, to_mm
 from planner.model.model import Model
-from planner.runs.run import ReferenceReadings, Run
+from planner.runs.run import NO_REFERENCE_READINGS, ReferenceReadings, Run
 from planner.session.document import read_plan
 
 TOLERANCE = (
@@ -93,18 +93,35 @@ def repeat_precision(position: Array, group: np.ndarray, reference: Array | None
     Raises:
         InputError: no pose was centred more than once.
     """
-    names, member, count = np.unique(group, return_inverse=True, return_counts=True)
-    often = count[member] > 1
-    if not often.any():
+    often, member, _, off = _deviations(position, group)
+    size = np.linalg.norm(off if reference is None else position[often] - reference, axis=1)
+    parts = [position[often][member == k] for k in np.unique(member)]
+    std = np.sqrt((off**2).sum(axis=0) / (len(off) - len(parts)))
+    rms = float(np.sqrt((size**2).mean()))
+    return Precision(len(parts), len(off), float(size.max()), rms, max(map(_diameter, parts)), std)
+
+
+def _deviations(position: Array, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Array]:
+    """Rows of poses centred more than once (m,), the pose of each and its centrings, and how far it is from their mean.
+
+    Raises:
+        InputError: there is none.
+    """
+    _, member, count = np.unique(group, return_inverse=True, return_counts=True)
+    often = np.flatnonzero(count[member] > 1)
+    if not often.size:
         raise InputError("no pose was centred more than once: plan.repeat says how many poses are")
-    position, member = position[often], member[often]
-    sums = np.stack([np.bincount(member, position[:, k], minlength=len(names)) for k in range(3)], axis=1)
-    off = position - (sums / np.maximum(count, 1)[:, None])[member]
-    size = np.linalg.norm(off if reference is None else position - reference, axis=1)
-    poses = int((count > 1).sum())
-    apart = max(_diameter(position[member == k]) for k in np.unique(member))
-    std = np.sqrt((off**2).sum(axis=0) / (len(off) - poses))
-    return Precision(poses, len(off), float(size.max()), float(np.sqrt((size**2).mean())), apart, std)
+    mean = np.stack([np.bincount(member, position[:, k]) for k in range(3)], axis=1) / count[:, None]
+    return often, member[often], count[member[often]], (position - mean[member])[often]
+
+
+def _diameter(x: Array) -> float:
+    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+
+
+SCHEMA = "edbb-accuracy/1"
+PUBLISHED_UM = 2.0  # largest of three centrings against the master ball by a CMM (TriCal paper, section 4)
+DIGITS = 6
 
 
 @dataclass(frozen=True)
@@ -112,21 +129,71 @@ class RepeatedCentrings:
     """The repeated centrings of a run, one entry each, in the order in which they were measured.
 
     Attributes:
+        run: as measured.
         pose: which pose it belongs to, (m,) int.
         ball: name of the ball.
         off: from the mean of that pose's centrings, in the base frame, (m, 3) [m].
         expected: rms of these distances, were repeatability and noise as declared [m].
         summary: the figures.
+        master: the checks of the master ball, where the run has any.
+        notes: what a person should know.
     """
 
+    run: Run
     pose: np.ndarray
     ball: tuple[str, ...]
     off: Array
     expected: float
     summary: Precision
+    master: Mastering | None
+    notes: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """Return how closely the centrings agree, in a few lines."""
+        s = self.summary
+        std = ", ".join(f"{v / UM:.1f}" for v in s.axis_std)
+        lines = [
+            f"{self.run.name}: {s.centrings} centrings of {s.poses} poses",
+            f"  precision   at most {s.largest / UM:.1f} µm from the mean of a pose, rms {s.rms / UM:.1f} µm, "
+            f"two of a pose at most {s.apart / UM:.1f} µm apart; std {std} µm along x, y, z",
+            f"  expected    rms {self.expected / UM:.1f} µm of the robot's repeatability and the gauge's noise",
+        ]
+        return lines if self.master is None else [*lines, f"  mastering   {self.master.text()}"]
+
+    def content(self, robot: str) -> dict[str, object]:
+        """Return ``accuracy.json``."""
+        s, m, size = self.summary, self.master, np.linalg.norm(self.off, axis=1)
+        figures = None if m is None else in_units(DIGITS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift)
+        return {
+            "schema": SCHEMA,
+            "kind": "precision",
+            "robot": robot,
+            "run": self.run.name,
+            "poses": s.poses,
+            "centrings": s.centrings,
+            **in_units(DIGITS, max_um=s.largest, rms_um=s.rms, expected_rms_um=self.expected),
+            **in_units(DIGITS, apart_um=s.apart, std_um=s.axis_std),
+            "published": {"centrings": 3, "max_um": PUBLISHED_UM, "by": "a CMM, the arm left out"},
+            "each": [
+                {"pose": int(p), "ball": b, **in_units(DIGITS, off_um=o, size_um=d)}
+                for p, b, o, d in zip(self.pose, self.ball, self.off, size, strict=True)
+            ],
+            "mastering": None if m is None or figures is None else {**figures, "good": m.good},
+            "notes": list(self.notes),
+        }
+
+    def tables(self) -> dict[str, str]:
+        """Return what is written beside that: nothing."""
+        return {}
 
 
-def repeated_centrings(cell: Cell, run: Run, groups: dict[int, int]) -> RepeatedCentrings:
+def repeated_centrings(
+    cell: Cell,
+    run: Run,
+    groups: dict[int, int],
+    said: ReferenceReadings = NO_REFERENCE_READINGS,
+    notes: tuple[str, ...] = (),
+) -> RepeatedCentrings:
     """Judge the repeated centrings of a run: where the robot's axes and the last readings put the ball each time.
 
     The nominal geometry is near enough: centrings of one pose differ by micrometres. What the arm's axes do not show,
@@ -147,48 +214,9 @@ def repeated_centrings(cell: Cell, run: Run, groups: dict[int, int]) -> Repeated
         summary = repeat_precision(x, group)
     except InputError as err:
         raise InputError(f"{run.name}: {err}") from err
-    _, member, count = np.unique(group, return_inverse=True, return_counts=True)
-    often = np.flatnonzero(count[member] > 1)
-    mean = np.stack([np.bincount(member, x[:, k]) for k in range(3)], axis=1) / count[:, None]
+    often, _, count, off = _deviations(x, group)
     ball = tuple(run.balls[k] for k in run.readings.ball[often])
-    free = 1.0 - 1.0 / count[member[often]]  # of a pose's scatter that its own mean leaves
-    expected = float(np.sqrt((Model.from_cell(cell).reading_noise(run.samples.take(often)).square * free).mean()))
-    return RepeatedCentrings(group[often], ball, read_only((x - mean[member])[often]), expected, summary)
-
-
-def _diameter(x: Array) -> float:
-    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
-
-
-SCHEMA = "edbb-accuracy/1"
-PUBLISHED_UM = 2.0  # largest of three centrings against the master ball by a CMM (TriCal paper, section 4)
-DIGITS = 6
-
-
-def precision_content(
-    robot: str, run: str, found: RepeatedCentrings, master: Mastering | None, notes: tuple[str, ...] = ()
-) -> dict[str, object]:
-    """Return ``accuracy.json`` of repeated centrings."""
-    s = found.summary
-    size = np.linalg.norm(found.off, axis=1)
-    return {
-        "schema": SCHEMA,
-        "kind": "precision",
-        "robot": robot,
-        "run": run,
-        "poses": s.poses,
-        "centrings": s.centrings,
-        **in_units(DIGITS, max_um=s.largest, rms_um=s.rms, expected_rms_um=found.expected),
-        **in_units(DIGITS, apart_um=s.apart, std_um=s.axis_std),
-        "published": {"centrings": 3, "max_um": PUBLISHED_UM, "by": "a CMM, the arm left out"},
-        "each": [
-            {"pose": int(p), "ball": b, **in_units(DIGITS, off_um=o, size_um=d)}
-            for p, b, o, d in zip(found.pose, found.ball, found.off, size, strict=True)
-        ],
-        "mastering": None if master is None else _mastering_section(master),
-        "notes": list(notes),
-    }
-
-
-def _mastering_section(m: Mastering) -> dict[str, object]:
-    return {**in_units(DIGITS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift), "good": m.good}
+    noise = Model.from_cell(cell).reading_noise(run.samples.take(often)).square
+    expected = float(np.sqrt((noise * (1.0 - 1.0 / count)).mean()))  # its own mean takes a part of a pose's scatter
+    master = check_mastering(cell, said)
+    return RepeatedCentrings(run, group[often], ball, read_only(off), expected, summary, master, notes)

@@ -8,7 +8,7 @@ import polars as pl
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
-from planner.common.units import MM, Array, in_units, read_only, to_mm
+from planner.common.units import MM, UM, Array, in_units, read_only, to_mm
 from planner.instruments.precision import DIGITS, SCHEMA
 from planner.instruments.reference_frame import (
     ErrorFloor,
@@ -154,6 +154,42 @@ class Validation:
     floor: ErrorFloor
     notes: tuple[str, ...]
 
+    def lines(self) -> list[str]:
+        """Return the errors before and after, in a few lines."""
+        misses = ", ".join(f"{n} {m / UM:.0f} µm" for n, m in zip(self.nests, self.frame.misses, strict=True))
+        lines = [f"{self.run.name}: {len(self.run)} poses", f"  frame       from the nests, which miss by {misses}"]
+        for name, judged in (("before", self.before), ("after", self.after)):
+            lines += [] if judged is None else [f"  {name:<12}{judged.figures.text()}"]
+            lines += [f"  {'':<12}{judged.performance.text()}"] if judged is not None and judged.performance else []
+        return [*lines, f"  floor       {self.floor.text()}"]
+
+    def content(self, robot: str) -> dict[str, object]:
+        """Return ``accuracy.json``."""
+        f = self.floor
+        misses = zip(self.nests, self.frame.misses, strict=True)
+        return {
+            "schema": SCHEMA,
+            "kind": "validation",
+            "robot": robot,
+            "run": self.run.name,
+            "n_poses": len(self.run),
+            "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
+            "before": _model_section(self.before),
+            "after": None if self.after is None else _model_section(self.after),
+            "floor": in_units(
+                DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm
+            ),
+            "notes": list(self.notes),
+        }
+
+    def tables(self) -> dict[str, str]:
+        """Return every validation pose with its errors, seen less predicted, in the base frame."""
+        pose = self.run.samples.pose
+        columns: dict[str, object] = {"pose": np.arange(1, len(self.run) + 1) if pose is None else pose}
+        for name, judged in (("before", self.before), ("after", self.after)):
+            columns |= {} if judged is None else _error_columns(name, judged)
+        return {"errors.csv": pl.DataFrame(columns).write_csv()}
+
 
 def validate_robot(
     cell: Cell, run: Run, said: ReferenceReadings, model: Path | None = None, others: Run | None = None
@@ -222,33 +258,6 @@ def with_nests(cell: Cell, said: ReferenceReadings) -> tuple[Cell, list[str]]:
 def _model_errors(arm: RobotModel, frame: TrackerRegistration, run: Run) -> ModelErrors:
     error = position_errors(arm.robot, arm.p_FM, arm.stand, frame, run)
     return ModelErrors(arm, read_only(np.array(error)), error_figures(error), pose_performance(run, error))
-
-
-def validation_content(robot: str, found: Validation) -> dict[str, object]:
-    """Return ``accuracy.json`` of a tracker's run."""
-    f = found.floor
-    misses = zip(found.nests, found.frame.misses, strict=True)
-    return {
-        "schema": SCHEMA,
-        "kind": "validation",
-        "robot": robot,
-        "run": found.run.name,
-        "n_poses": len(found.run),
-        "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
-        "before": _model_section(found.before),
-        "after": None if found.after is None else _model_section(found.after),
-        "floor": in_units(DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm),
-        "notes": list(found.notes),
-    }
-
-
-def errors_csv(found: Validation) -> str:
-    """Return every validation pose with its errors, seen less predicted, in the base frame."""
-    pose = found.run.samples.pose
-    columns: dict[str, object] = {"pose": np.arange(1, len(found.run) + 1) if pose is None else pose}
-    for name, judged in (("before", found.before), ("after", found.after)):
-        columns |= {} if judged is None else _error_columns(name, judged)
-    return pl.DataFrame(columns).write_csv()
 
 
 def _error_columns(name: str, judged: ModelErrors) -> dict[str, object]:

@@ -3,11 +3,11 @@
 import numpy as np
 
 from planner.common.units import UM, to_mm
-from planner.instruments.precision import PUBLISHED_UM, TOLERANCE, Mastering, RepeatedCentrings
+from planner.instruments.precision import PUBLISHED_UM, TOLERANCE, RepeatedCentrings
 from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
 from planner.report.formatting import in_um
-from planner.report.page import Report, Row
+from planner.report.page import Report, Row, report_judged
 
 BINS = 25
 ROW = 26  # [px] of one pose
@@ -71,8 +71,22 @@ def centring_chart(found: RepeatedCentrings) -> Chart:
     return Chart("accuracy", "Repeated centrings", caption, (panel,))
 
 
-def report_validation(title: str, found: Validation) -> Report:
-    """Return the page of a tracker's run and its picture."""
+def report_accuracy(title: str, found: Validation | RepeatedCentrings) -> Report:
+    """Return the page of a tracker's run or of repeated centrings, and its picture."""
+    if isinstance(found, Validation):
+        before, after = found.before.figures, found.after
+        head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))
+        rows = [_figures("by the data sheet", before)] + ([] if not after else [_figures("calibrated", after.figures)])
+        table = ("Position errors, in mm", head, rows)
+        said, chart = _validation_sentences(found), error_histogram(found)
+        return report_judged(f"Accuracy of {title}", found.run.name, said, found.notes, table, chart)
+    head = ("pose", "ball", "centring", "x", "y", "z", "distance")
+    table = ("Centrings, in µm", head, _centrings(found))
+    said, chart = _precision_sentences(found), centring_chart(found)
+    return report_judged(f"Precision of centring on {title}", found.run.name, said, found.notes, table, chart)
+
+
+def _validation_sentences(found: Validation) -> list[str]:
     misses = ", ".join(f"{n} by {m / UM:.0f} µm" for n, m in zip(found.nests, found.frame.misses, strict=True))
     before, after = found.before.figures, None if found.after is None else found.after.figures
     said = [f"Mean position error {_mm(before.mean)} mm, at most {_mm(before.largest)} mm, by the data sheet."]
@@ -87,24 +101,11 @@ def report_validation(title: str, found: Validation) -> Report:
         if m is not None and m.performance is not None
     ]
     said.append(f"The tracker's frame was found from {len(found.nests)} nests; it misses {misses}.")
-    said.append(found.floor.text() + ".")
-    head = ("robot", "poses", "mean", "maximum", "std", *(f"{p} % within" for p, _ in before.percentiles))
-    rows = [_figures("by the data sheet", before)] + ([] if after is None else [_figures("calibrated", after)])
-    page: dict[str, object] = {
-        "title": f"Accuracy of {title}",
-        "run": found.run.name,
-        "sentences": said,
-        "notes": found.notes,
-    }
-    table = {"table": "Position errors, in mm", "head": head, "rows": rows}
-    return Report("accuracy.html.j2", page | table, (error_histogram(found),))
+    return [*said, f"{found.floor.text()}."]
 
 
-def report_precision(
-    title: str, run: str, found: RepeatedCentrings, master: Mastering | None, notes: tuple[str, ...] = ()
-) -> Report:
-    """Return the page of repeated centrings and its picture."""
-    s = found.summary
+def _precision_sentences(found: RepeatedCentrings) -> list[str]:
+    s, master = found.summary, found.master
     said = [
         f"{s.centrings} centrings of {s.poses} poses: at most {in_um(s.largest)} µm from the mean of a pose, "
         f"rms {in_um(s.rms)} µm, two of one pose at most {in_um(s.apart)} µm apart.",
@@ -113,17 +114,7 @@ def report_precision(
         f"The TriCal paper's Table 3 has three centrings within about {PUBLISHED_UM:g} µm of the master ball, by a "
         "CMM: there the arm had no part in it; here what its joint angles do not show counts too.",
     ]
-    if master is not None:
-        said.append(master.text()[0].upper() + master.text()[1:] + ".")
-    head = ("pose", "ball", "centring", "x", "y", "z", "distance")
-    page: dict[str, object] = {
-        "title": f"Precision of centring on {title}",
-        "run": run,
-        "sentences": said,
-        "notes": notes,
-    }
-    table = {"table": "Centrings, in µm", "head": head, "rows": _centrings(found)}
-    return Report("accuracy.html.j2", page | table, (centring_chart(found),))
+    return said if master is None else [*said, f"{master.text()[0].upper()}{master.text()[1:]}."]
 
 
 def _figures(name: str, f: ErrorFigures) -> Row:

@@ -23,7 +23,7 @@ from planner.report.chart import (
     zero_line,
 )
 from planner.report.formatting import chance_text
-from planner.report.page import Report, Row
+from planner.report.page import Report, Row, report_judged
 
 
 def check_chart(verdict: CheckVerdict) -> Chart:
@@ -59,16 +59,10 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
         )
         for j in verdict.judged
     ]  # fmt: skip
-    page: dict[str, object] = {
-        "title": f"Check of {robot}",
-        "run": verdict.run,
-        "sentences": said,
-        "notes": verdict.notes,
-        "table": "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)",
-        "head": ("change", "by chance", "motion", "σ", "would be found from", "what to do"),
-        "rows": rows,
-    }
-    return Report("check.html.j2", page, (check_chart(verdict),))
+    what = "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)"
+    head = ("change", "by chance", "motion", "σ", "would be found from", "what to do")
+    title, chart = f"Check of {robot}", check_chart(verdict)
+    return report_judged(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=4)
 
 
 MARKS: tuple[Literal["line", "points"], ...] = ("line", "points")

@@ -156,6 +156,25 @@ def draw_pictures(charts: Sequence[Chart], view: CellView | None, small: bool) -
     return ({} if view is None else {"view": view_png(view)}) | {c.name: chart_png(c, small) for c in charts}
 
 
+def report_judged(
+    title: str,
+    run: str,
+    sentences: Sequence[str],
+    notes: Sequence[str],
+    table: tuple[str, Row, Sequence[Row]],
+    chart: Chart,
+    numbers: int | None = None,
+) -> Report:
+    """Return the page of a run by which a robot is judged: what is found, the chart, a table (heading, head, rows).
+
+    ``numbers`` columns of it behind the first hold numbers, or all.
+    """
+    heading, head, rows = table
+    content = {"title": title, "run": run, "sentences": sentences, "notes": notes, "chart": chart, "table": heading}
+    numeric = range(1, 1 + (len(head) - 1 if numbers is None else numbers))
+    return Report("judged.html.j2", content | {"head": head, "rows": rows, "numeric": numeric}, (chart,))
+
+
 KEY = 12  # signs of a key at most
 
 

@@ -11,16 +11,8 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import Result, draft_folder, move_all, simulated_section
-from planner.common.units import UM
-from planner.instruments.precision import (
-    Mastering,
-    RepeatedCentrings,
-    check_mastering,
-    precision_content,
-    repeat_groups,
-    repeated_centrings,
-)
-from planner.instruments.validation import Validation, errors_csv, validate_robot, validation_content
+from planner.instruments.precision import RepeatedCentrings, repeat_groups, repeated_centrings
+from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
@@ -30,36 +22,20 @@ USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
 
 
 @dataclass(frozen=True)
-class Centrings:
-    """Repeated centrings, the checks of the master ball where the run has any, and what a person should know."""
-
-    run: Run
-    repeats: RepeatedCentrings
-    master: Mastering | None
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class AccuracyCheck(Result):
     """What was judged, and the cell that it stands in."""
 
     cell: Cell
-    found: Validation | Centrings
+    found: Validation | RepeatedCentrings
     stages: Stages = field(default_factory=Stages)
 
     def summary(self) -> str:
         """Return the errors before and after, or how closely centrings agree."""
-        lines = _validation(self.found) if isinstance(self.found, Validation) else _precision(self.found)
-        return "\n".join([*lines, *(f"  note        {note}" for note in self.found.notes)])
+        return "\n".join([*self.found.lines(), *(f"  note        {note}" for note in self.found.notes)])
 
     def content(self) -> dict[str, object]:
         """Return what ``accuracy.json`` says."""
-        robot, found = self.cell.robot.name, self.found
-        if isinstance(found, Validation):
-            content = validation_content(robot, found)
-        else:
-            content = precision_content(robot, found.run.name, found.repeats, found.master, found.notes)
-        return content | simulated_section(self.simulated)
+        return self.found.content(self.cell.robot.name) | simulated_section(self.simulated)
 
     @property
     def simulated(self) -> bool:
@@ -68,26 +44,19 @@ class AccuracyCheck(Result):
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
-        from planner.report.accuracy_report import report_precision, report_validation  # plotting takes long to load
+        from planner.report.accuracy_report import report_accuracy  # plotting takes long to load
 
-        title, found = self.cell.robot.title, self.found
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
-            write_text(draft / "accuracy.json", self.to_json())
-            if isinstance(found, Validation):
-                write_text(draft / "errors.csv", errors_csv(found))
-                report = report_validation(title, found)
-            else:
-                report = report_precision(title, found.run.name, found.repeats, found.master, found.notes)
-            report = report.about(self.cell, self.simulated)
+            for name, text in {"accuracy.json": self.to_json(), **self.found.tables()}.items():
+                write_text(draft / name, text)
+            report = report_accuracy(self.cell.robot.title, self.found).about(self.cell, self.simulated)
             write_text(draft / "report.html", report.html())
             write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
             return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        return "accuracy.json, accuracy.png, report.html" + (
-            ", errors.csv" if isinstance(self.found, Validation) else ""
-        )
+        return ", ".join(["accuracy.json, accuracy.png, report.html", *self.found.tables()])
 
     def next_step(self, folder: Path) -> str:
         """Say how it is kept."""
@@ -119,10 +88,7 @@ def check_accuracy(
         if plan is None:
             raise InputError(f"{run.name}: which centrings belong together stands in the plan: give it with --plan")
         notes = ("a calibrated model changes nothing of repeated centrings: it was not used",) if model else ()
-        return AccuracyCheck(
-            where,
-            Centrings(run, repeated_centrings(where, run, repeat_groups(plan)), check_mastering(where, said), notes),
-        )
+        return AccuracyCheck(where, repeated_centrings(where, run, repeat_groups(plan), said, notes))
 
 
 def _check_kind(cell: Cell, run: Run) -> None:
@@ -148,24 +114,3 @@ def _split_by_role(run: Run, plan: PlanDocument) -> tuple[Run, Run | None]:
         return run, None
     mine, others = (np.isin(run.samples.pose, plan.ids(role)) for role in ("validate", "calibrate"))
     return run.take(mine) if mine.any() else run, run.take(others) if mine.any() and others.any() else None
-
-
-def _validation(found: Validation) -> list[str]:
-    misses = ", ".join(f"{n} {m / UM:.0f} µm" for n, m in zip(found.nests, found.frame.misses, strict=True))
-    lines = [f"{found.run.name}: {len(found.run)} poses", f"  frame       from the nests, which miss by {misses}"]
-    for name, judged in (("before", found.before), ("after", found.after)):
-        lines += [] if judged is None else [f"  {name:<12}{judged.figures.text()}"]
-        lines += [f"  {'':<12}{judged.performance.text()}"] if judged is not None and judged.performance else []
-    return [*lines, f"  floor       {found.floor.text()}"]
-
-
-def _precision(found: Centrings) -> list[str]:
-    s = found.repeats.summary
-    std = ", ".join(f"{v / UM:.1f}" for v in s.axis_std)
-    lines = [
-        f"{found.run.name}: {s.centrings} centrings of {s.poses} poses",
-        f"  precision   at most {s.largest / UM:.1f} µm from the mean of a pose, rms {s.rms / UM:.1f} µm, "
-        f"two of a pose at most {s.apart / UM:.1f} µm apart; std {std} µm along x, y, z",
-        f"  expected    rms {found.repeats.expected / UM:.1f} µm of the robot's repeatability and the gauge's noise",
-    ]
-    return lines if found.master is None else [*lines, f"  mastering   {found.master.text()}"]
