@@ -21,6 +21,7 @@ from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
 from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names
 from planner.kinematics.bodies import Body
+from planner.kinematics.geometry import pose
 from planner.kinematics.inverse_kinematics import shift_point
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
@@ -128,8 +129,7 @@ class BallSocket(BallGauge):
 
     def bodies(self, cell: Cell) -> list[GaugeBody]:
         """The ball on the tool, which may touch the socket that it is led into; the plate, and its sockets."""
-        T, place = artifact_frame(cell), np.eye(4)
-        place[:3, 3] = cell.tool.p_FM
+        T, place = artifact_frame(cell), pose(np.eye(3), cell.tool.p_FM)
         size = (min(b.radius for b in cell.balls),)
         ball = GaugeBody(Body("ball on the tool", "sphere", size, read_only(place)), "flange", tip=True)
         plate = [GaugeBody(replace(b, T=read_only(T @ b.T)), "world") for b in cell.carrier]
@@ -142,6 +142,6 @@ def _way_out(cell: Cell, ball: int) -> Array:
 
 def _socket(cell: Cell, k: int, T: Array) -> GaugeBody:
     """A sphere of the ball's size below it: its top is where the ball's centre comes to rest."""
-    ball, place = cell.balls[k], np.eye(4)
-    place[:3, 3] = ball.p_GS - ball.radius * ball.axis_G
+    ball = cell.balls[k]
+    place = pose(np.eye(3), ball.p_GS - ball.radius * ball.axis_G)
     return GaugeBody(Body(f"socket {ball.name}", "sphere", (ball.radius,), read_only(T @ place)), "world", ball=k)

@@ -17,6 +17,7 @@ from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.flange_poses import index_in_cell, nominal_flange_poses, points_of
 from planner.gauges.placement.sockets import place_sockets
 from planner.kinematics.bodies import Body, capsule_between
+from planner.kinematics.geometry import pose
 from planner.runs.run import NO_REFERENCE_READINGS, Mounting, Readings, ReferenceReadings, Run, Samples
 
 INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
@@ -195,9 +196,7 @@ def check_names(path: Path, file: CellFile) -> None:
 
 def artifact_frame(cell: Cell) -> Array:
     """Return how the artifact stands in the base frame, (4, 4) [m]."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = cell.fixtures[0].R_BX, cell.fixtures[0].p_BX
-    return T
+    return pose(cell.fixtures[0].R_BX, cell.fixtures[0].p_BX)
 
 
 def _artifact(cell: Cell) -> list[GaugeBody]:
@@ -211,8 +210,7 @@ def _artifact(cell: Cell) -> list[GaugeBody]:
 
 
 def _ball(ball: Ball, T: Array) -> Body:
-    place = np.eye(4)
-    place[:3, 3] = ball.p_GS
+    place = pose(np.eye(3), ball.p_GS)
     return Body(f"ball {ball.name}", "sphere", (ball.radius,), read_only(T @ place))
 
 

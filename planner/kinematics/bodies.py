@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError
 from planner.common.schema import Coordinate, OptionalKeys
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.kinematics.geometry import pose
 
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 SizeMm = Annotated[float, Field(gt=0, le=1e6)]  # a kilometre: nothing in a cell is larger
@@ -44,10 +45,8 @@ def capsule_between(name: str, a: Array, b: Array, radius: float) -> Body:
     """Return the capsule around the segment from ``a`` to ``b`` (3,) [m]."""
     axis = np.asarray(b) - np.asarray(a)
     length = float(np.linalg.norm(axis))
-    T = np.eye(4)
-    T[:3, 3] = (np.asarray(a) + np.asarray(b)) / 2
-    if length > 0:
-        T[:3, :3] = rotation_from_z(axis / length)
+    R = rotation_from_z(axis / length) if length > 0 else np.eye(3)
+    T = pose(R, (np.asarray(a) + np.asarray(b)) / 2)
     return Body(name, "capsule", (radius, length), read_only(T))
 
 
@@ -106,9 +105,8 @@ class BodyFile(OptionalKeys):
             assert self.to_mm
             assert self.radius_mm
             return capsule_between(name, from_mm(self.from_mm), from_mm(self.to_mm), float(from_mm(self.radius_mm)))
-        T = np.eye(4)
-        T[:3, :3] = Rotation.from_euler("xyz", from_deg(self.rpy_deg)).as_matrix()
-        T[:3, 3] = from_mm(self.at_mm or (0.0, 0.0, 0.0))
+        R = Rotation.from_euler("xyz", from_deg(self.rpy_deg)).as_matrix()
+        T = pose(R, from_mm(self.at_mm or (0.0, 0.0, 0.0)))
         if self.kind == "mesh":
             path = (where / str(self.file)).resolve()
             if not path.is_file():

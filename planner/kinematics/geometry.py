@@ -47,6 +47,13 @@ def skew(v: Array) -> Array:
     return out
 
 
+def pose(R: Array, p: Array) -> Array:
+    """Return the transform (4, 4) of a rotation R (3, 3) and a position p (3,) [m]."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, p
+    return T
+
+
 def exp3(w: Array) -> Array:
     """Return the rotations (..., 3, 3) of rotation vectors w (..., 3) [rad]."""
     return np.asarray(Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix()).reshape(*w.shape, 3)

@@ -17,6 +17,7 @@ from planner.common.lazy_modules import pin
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
+from planner.kinematics.geometry import pose
 from planner.kinematics.robot import LinkMass, elementary_placement
 from planner.kinematics.urdf_tree import UrdfError, find_child, read_tree
 
@@ -228,10 +229,7 @@ def _read_origin(element: ET.Element) -> tuple[Array, Array]:
 
 
 def _pose_matrix(xyz: Array, rpy: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
-    T[:3, 3] = xyz
-    return T
+    return pose(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)
 
 
 def _read_numbers(element: ET.Element | None, key: str, default: Vector) -> list[float]:

@@ -10,7 +10,7 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
 from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Chain
-from planner.kinematics.geometry import bar_state
+from planner.kinematics.geometry import bar_state, pose
 from planner.motion.collision.scene import SceneBody, build_scene, mesh_faces
 from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
@@ -60,9 +60,8 @@ def body_mesh(body: Body) -> Mesh:
 def sphere_cap(centre: Array, axis: Array, radius: float, opening: float) -> Mesh:
     """Return the part of a sphere around ``centre`` (3,) within ``opening`` [rad] of the unit vector ``axis`` (3,)."""
     polar = np.linspace(0.0, opening, 4 * RINGS)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_from_z(axis), centre
-    return _turn_profile(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND).move(T)
+    cap = _turn_profile(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND)
+    return cap.move(pose(rotation_from_z(axis), centre))
 
 
 def _turn_profile(r: Array, z: Array, around: int = AROUND) -> Mesh:

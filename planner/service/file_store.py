@@ -23,6 +23,9 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 class DiskFullError(InputError):
     """The disk of the store has no room left."""
 
+    def __init__(self) -> None:
+        super().__init__("the disk of the service is full; nothing was kept")
+
 
 class ContentDraft:
     """A file that is being received."""
@@ -91,14 +94,12 @@ class FileStore:
 
     def take(self, path: Path) -> tuple[str, int]:
         """Move a file of the same disk into the store; return its hash and size."""
-        found, size = hashlib.sha256(), 0
         with path.open("rb+") as file:
-            while data := file.read(CHUNK):
-                found.update(data)
-                size += len(data)
+            found = hashlib.file_digest(file, "sha256").hexdigest()
             os.fsync(file.fileno())
-        self._move(path, found.hexdigest())
-        return found.hexdigest(), size
+        size = path.stat().st_size
+        self._move(path, found)
+        return found, size
 
     def add(self, data: bytes) -> str:
         """Keep a small file; return its hash."""
@@ -122,7 +123,7 @@ class FileStore:
             DiskFullError: less than the reserve is free.
         """
         if shutil.disk_usage(self.folder).free < self._reserve:
-            raise DiskFullError("the disk of the service is full; nothing was kept")
+            raise DiskFullError()
 
     def clear_drafts(self) -> None:
         """Remove what dead processes were receiving."""
@@ -167,7 +168,7 @@ def sync_folder(folder: Path) -> None:
 def disk_error(err: OSError) -> InputError:
     """Return what to say of an error of the disk."""
     if err.errno in FULL:
-        return DiskFullError("the disk of the service is full; nothing was kept")
+        return DiskFullError()
     return InputError(f"the store of the service cannot be written ({err.strerror or err})")
 
 

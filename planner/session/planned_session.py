@@ -13,12 +13,12 @@ from planner.common.files import data_folder
 from planner.common.result import changed_files
 from planner.common.schema import read_json
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.verdict import SeparateMotions, Verdict
+from planner.motion.path.verdict import Verdict
 from planner.session.course import Course, TimedPath, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import content_hash, plan_document
 from planner.session.plan_types import Plan
-from planner.session.release import judge_corners
+from planner.session.release import judge_corners, separate_motions
 
 NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes")
 PLAN, CELL = "plan.json", "cell.toml"
@@ -79,7 +79,7 @@ def _failures(cell: Cell, course: Course, balls: Mapping[int, int]) -> list[str]
     for path, bar in [(course.travel, False), *((p.path, True) for p in course.passes)]:
         constraints = Constraints(here, course.mounting, bar=bar)
         one_way = _one_way(path)
-        separate = _ball_motions(constraints, path, one_way, balls) if bar else []
+        separate = separate_motions(constraints, [balls.get(int(v), -1) for v in path.visit[:one_way]]) if bar else []
         found += judge_corners(constraints, path.q[:one_way], path.trajectory, separate)[0]
     return [f"{v.engine}: {f}" for v in found for f in v.failures[:1]]
 
@@ -90,24 +90,13 @@ def _one_way(path: TimedPath) -> int:
     return count if np.array_equal(path.q, path.q[::-1]) else len(path.q)
 
 
-def _ball_motions(
-    constraints: Constraints, path: TimedPath, count: int, balls: Mapping[int, int]
-) -> list[SeparateMotions]:
-    """Motions to and from balls keep the constraints that hold there."""
-    at = np.array([balls.get(int(v), -1) for v in path.visit[:count]])
-    of_motion = np.maximum(at[:-1], at[1:])
-    return [
-        SeparateMotions(constraints.at_ball(int(b)), np.flatnonzero(of_motion == b))
-        for b in np.unique(of_motion[of_motion >= 0])
-    ]
-
-
 def _balls_of_visits(path: Path, cell: Cell) -> dict[int, int]:
     content, names = read_json(path), [b.name for b in cell.balls]
     poses = content.get("poses", []) if isinstance(content, dict) else []
     return {int(p["id"]): names.index(str(p["ball"])) for p in poses if str(p.get("ball")) in names}
 
 
+OWN_CELL = "put the cell.toml that was written with the plan beside it"
 LENGTH_MM, ANGLE_DEG, DURATION = 1e-3, 1e-6, 1e-4
 
 
@@ -224,17 +213,11 @@ def _check_visits(path: Path, cell: Cell, plan: PlanDocument) -> None:
 def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> None:
     """Hold robot and fixtures of the plan at ``path`` against the cell, before anything is made of both."""
     if plan.robot != cell.robot.name:
-        raise InputError(
-            f"{path} is a plan for {plan.robot}, but {beside} is a cell of {cell.robot.name}: "
-            "put the cell.toml that was written with the plan beside it"
-        )
+        raise InputError(f"{path} is a plan for {plan.robot}, but {beside} is a cell of {cell.robot.name}: {OWN_CELL}")
     driven, there = [(d.fixture, d.point) for d in plan.drives], [cell.names_of(m) for m in cell.mountings]
     if driven != there:
         said, has = (", ".join(" at ".join(filter(None, pair)) for pair in pairs) for pairs in (driven, there))
-        raise InputError(
-            f"{path} drives the fixtures {said}, but {beside} has {has}: "
-            "put the cell.toml that was written with the plan beside it"
-        )
+        raise InputError(f"{path} drives the fixtures {said}, but {beside} has {has}: {OWN_CELL}")
 
 
 def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -> None:

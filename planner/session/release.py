@@ -225,7 +225,11 @@ def insert_ball_approaches(path: ProvenPath, stops: Sequence[TourStop]) -> tuple
 
 def ball_motions(away: Constraints, path: ProvenPath, stops: Sequence[TourStop]) -> list[SeparateMotions]:
     """The motions to and from the balls, ball by ball, with the constraints that hold there."""
-    ball = np.array([stops[k - 1].ball if k > 0 else -1 for k in path.node])
+    return separate_motions(away, [stops[k - 1].ball if k > 0 else -1 for k in path.node])
+
+
+def separate_motions(away: Constraints, ball: Sequence[int]) -> list[SeparateMotions]:
+    """The motions that begin or end at a ball, ball by ball; ``ball`` of every point of a path, −1 off the balls."""
     of_motion = np.maximum(ball[:-1], ball[1:])
     balls = np.unique(of_motion[of_motion >= 0]).tolist()
     return [SeparateMotions(away.at_ball(b), np.flatnonzero(of_motion == b)) for b in balls]

@@ -18,7 +18,7 @@ from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.workflow.run_checks import check_unit
 
-USES = {"tracker": "x_mm, y_mm, z_mm", "trical": "ball"}
+GAUGES = ("tracker", "trical")
 
 
 @dataclass(frozen=True)
@@ -92,19 +92,12 @@ def check_accuracy(
 
 
 def _check_kind(cell: Cell, run: Run) -> None:
-    kind, readings = cell.gauge.kind, run.readings
-    if kind not in USES:
+    if cell.gauge.kind not in GAUGES:
         raise InputError(
-            f"{cell.path}: its gauge is '{kind}'; accuracy is judged by a tracker, precision by a head of indicators "
-            "(tracker, trical)"
+            f"{cell.path}: its gauge is '{cell.gauge.kind}'; accuracy is judged by a tracker, precision by a head of "
+            "indicators (tracker, trical)"
         )
-    there = (
-        "length_mm" if readings.length is not None else USES["tracker" if readings.position is not None else "trical"]
-    )
-    if there != USES[kind]:
-        raise InputError(
-            f"{run.name}: has readings '{there}', but the gauge '{kind}' of {cell.path} gives '{USES[kind]}'"
-        )
+    cell.gauge.check_run(cell, run)
     cell.check_robot(run)
 
 

@@ -48,6 +48,7 @@ _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _SWITCHED = {"linuxcnc": {f"M{k}" for k in (128, 129, 130, 428, 429, 430)}}  # that change what axis words mean
 _OFFSET_OFF = {"sinumerik": re.compile(r"\bG(?:500|53|153)\b|\bSUPA\b", re.IGNORECASE)}
+_UNKNOWN = "found: what it does to the axes is not known here"
 _ENDS = {"M2", "M30", "M17", "M99"}  # of a program: the next one in the file begins anew
 
 
@@ -116,7 +117,7 @@ class _GcodeTargets:
     def _take_words(self, block: Block, found: Sequence[tuple[str, PlacedNumber]]) -> None:
         for code in block.codes:
             if code in _REFUSED:
-                self._refuse_unit(block, code)
+                self.reading.refuse(block.line, _unit_sentence(code))
             self.mode = code if code in _MOTION_WORDS else self.mode
             self.offset = code if code in _OFFSETS else self.offset
         if tool := self._tool_offset(block):
@@ -147,10 +148,6 @@ class _GcodeTargets:
         words = [(name, number) for name, number in block.words or () if number.value]
         return next((f"{n}{v.text}" for n, v in words if re.fullmatch(r"D|TOFFL?R?|TCARR|G\d+", n)), "")
 
-    def _refuse_unit(self, block: Block, code: str) -> None:
-        sentence = f"{code} found ({_REFUSED[code]}); absolute angles in degrees are allowed"
-        self.reading.refuse(block.line, sentence)
-
     def _check_codes(self, block: Block) -> None:
         """Refuse G words without axes that may move one, or shift what its angle means."""
         harmless = _HARMLESS | set(_REFUSED) | (_OFFSETS if self.work_offset else set())
@@ -158,7 +155,7 @@ class _GcodeTargets:
             if code in _OFFSETS - harmless:
                 self.reading.refuse(block.line, f"{code} found: a work offset, which is not known here")
             elif code not in harmless:
-                self.reading.refuse(block.line, f"{code} found: what it does to the axes is not known here")
+                self.reading.refuse(block.line, f"{code} {_UNKNOWN}")
 
     def _stays(self, block: Block) -> bool:
         """Tell whether the words beside the axes leave these where they are: no call, no function of the PLC."""
@@ -171,24 +168,25 @@ class _GcodeTargets:
 
     def _statement(self, block: Block) -> None:
         """Take in a line that is no row of words and none of the dialect's own: what it does is not known."""
+        if sentence := self._doubt(block):
+            self.reading.refuse(block.line, sentence)
+        self.forget()
+
+    def _doubt(self, block: Block) -> str:
+        """Say why a line may move an axis, or change what its angle means; nothing where it does neither."""
         said = re.sub(r'"[^"]*"|<[^<>]*>|\$\w+\[[^\[\]]*\](?!\s*=(?!=))', " ", block.text)
         edge = r"[A-Z0-9_$]" if self.equals else r"[A-Z_]"
         if axis := re.search(rf"(?<!{edge})({'|'.join(self.joints)})(?!{edge})", said):
-            sentence = f"'{block.text}' computes or moves axis {axis[1]}; axis words with plain numbers are allowed"
-            self.reading.refuse(block.line, sentence)
-        elif shift := shift_in(block.text):
-            self.reading.refuse(block.line, f"{shift} found: what it does to the axes is not known here")
-        elif match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", said):
-            self._refuse_unit(block, match[1])
-        elif re.search(r"(?<![A-Z0-9_])G\s*\d", said):
-            sentence = f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
-            self.reading.refuse(block.line, sentence)
-        elif calls_program(said.strip()):
-            self.called = block.line
-        elif not is_statement(said.strip()):
-            sentence = f"'{block.text[:60]}' found: what it does to the axes is not known here"
-            self.reading.refuse(block.line, sentence)
-        self.forget()
+            return f"'{block.text}' computes or moves axis {axis[1]}; axis words with plain numbers are allowed"
+        if shift := shift_in(block.text):
+            return f"{shift} {_UNKNOWN}"
+        if match := re.search(rf"(?<![\w.])({'|'.join(_REFUSED)})(?![\w.])", said):
+            return _unit_sentence(match[1])
+        if re.search(r"(?<![A-Z0-9_])G\s*\d", said):
+            return f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
+        calls = calls_program(said.strip())
+        self.called = block.line if calls else self.called
+        return "" if calls or is_statement(said.strip()) else f"'{block.text[:60]}' {_UNKNOWN}"
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
         wrong = self._why_not(block, [name for name, _ in words])
@@ -248,6 +246,10 @@ class _GcodeTargets:
             if names.count(name) > 1:
                 return f"axis {name} stands twice"
         return None
+
+
+def _unit_sentence(code: str) -> str:
+    return f"{code} found ({_REFUSED[code]}); absolute angles in degrees are allowed"
 
 
 def _functions(block: Block) -> set[str]:
