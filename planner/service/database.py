@@ -66,6 +66,10 @@ class Database:
             self._local.connection = made
         return made
 
+    def read(self, query: str, *values: object) -> list[sqlite3.Row]:
+        """Return the rows that a query finds."""
+        return self.connection.execute(query, values).fetchall()
+
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
         """One transaction, alone among all writers; an error undoes all of it."""

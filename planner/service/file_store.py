@@ -181,21 +181,17 @@ class UploadList:
     def add(self, file: StoredFile, kind: str) -> None:
         """Note a file; the same again changes nothing."""
         with self._db.write() as db:
-            db.execute(
-                "INSERT OR IGNORE INTO uploads VALUES (?, ?, ?, ?, ?)",
-                (file.id, file.name, file.size, kind, time.time()),
-            )
+            row = (file.id, file.name, file.size, kind, time.time())
+            db.execute("INSERT OR IGNORE INTO uploads VALUES (?, ?, ?, ?, ?)", row)
 
     def list_files(self, kind: str, most: int = 200) -> list[StoredFile]:
         """Return the latest files of a kind."""
-        rows = self._db.connection.execute(
-            "SELECT * FROM uploads WHERE kind = ? ORDER BY at DESC LIMIT ?", (kind, most)
-        )
-        return [StoredFile(id=r["sha256"], name=r["name"], size=r["size"]) for r in rows]
+        return self._find("kind = ? ORDER BY at DESC LIMIT ?", kind, most)
 
     def find(self, sha256: str) -> StoredFile | None:
         """Return an uploaded file, by the first name it had."""
-        row = self._db.connection.execute(
-            "SELECT * FROM uploads WHERE sha256 = ? ORDER BY at LIMIT 1", (sha256,)
-        ).fetchone()
-        return None if row is None else StoredFile(id=row["sha256"], name=row["name"], size=row["size"])
+        return next(iter(self._find("sha256 = ? ORDER BY at LIMIT 1", sha256)), None)
+
+    def _find(self, which: str, *values: object) -> list[StoredFile]:
+        rows = self._db.read(f"SELECT sha256, name, size FROM uploads WHERE {which}", *values)
+        return [StoredFile(id=sha256, name=name, size=size) for sha256, name, size in rows]

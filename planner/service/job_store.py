@@ -185,10 +185,8 @@ class JobStore:
 
     def list_jobs(self, kind: str | None = None, most: int = 200) -> list[JobRecord]:
         """Return the latest jobs, of one kind or of all."""
-        rows = self._db.connection.execute(
-            "SELECT * FROM jobs WHERE kind = ifnull(?, kind) ORDER BY created DESC, id LIMIT ?", (kind, most)
-        )
-        return [_record(r) for r in rows]
+        query = "SELECT * FROM jobs WHERE kind = ifnull(?, kind) ORDER BY created DESC, id LIMIT ?"
+        return [_record(r) for r in self._db.read(query, kind, most)]
 
     def take(self, most: int) -> JobRecord | None:
         """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
@@ -220,11 +218,7 @@ class JobStore:
     def renew(self, job: JobRecord) -> bool:
         """Renew the lease; return whether the job is still this fence's and nobody wants it stopped."""
         with self._db.write() as db:
-            changed = db.execute(
-                "UPDATE jobs SET lease_until = ? WHERE id = ? AND fence = ? AND state = 'running'",
-                (time.time() + LEASE_S, job.id, job.fence),
-            )
-            return changed.rowcount == 1
+            return _update(db, job, "lease_until = ?", time.time() + LEASE_S)
 
     def wants_stop(self, job: JobRecord) -> bool:
         """Tell whether the job was cancelled, or is another fence's."""
@@ -234,12 +228,9 @@ class JobStore:
     def progress(self, job: JobRecord, stage: str, done: int, total: int) -> None:
         """Say how far a job is; only where that is news."""
         with self._db.write() as db:
-            changed = db.execute(
-                "UPDATE jobs SET stage = ?, done = ?, total = ?, lease_until = ?"
-                " WHERE id = ? AND fence = ? AND state = 'running' AND (stage != ? OR done != ?)",
-                (stage, done, total, time.time() + LEASE_S, job.id, job.fence, stage, done),
-            )
-            if changed.rowcount:
+            known = db.execute("SELECT stage, done FROM jobs WHERE id = ?", (job.id,)).fetchone()
+            news, lease = tuple(known) != (stage, done), time.time() + LEASE_S
+            if news and _update(db, job, "stage = ?, done = ?, total = ?, lease_until = ?", stage, done, total, lease):
                 _tell(db, job.id, "progress", {"stage": stage, "done": done, "of": total})
 
     def finish(
@@ -247,12 +238,8 @@ class JobStore:
     ) -> bool:
         """End a job with all its files in one step; nothing happens where the fence is no longer this one's."""
         with self._db.write() as db:
-            changed = db.execute(
-                "UPDATE jobs SET state = ?, finished = ?, exit_code = ?, problem = ?, lease_until = 0"
-                " WHERE id = ? AND fence = ? AND state = 'running'",
-                (state, time.time(), exit_code, _problem_text(problem), job.id, job.fence),
-            )
-            if changed.rowcount == 0:
+            ended = (state, time.time(), exit_code, _problem_text(problem))
+            if not _update(db, job, "state = ?, finished = ?, exit_code = ?, problem = ?, lease_until = 0", *ended):
                 return False
             db.executemany(
                 "INSERT INTO outputs VALUES (?, ?, ?, ?)", [(job.id, o.name, o.sha256, o.size) for o in outputs]
@@ -266,12 +253,8 @@ class JobStore:
     def requeue(self, job: JobRecord, crashed: bool) -> None:
         """Let a job wait again: its process was killed from outside, or this server stops."""
         with self._db.write() as db:
-            changed = db.execute(
-                "UPDATE jobs SET state = 'queued', stage = '', crashes = crashes + ?, lease_until = 0"
-                " WHERE id = ? AND fence = ? AND state = 'running'",
-                (int(crashed), job.id, job.fence),
-            )
-            if changed.rowcount:
+            waits = "state = 'queued', stage = '', crashes = crashes + ?, lease_until = 0"
+            if _update(db, job, waits, int(crashed)):
                 _tell(db, job.id, "queued", {"because": "its process was killed" if crashed else "the server stopped"})
 
     def cancel(self, id: str) -> JobRecord:
@@ -291,42 +274,38 @@ class JobStore:
 
     def outputs(self, id: str) -> list[JobOutput]:
         """Return the files of a job that has ended."""
-        rows = self._db.connection.execute("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", (id,))
-        return [JobOutput(r["name"], r["sha256"], r["size"]) for r in rows]
+        rows = self._db.read("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", id)
+        return [JobOutput(*r) for r in rows]
 
     def writer(self, sha256: str, kind: str) -> JobRecord | None:
         """Return the latest job of a kind that has written a file of this content."""
-        row = self._db.connection.execute(
-            "SELECT jobs.* FROM outputs JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"
-            " ORDER BY created DESC LIMIT 1",
-            (sha256, kind),
-        ).fetchone()
-        return None if row is None else _record(row)
+        query = "SELECT jobs.* FROM outputs JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"
+        rows = self._db.read(f"{query} ORDER BY created DESC LIMIT 1", sha256, kind)
+        return _record(rows[0]) if rows else None
 
     def jobs_by_output(self) -> dict[str, str]:
         """Return which job has written a JSON document, by the document's hash."""
-        rows = self._db.connection.execute("SELECT sha256, job FROM outputs WHERE name LIKE '%.json'")
-        return {r["sha256"]: r["job"] for r in rows}
+        return {
+            sha256: job for sha256, job in self._db.read("SELECT sha256, job FROM outputs WHERE name LIKE '%.json'")
+        }
 
     def events_after(self, number: int, jobs: list[str], most: int = 500) -> list[JobEvent]:
         """Return what happened to some jobs (to all, where none is named) after the event of this number."""
         where = f"AND job IN ({', '.join('?' * len(jobs))})" if jobs else ""
-        rows = self._db.connection.execute(
-            f"SELECT * FROM events WHERE id > ? {where} ORDER BY id LIMIT ?", (number, *jobs, most)
-        )
-        return [JobEvent(r["id"], r["job"], r["kind"], r["content"], r["at"]) for r in rows]
+        query = f"SELECT id, job, kind, content, at FROM events WHERE id > ? {where} ORDER BY id LIMIT ?"
+        return [JobEvent(*r) for r in self._db.read(query, number, *jobs, most)]
 
     def count(self, state: State) -> int:
         """Return how many jobs are in a state."""
-        return int(self._db.connection.execute("SELECT count(*) FROM jobs WHERE state = ?", (state,)).fetchone()[0])
+        return int(self._db.read("SELECT count(*) FROM jobs WHERE state = ?", state)[0][0])
 
     def last_event(self) -> int:
         """Return the number of the latest event."""
-        return int(self._db.connection.execute("SELECT ifnull(max(id), 0) FROM events").fetchone()[0])
+        return int(self._db.read("SELECT ifnull(max(id), 0) FROM events")[0][0])
 
     def _find(self, id: str) -> JobRecord | None:
-        row = self._db.connection.execute("SELECT * FROM jobs WHERE id = ?", (id,)).fetchone()
-        return None if row is None else _record(row)
+        rows = self._db.read("SELECT * FROM jobs WHERE id = ?", id)
+        return _record(rows[0]) if rows else None
 
 
 def _record(r: sqlite3.Row) -> JobRecord:
@@ -337,6 +316,12 @@ def _record(r: sqlite3.Row) -> JobRecord:
 
 def _problem_text(problem: JobProblem | None) -> str:
     return PROBLEM.dump_json(problem).decode() if problem else ""
+
+
+def _update(db: sqlite3.Connection, job: JobRecord, change: str, *values: object) -> bool:
+    """Change a job, and return whether it was changed: only what this fence still runs is."""
+    query = f"UPDATE jobs SET {change} WHERE id = ? AND fence = ? AND state = 'running'"
+    return db.execute(query, (*values, job.id, job.fence)).rowcount == 1
 
 
 def _tell(db: sqlite3.Connection, job: str, kind: str, content: dict[str, object]) -> None:
