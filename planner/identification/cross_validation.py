@@ -256,20 +256,31 @@ def _predict_all(fit: Fit, split: Split, grams: Array, steps: Array, sizes: Arra
     fit's own, used where they are not 0.
     """
     problem, errors = fit.problem, fit.errors
+    steps, own = steps_without_folds(grams, errors / problem.prior, steps, sizes)
+    shift, names = problem.prior * steps, fit.model.names
+    return HeldOutPrediction(
+        _shift_residual(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
+    )
+
+
+def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> tuple[Array, np.ndarray]:
+    """Return the steps in prior sizes to the fits without each fold (folds, P), and which it alone knows, the same.
+
+    Args:
+        grams: information [J r]ᵀ[J r] of every fold, per prior size, (folds, P + 1, P + 1).
+        z: values in prior sizes, (P,).
+        steps, sizes: given steps and prior sizes (d, P), over which the mean is taken; see :func:`_predict_all`.
+    """
     total = grams.sum(axis=0)
-    z = errors / problem.prior
-    shift = np.zeros((split.folds, len(errors)))
+    shift = np.zeros((len(grams), len(z)))
     own = np.zeros(shift.shape, dtype=bool)
     for f, gram in enumerate(grams):
         alone = np.diag(gram)[:-1] > (1 - NO_INFORMATION) * np.diag(total)[:-1]
         for step, size in zip(steps, sizes, strict=True):
             mine = np.isnan(step) & alone
-            shift[f] += problem.prior * _without(total - gram, gram, z, mine, step, size) / len(steps)
+            shift[f] += _without(total - gram, gram, z, mine, step, size) / len(steps)
             own[f] |= mine
-    names = fit.model.names
-    return HeldOutPrediction(
-        _shift_residual(problem, errors, shift, split), shift, tuple(names[j] for j in np.flatnonzero(own.any(axis=0)))
-    )
+    return shift, own
 
 
 def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:

@@ -182,7 +182,7 @@ def fit(
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _prior_share(solution)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
-        model = few.model.with_prior(prior * _factors(few.model, prior, errors, shrunk))
+        model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrunk))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
         )
@@ -226,7 +226,7 @@ def prior_groups(model: Model) -> Iterator[list[int]]:
             yield [j for j, other in enumerate(labels) if other == label]
 
 
-def _factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
+def prior_factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
     """Factor of each prior size at which the run is likeliest: Σ z² over the number of well-decided parameters.
 
     One decided parameter's worth of the prior itself (factor 1) is added, so that few or faint ones keep it.

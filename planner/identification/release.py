@@ -48,12 +48,13 @@ def release_robot(
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
-    posterior = fit_posterior(last, run, whole, families, time)
+    posterior, held = fit_posterior(last, run, whole, families, time), None
     dense = len(context.run) * whole.width >= DENSE * len(last.model.names)
     if dense and (curves := curve_groups(last.model)):
         other = fit_posterior(last, run, whole, families, time, curves)
-        if predicts_better(other, posterior, split):
-            posterior = other
+        mine, held = _predict_by_mixture(other, split), _predict_by_mixture(posterior, split)
+        if predicts_better(mine, held, split):
+            posterior, held = other, mine
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
     aim = compromise(geometry)
@@ -62,17 +63,23 @@ def release_robot(
         return geometry
     fit = _part_way(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
-    held = _held_residual(posterior, aim, split)
+    problem = posterior.fit.problem
+    held = _predict_by_mixture(posterior, split) if held is None else held
+    held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
 
 
-def predicts_better(other: PosteriorFit, posterior: PosteriorFit, split: Split) -> bool:
-    """Tell whether another posterior predicts samples that it has not seen better, beyond chance and by enough."""
-    held = [predict_held_out(p.fit, split, p.mixture.scaled).residual for p in (other, posterior)]
-    size = np.sqrt((held[1] ** 2).mean(axis=0))
-    mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in held)
+def _predict_by_mixture(posterior: PosteriorFit, split: Split) -> Array:
+    """Residuals (n, r) of samples held out, by the mean of a posterior."""
+    return predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
+
+
+def predicts_better(other: Array, plain: Array, split: Split) -> bool:
+    """Tell whether other residuals (n, r) of samples held out are smaller than plain ones, beyond chance and enough."""
+    size = np.sqrt((plain**2).mean(axis=0))
+    mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in (other, plain))
     each = np.bincount(split.group, theirs - mine) / np.maximum(np.bincount(split.group), 1)
     gain = each[np.bincount(split.group) > 0]
     surely = gain.mean() - BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
@@ -116,13 +123,6 @@ def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:
 
 def _with_values(fit: Fit, errors: Array) -> Fit:
     return replace(fit, solution=replace(fit.solution, errors=errors))
-
-
-def _held_residual(posterior: PosteriorFit, aim: Fit, split: Split) -> Array:
-    """Residuals of samples held out (n, r): of the posterior mean, and what ``aim`` adds to it."""
-    problem, mean = posterior.fit.problem, posterior.fit.errors
-    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
-    return np.asarray(held + problem.residual(aim.errors) - problem.residual(mean))
 
 
 def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:

@@ -141,7 +141,8 @@ def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, f
     for block in blocks:
         was, now = before[:, block], after[:, block]
         fall += ((was**2).sum(axis=1) - (now**2).sum(axis=1)) / max(float((was**2).sum(axis=1).mean()), 1e-300)
-    each = np.bincount(split.fine, fall) / np.bincount(split.fine) / len(blocks)
+    count = np.bincount(split.fine)
+    each = np.bincount(split.fine, fall)[count > 0] / count[count > 0] / len(blocks)  # a part may lack a group
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
 
 

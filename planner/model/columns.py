@@ -63,10 +63,40 @@ class Columns:
                 np.multiply(screw, function, out=out[k])
         return out
 
+    @property
+    def _flat(self) -> Array:
+        """Plain columns, (D, r n)."""
+        count, r, n = self.plain.shape
+        return self.plain.reshape(count, r * n)
+
     def take(self, which: np.ndarray) -> "Columns":
         """Return the columns over the samples at ``which``."""
         phi = tuple(p[:, which] for p in self.phi)
         return replace(self, plain=self.plain[:, :, which], screws=self.screws[:, :, which], phi=phi)
+
+    def select(self, kept: np.ndarray) -> "Columns":
+        """Return the columns at the positions ``kept``, in that order."""
+        place = np.full(len(self), -1)
+        place[kept] = np.arange(len(kept))
+
+        def part(columns: Array, at: np.ndarray) -> tuple[Array, np.ndarray]:
+            stays = place[at] >= 0
+            return columns if stays.all() else columns[stays], place[at][stays]
+
+        plain, plain_at = part(self.plain, self.plain_at)
+        blocks = [part(phi, at) for phi, at in zip(self.phi, self.phi_at, strict=True)]
+        return Columns(plain, plain_at, self.screws, tuple(phi for phi, _ in blocks), tuple(at for _, at in blocks))
+
+    def beside(self, more: "Columns") -> "Columns":
+        """Return these columns and behind them more over the same samples."""
+        first = len(self)
+        return Columns(
+            np.concatenate([self.plain, more.plain]),
+            np.concatenate([self.plain_at, more.plain_at + first]),
+            np.concatenate([self.screws, more.screws]),
+            (*self.phi, *more.phi),
+            (*self.phi_at, *(at + first for at in more.phi_at)),
+        )
 
     def whiten(self, root: Array, scale: Array, residual: Array) -> "Columns":
         """Return them times ``scale`` (P,), and behind them a residual (n, r), all in standard deviations.
@@ -89,8 +119,7 @@ class Columns:
     @property
     def gram(self) -> Array:
         """Products of all columns with each other, (P, P)."""
-        flat = self.plain.reshape(len(self.plain), -1)
-        own = flat @ flat.T
+        own = self._flat @ self._flat.T
         if not self.phi:
             return np.asarray(own)
         out = np.empty((len(self), len(self)))
@@ -102,6 +131,18 @@ class Columns:
                 _put(out, at, self.phi_at[c], (phi * both) @ self.phi[c].T)
             own = phi * np.sqrt(_along(screw[None], screw)[0])
             out[np.ix_(at, at)] = own @ own.T
+        return out
+
+    def products(self, other: "Columns") -> Array:
+        """Products of all columns with all of another's over the same samples, (P, Q)."""
+        out = np.empty((len(self), len(other)))
+        out[np.ix_(self.plain_at, other.plain_at)] = self._flat @ other._flat.T
+        for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
+            out[np.ix_(at, other.plain_at)] = phi @ _along(other.plain, screw).T
+        for at, screw, phi in zip(other.phi_at, other.screws, other.phi, strict=True):
+            out[np.ix_(self.plain_at, at)] = _along(self.plain, screw) @ phi.T
+            for own_at, own_screw, own in zip(self.phi_at, self.screws, self.phi, strict=True):
+                out[np.ix_(own_at, at)] = (own * _along(own_screw[None], screw)[0]) @ phi.T
         return out
 
     def times(self, vector: Array) -> Array:

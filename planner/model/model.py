@@ -228,9 +228,13 @@ class Model:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown
-        return Linearization(residual, self._columns(context, motion))
+        return Linearization(residual, self.columns(context, motion))
 
-    def _columns(self, context: Context, motion: ForwardPass) -> Columns:
+    def motion(self, context: Context, errors: Array) -> ForwardPass:
+        """Forward pass of the samples of a context with errors (P,)."""
+        return self._pass(context, errors)[0]
+
+    def columns(self, context: Context, motion: ForwardPass) -> Columns:
         """Columns of the Jacobian where the arm stands after a forward pass."""
         layout = self._blocks
         which = layout.transforms

@@ -15,7 +15,7 @@ from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.score_test import EffectScore, ScoreTest, rank_candidates
-from planner.tracing.search_context import Progress, SearchContext, without_effect
+from planner.tracing.search_context import Progress, SearchContext, without_effects
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
@@ -38,18 +38,24 @@ def best_step(
         near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][:PARALLEL_REFITS]
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
-        kept = []
-        for trial in trials:
-            reason = rejection_reason(state, trial, context.bench, context.tried)
-            if reason is None:
-                kept.append(trial)
-            else:
-                context.rejected.why[trial.effects[-1].name] = reason
-        if kept:
-            return context.likeliest(kept, at=kept[0])
+        kept = [t for t in trials if _holds(context, state, t)]
+        while kept:
+            best = context.likeliest(kept, at=kept[0])
+            whole = context.fit_whole(best)
+            if whole is best or (whole is not None and _holds(context, state, whole)):
+                return whole
+            kept = [t for t in kept if t is not best]
         context.rejected.add_shares(near, test.scatter)
         doubtful += trials
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
+
+
+def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bool:
+    """Tell whether the last effect of a trial is kept, and take note of why it is not."""
+    reason = rejection_reason(state, trial, context.bench, context.tried)
+    if reason is not None:
+        context.rejected.why[trial.effects[-1].name] = reason
+    return reason is None
 
 
 def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best: EffectScore) -> SearchState | None:
@@ -98,12 +104,15 @@ def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWA
         if other is None or (own and other.merit < own[0].merit + ahead):
             continue
         context.say(f"trying {other.effect.name} for {found.name}")
-        trial = context.try_refit(state, _with_candidate(bare, other, rest))
-        if trial is None:
-            continue
+        trial = context.compare_with(state, _with_candidate(bare, other, rest))
         least = COMPLIANCE_EVIDENCE if found.has(Role.COMPLIANCE) else SWAP_EVIDENCE
-        if context.evidence_fall(state, trial) > least and context.is_significant(trial, trial.effects[-1]):
-            state = swapped = trial
+        if trial is None or context.evidence_fall(state, trial) <= least:
+            continue
+        whole = context.fit_whole(trial)
+        if whole is None or (whole is not trial and context.evidence_fall(state, whole) <= least):
+            continue
+        if context.is_significant(whole, whole.effects[-1]):
+            state = swapped = whole
     return swapped
 
 
@@ -121,9 +130,9 @@ def _refit_candidates(
     A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        waves = pool.map(lambda c: context.try_refit(state, _with_candidate(test, c, state.effects)), near)
+        waves = pool.map(lambda c: context.compare_with(state, _with_candidate(test, c, state.effects)), near)
         curves = pool.map(
-            lambda joint: context.try_refit(state, _with_curve(state, test, *joint)), _joints(context, state, near)
+            lambda joint: context.compare_with(state, _with_curve(state, test, *joint)), _joints(context, state, near)
         )
         return [s for s in (*waves, *curves) if s is not None]
 
@@ -141,9 +150,8 @@ def _joints(context: SearchContext, state: SearchState, near: list[EffectScore])
 
 def _with_curve(state: SearchState, test: ScoreTest, joint: int, kept: Trial) -> Trial:
     """Return the effects that are kept and the whole curve of a joint."""
-    for found in state.effects:
-        test = test if found in kept else without_effect(test, state, found)
-    return (*kept, FittedEffect(likeliest_curve(test, joint)))
+    gone = state.without(*kept)
+    return (*kept, FittedEffect(likeliest_curve(without_effects(test, state, gone) if gone else test, joint)))
 
 
 def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) -> SearchState | None:
@@ -163,8 +171,9 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
     if second is None:
         return None
     context.say(f"trying {first.name} in two ways")
-    both = context.try_refit(trial, _with_candidate(test, second, trial.effects))
-    if both is None or rejection_reason(trial, both, context.bench, context.tried):
+    one = context.fit_whole(trial)
+    both = None if one is None else context.try_refit(one, _with_candidate(test, second, one.effects))
+    if one is None or both is None or rejection_reason(one, both, context.bench, context.tried):
         return None
     return both if context.is_significant(both, both.effects[-2]) else None
 

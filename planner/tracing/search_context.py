@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from threading import Lock
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
+from planner.tracing.linear_refit import LinearState, changes_compliance
 from planner.tracing.score_test import EffectScore, ScoreTest, linearise, posterior_basis
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
@@ -57,6 +59,8 @@ class SearchContext:
     barred: set[str] = field(default_factory=set)
 
     _tests: dict[tuple[int, str], tuple[SearchState, ScoreTest]] = field(default_factory=dict)
+    _linear: list[LinearState] = field(default_factory=list)
+    _lock: Lock = field(default_factory=Lock)
 
     @property
     def tried(self) -> int:
@@ -74,7 +78,7 @@ class SearchContext:
         """The same of the model less one effect."""
         test = self.score_test(state)
         if (id(state), found.name) not in self._tests:
-            self._tests[id(state), found.name] = state, without_effect(test, state, found)
+            self._tests[id(state), found.name] = state, without_effects(test, state, [found])
         return self._tests[id(state), found.name][1]
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
@@ -97,6 +101,23 @@ class SearchContext:
         except NoSolutionError:
             return None
 
+    def compare_with(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
+        """Refit with other effects as well as a comparison needs: of a long run linearly, see :meth:`fit_whole`."""
+        if self.bench.part(state.fit.model) is None or changes_compliance(state, effects):
+            return self.try_refit(state, effects)
+        return self._linear_state(state).refit(effects)
+
+    def fit_whole(self, state: SearchState) -> SearchState | None:
+        """Refit what was only refitted linearly, ``None`` where the fit does not come to rest."""
+        return state if state.linear is None else self.try_refit(state, state.effects)
+
+    def _linear_state(self, state: SearchState) -> LinearState:
+        """The state linearised, kept as long as the search looks at the same state."""
+        with self._lock:
+            if not self._linear or self._linear[0].state is not state:
+                self._linear[:] = [LinearState.of(state, self.bench)]
+            return self._linear[0]
+
     def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
         """Tell whether an effect is larger than chance would have it among everything that was tried."""
         return wald_log_p(state, found, self.tried) < LOG_SIGNIFICANCE
@@ -116,10 +137,10 @@ class SearchContext:
         return screening_correlation_time(state, self.bench.run.continuous)
 
 
-def without_effect(test: ScoreTest, state: SearchState, found: FittedEffect) -> ScoreTest:
-    """Return the fitted model less one effect, its nonlinear value and what masses do through it, about the fit."""
-    names = {p.name for p in found.parameters} | {found.sensitivity_name}
-    where = {m.index for p in found.parameters for m in p.moves} if found.has(Role.COMPLIANCE) else set[int]()
+def without_effects(test: ScoreTest, state: SearchState, gone: Sequence[FittedEffect]) -> ScoreTest:
+    """Return the fitted model less some effects, nonlinear values and what masses do through them, about the fit."""
+    names = {p.name for f in gone for p in f.parameters} | {f.sensitivity_name for f in gone}
+    where = {m.index for f in gone if f.has(Role.COMPLIANCE) for p in f.parameters for m in p.moves}
     test = test.whole or test
     parameters = test.problem.model.parameters
     stays = [k for k, p in enumerate(parameters) if p.name not in names]

@@ -47,7 +47,7 @@ def variance_inflation(state: SearchState, found: FittedEffect) -> float:
 
 def variance_inflations(state: SearchState, effects: Sequence[FittedEffect]) -> list[float]:
     """Return the factor of each of some effects, see :func:`variance_inflation`."""
-    piece = state.fit.problem.piece(slice(None), state.fit.errors)
+    piece = state.piece
     noise = autocorrelation_function(piece.residual)
     return [_inflation(state, noise, piece.residual.size, _own_column(state, f, piece)) for f in effects]
 
@@ -107,7 +107,13 @@ def rejection_reason(before: SearchState, after: SearchState, bench: FitContext,
 
 def held_out_gain(before: SearchState, after: SearchState, bench: FitContext) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
-    return held_out_improvement(before.stage, after.stage, bench.split)
+    if after.linear is None:
+        return held_out_improvement(before.stage, after.stage, bench.split)
+    few = bench.part(before.fit.model)  # a linear refit predicts only samples that are fitted
+    own, split = before.stage.held_residual, bench.split
+    if few is not None:
+        own, split = own[few], split.take(few)
+    return error_reduction(own, after.stage.held_residual, split)
 
 
 @dataclass(frozen=True)

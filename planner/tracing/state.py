@@ -11,7 +11,7 @@ from planner.effects.basis import Times
 from planner.effects.compliance import WeightTorque
 from planner.effects.effect import Effect, Parameter, ParameterMove, Role
 from planner.identification.least_squares import ROUGHLY_CONVERGED, Fit, solve, subset_size
-from planner.identification.problem import FitProblem
+from planner.identification.problem import FitProblem, LinearPiece
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
@@ -138,11 +138,13 @@ class SearchState:
         base: model without any effect.
         effects: in the order in which they were found.
         fitted: stage and fit with all of them.
+        linear: of a state that was only refitted linearly, its columns about the fit.
     """
 
     base: Model
     effects: tuple[FittedEffect, ...]
     fitted: FittedStage
+    linear: LinearPiece | None = None
 
     @property
     def fit(self) -> Fit:
@@ -153,6 +155,11 @@ class SearchState:
     def stage(self) -> Stage:
         """The stage with its errors."""
         return self.fitted.stage
+
+    @property
+    def piece(self) -> LinearPiece:
+        """Whitened columns and residual about the fit."""
+        return self.linear or self.fit.problem.piece(slice(None), self.fit.errors)
 
     @property
     def names(self) -> frozenset[str]:

@@ -1,0 +1,265 @@
+"""A refit that stays linear about a fitted state: what the candidates of a long run are compared by.
+
+Errors are small: about the state's fit the model with another effect is as good as linear. The products of the state's
+columns with each other are there already, so that only those with the few new columns are formed, where a refit would
+form all of them several times. The winner is then fitted anew. The noise of a refit is that of the state but for its
+size, and so are the factors on the prior sizes but for those of what is new.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dtrtri
+
+from planner.common.units import Array
+from planner.effects.effect import Parameter, Role
+from planner.identification.cross_validation import Split, steps_without_folds
+from planner.identification.least_squares import Fit, Solution, prior_factors
+from planner.identification.problem import LinearPiece
+from planner.identification.stages import FitContext, FittedStage
+from planner.kinematics.chain import ForwardPass
+from planner.model.columns import Columns
+from planner.model.identification_document import Metrics, Stage
+from planner.tracing.state import SETTLING_ROUNDS, FittedEffect, SearchState
+
+FACTOR_ROUNDS = 8  # in which the factors on new prior sizes settle
+SETTLED = 0.02  # relative change of a factor that ends them
+STILL = 0.1  # standard deviations that a nonlinear value may still have to go
+
+
+@dataclass(frozen=True)
+class _Added:
+    """Parameters that come to a state, and their whitened columns per prior size."""
+
+    parameters: tuple[Parameter, ...]
+    columns: Columns
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What stays of a state when effects go: their columns times what they were join the residual.
+
+    Attributes:
+        parameters: that stay.
+        z: their values in prior sizes, (q,).
+        turn: from all columns and the residual to those that stay and the new residual, (P + 1, q + 1).
+        gram: products of these, (q + 1, q + 1).
+    """
+
+    parameters: tuple[Parameter, ...]
+    z: Array
+    turn: Array
+    gram: Array
+
+    def beside(self, gram: Array, products: Array, added: Columns) -> Array:
+        """Return the products of what stays, of new columns and of the residual, (q + k + 1, q + k + 1).
+
+        Args:
+            gram: of all columns of the state and the residual, (P + 1, P + 1).
+            products: of these with the new columns, (P + 1, k).
+            added: the new columns.
+        """
+        q, k = len(self.z), len(added)
+        own, cross = self.turn.T @ gram @ self.turn, self.turn.T @ products
+        out = np.empty((q + k + 1, q + k + 1))
+        place = np.append(np.arange(q), q + k)
+        out[np.ix_(place, place)] = own
+        out[np.ix_(place, np.arange(q, q + k))] = cross
+        out[np.ix_(np.arange(q, q + k), place)] = cross.T
+        out[q : q + k, q : q + k] = added.gram
+        return out
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Step (P,) in prior sizes to the minimum, the triangle R (P, P) of the information, and effective parameters."""
+
+    move: Array
+    factor: Array
+    effective: float
+
+    @classmethod
+    def of(cls, gram: Array, z: Array, ease: float) -> "_Step":
+        """Solve for the step from z (P,) by products (P + 1, P + 1) with a noise of ``ease`` times the variance."""
+        factor = cholesky(gram[:-1, :-1] / ease + np.eye(len(z)))
+        move = solve_triangular(factor, solve_triangular(factor, gram[:-1, -1] / ease - z, trans="T"))
+        return cls(np.asarray(move), factor, float(len(z) - (dtrtri(factor)[0] ** 2).sum()))
+
+
+@dataclass(frozen=True)
+class LinearState:
+    """A state linearised about its fit.
+
+    Attributes:
+        state: the state.
+        split: of the samples that it was fitted to.
+        motion: forward pass at the fit.
+        white: whitened columns per prior size, and the residual behind them.
+        members: samples of each fold.
+        folds: the columns over these.
+        grams: products of all columns over each fold, (folds, P + 1, P + 1).
+    """
+
+    state: SearchState
+    split: Split
+    motion: ForwardPass
+    white: Columns
+    members: tuple[np.ndarray, ...]
+    folds: tuple[Columns, ...]
+    grams: Array
+
+    @classmethod
+    def of(cls, state: SearchState, bench: FitContext) -> "LinearState":
+        """Linearise a state about its fit."""
+        problem, errors, split = state.fit.problem, state.fit.errors, bench.split
+        few = bench.part(state.fit.model)
+        split = split if few is None else split.take(few)
+        motion = problem.model.motion(problem.context, errors)
+        white = problem.piece(slice(None), errors).factored
+        members = tuple(np.flatnonzero(split.fold == f) for f in range(split.folds))
+        folds = tuple(white.take(m) for m in members)
+        return cls(state, split, motion, white, members, folds, np.stack([c.gram for c in folds]))
+
+    def refit(self, effects: tuple[FittedEffect, ...]) -> SearchState:
+        """Return the state with other effects; none that comes or goes is a compliance, whose masses would change."""
+        fit = self.state.fit
+        rest = self._rest(effects)
+        effects, added = self._settle(rest, effects)
+        new = [added.columns.take(mine) for mine in self.members]
+        grams = np.stack(
+            [rest.beside(g, c.products(n), n) for g, c, n in zip(self.grams, self.folds, new, strict=True)]
+        )
+        gram, z = grams.sum(axis=0), np.append(rest.z, np.zeros(len(added.parameters)))
+        readings = len(fit.problem) * fit.model.width
+        before = float(self.grams[:, -1, -1].sum()) / (readings - fit.effective)
+        first = _Step.of(gram, z, 1.0)
+        ease = _square(gram, first.move) / (readings - first.effective) / before
+        best = _Step.of(gram, z, ease)
+        problem = fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters)))
+        problem = replace(problem, whitener=problem.whitener.scaled(float(np.sqrt(ease))))
+        at = z + best.move
+        solution = Solution(problem.prior * at, best.factor, _square(gram, best.move) / ease + float(at @ at))
+        every = np.full((1, len(z)), np.nan)
+        steps, _ = steps_without_folds(grams / ease, z, every, np.ones_like(every))
+        white = _move(rest, self.white, added.columns, best.move)
+        held = np.empty_like(white)
+        for mine, fold, own, step in zip(self.members, self.folds, new, steps, strict=True):
+            held[mine] = _move(rest, fold, own, step)
+        stage = self._stage(effects, len(z), white, held)
+        residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
+        piece = LinearPiece(slice(None), _kept(rest, self.white).beside(added.columns).beside(residual))
+        found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
+        return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
+
+    def _rest(self, effects: tuple[FittedEffect, ...]) -> _Rest:
+        """What stays of the state without those of its effects that are not among ``effects``."""
+        fit = self.state.fit
+        gone = self.state.without(*effects)
+        names = {p.name for f in gone for p in f.parameters} | {f.sensitivity_name for f in gone}
+        kept = [k for k, p in enumerate(fit.model.parameters) if p.name not in names]
+        z = fit.errors / fit.problem.prior
+        turn = np.zeros((len(z) + 1, len(kept) + 1))
+        turn[:, -1] = np.append(z, 1.0)
+        turn[kept, -1] = 0.0
+        turn[kept, np.arange(len(kept))] = 1.0
+        gram = turn.T @ self.grams.sum(axis=0) @ turn
+        return _Rest(tuple(fit.model.parameters[k] for k in kept), z[kept], turn, gram)
+
+    def _settle(
+        self, rest: _Rest, effects: tuple[FittedEffect, ...]
+    ) -> tuple[tuple[FittedEffect, ...], _Added]:
+        """Settle the nonlinear values and the prior sizes of what is new; return it with its columns."""
+        factor = cholesky(rest.gram[:-1, :-1] + np.eye(len(rest.z)))
+        right = solve_triangular(factor, rest.gram[:-1, -1] - rest.z, trans="T")
+        new = [f for f in effects if f not in self.state.effects]
+        errors = dict[str, float]()
+        for left in reversed(range(SETTLING_ROUNDS)):
+            moving = {f.name: p for f in new if (p := f.sensitivity(errors)) is not None}
+            parameters = (*(p for f in new for p in f.parameters), *moving.values())
+            columns = self._columns(parameters)
+            products = rest.turn.T @ self.white.products(columns)
+            shared = solve_triangular(factor, products[:-1], trans="T")
+            size, z, sigma = self._prior_sizes(parameters, columns.gram - shared.T @ shared, products[-1] - right @ shared)
+            errors = {p.name: v for p, v in zip(parameters, size * z, strict=True)}
+            going = {p.name: abs(v) > STILL * s for p, v, s in zip(parameters, z, sigma, strict=True)}
+            waiting = any(f.value is not None and f.name not in moving for f in new)
+            if left == 0 or not (waiting or any(going[p.name] for p in moving.values())):
+                break
+            moved = [f.step_value(errors[moving[f.name].name]) if f.name in moving else f for f in new]
+            for before, after in zip(new, moved, strict=True):  # names of parameters bear the value
+                errors |= {q.name: errors[p.name] for p, q in zip(before.parameters, after.parameters, strict=True)}
+            new = moved
+        sized = tuple(replace(p, prior=float(s)) for p, s in zip(parameters, size, strict=True))
+        own = iter(new)
+        effects = tuple(f if f in self.state.effects else next(own) for f in effects)
+        return effects, _Added(sized, self._columns(sized))
+
+    def _prior_sizes(
+        self, parameters: tuple[Parameter, ...], information: Array, along: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return prior sizes (k,) at which the run is likeliest; values and standard deviations in these."""
+        model = replace(self.state.fit.model, parameters=parameters)
+        factors = np.ones(len(parameters))
+        for _ in range(FACTOR_ROUNDS):
+            H = factors[:, None] * information * factors + np.eye(len(factors))
+            covariance = np.linalg.inv(H)
+            z = covariance @ (factors * along)
+            again = prior_factors(model, model.prior, model.prior * factors * z, np.diag(covariance))
+            if np.abs(again / factors - 1).max(initial=0.0) < SETTLED:
+                break
+            factors = again
+        return model.prior * factors, z, np.sqrt(np.diag(covariance))
+
+    def _columns(self, parameters: tuple[Parameter, ...]) -> Columns:
+        """Whitened columns of parameters per prior size."""
+        problem = self.state.fit.problem
+        model = replace(problem.model, parameters=parameters)
+        columns = model.columns(problem.context, self.motion)
+        white = columns.whiten(self._root, model.prior, np.zeros((len(problem), model.width)))
+        return white.select(np.arange(len(parameters)))
+
+    def _stage(self, effects: tuple[FittedEffect, ...], parameters: int, white: Array, held: Array) -> Stage:
+        """Return the stage with residuals (n, r) that are given whitened."""
+        residual, held = (np.einsum("nij,nj->ni", self._unwhiten, r) for r in (white, held))
+        return Stage(
+            name=effects[-1].name,
+            parameters=parameters,
+            train=Metrics.of(residual),
+            held_out=Metrics.of(held, self.split.fold),
+            residual=residual,
+            held_residual=held,
+        )
+
+    @cached_property
+    def _root(self) -> Array:
+        """L⁻¹ of every sample, (r, r, n) by column and row, robust weights in it."""
+        problem = self.state.fit.problem
+        return np.ascontiguousarray((problem.whitener.root * np.sqrt(problem.weight)[:, None, None]).T)
+
+    @cached_property
+    def _unwhiten(self) -> Array:
+        """L of every sample, (n, r, r)."""
+        return np.asarray(np.linalg.inv(self._root.T))
+
+
+def changes_compliance(state: SearchState, effects: tuple[FittedEffect, ...]) -> bool:
+    """Tell whether a compliance comes or goes from a state to other effects: masses that show through it change."""
+    own = {f.name for f in state.effects if f.has(Role.COMPLIANCE)}
+    return own != {f.name for f in effects if f.has(Role.COMPLIANCE)}
+
+
+def _square(gram: Array, move: Array) -> float:
+    """Sum of squares of the residual after a step (P,), by products (P + 1, P + 1)."""
+    return float(gram[-1, -1] - 2 * gram[-1, :-1] @ move + move @ gram[:-1, :-1] @ move)
+
+
+def _move(rest: _Rest, columns: Columns, added: Columns, step: Array) -> Array:
+    """Whitened residual (n, r) after a step of what stays and of what is new."""
+    q = len(rest.z)
+    return columns.times(rest.turn @ np.append(-step[:q], 1.0)) - added.times(step[q:])
+
+
+def _kept(rest: _Rest, columns: Columns) -> Columns:
+    return columns.select(np.argmax(rest.turn[:, :-1], axis=0))
