@@ -16,7 +16,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dsyrk
+from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 
@@ -28,6 +28,7 @@ NOISE_LOGS = (-4.0, 6.0)  # of the noise, beyond which nothing is believed
 SWAPS = 1  # families a sweep that may give way to another one
 EXPECTED = 3.0  # shared families of all that are expected to act: arms have several causes, seldom one
 PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED) of the share of families that act
+MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
 SURE = 1e-12  # least share of a direction's variance that the readings leave
 
 
@@ -112,6 +113,11 @@ class RandomEffects:
 
         A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
         """
+        if self._are_many(draw):
+            whitener = _ReadingWhitener.of(self, draw)
+            columns = whitener.white(self.sorted_columns)
+            gram = np.asfortranarray(columns.T @ columns)
+            return _Precision(gram, columns.T @ whitener.white(self.y[:, None])[:, 0], self.places)
         root, tall = self._whiten(draw)
         basis = np.linalg.qr(tall)[0][: len(root)]
         columns, y = self.sorted_columns / root[:, None], self.y / root
@@ -124,12 +130,60 @@ class RandomEffects:
 
         With the readings as the last column the triangle of the QR decomposition says all of it.
         """
+        prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
+        if self._are_many(draw):
+            whitener = _ReadingWhitener.of(self, draw)
+            return float(whitener.log_det + (whitener.white(self.y[:, None]) ** 2).sum() + prior)
         root, tall = self._whiten(draw)
         y = np.append(self.y / root, np.zeros(tall.shape[1]))
         diagonal = np.diag(np.linalg.qr(np.column_stack([tall, y]), mode="r"))
         log_det = 2 * (np.log(root).sum() + np.log(np.abs(diagonal[:-1])).sum())
-        prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
         return float(log_det + diagonal[-1] ** 2 + prior)
+
+    def _are_many(self, draw: SizeDraw) -> bool:
+        """Tell whether so many columns act that it is quicker to work with the covariance of the readings."""
+        return bool((self.sizes(draw.factors) > 0).sum() > MANY * len(self.y))
+
+
+@dataclass(frozen=True)
+class _ReadingWhitener:
+    """C^(−1/2) of the readings at one draw of the sizes.
+
+    The columns of known size come first, by their singular values, since they may be wider than the noise by many
+    orders of magnitude: beside them D⁻¹ᐟ² C D⁻¹ᐟ² is U (1 + σ²) Uᵀ + F Fᵀ + 1 − U Uᵀ, and what is left of F is mild.
+
+    Attributes:
+        root: standard deviations of the noise D, (m,).
+        axes: U of the known columns, (m, k).
+        shrink: 1/√(1 + σ²) − 1, (k,).
+        factor: Cholesky's, lower, of what the others leave, (m, m).
+        log_det: of C.
+    """
+
+    root: Array
+    axes: Array
+    shrink: Array
+    factor: Array
+    log_det: float
+
+    @classmethod
+    def of(cls, model: RandomEffects, draw: SizeDraw) -> "_ReadingWhitener":
+        """Factor the covariance."""
+        root, size = np.sqrt(model.variance(draw.noise_logs)), model.sizes(draw.factors)
+        axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
+        shrink = 1 / np.sqrt(1 + wide**2) - 1
+        acts = (size > 0) & (model.family >= 0)
+        F = model.columns[:, acts] * size[acts] / root[:, None]
+        F = F + axes * shrink @ (axes.T @ F)
+        factor = np.linalg.cholesky(F @ F.T + np.eye(len(root)))
+        log_det = 2 * (np.log(root).sum() + np.log(np.diag(factor)).sum()) + np.log1p(wide**2).sum()
+        return cls(root, axes, shrink, factor, float(log_det))
+
+    def white(self, values: Array) -> Array:
+        """Return C^(−1/2) times columns (m, q)."""
+        out = values / self.root[:, None]
+        out = out + self.axes * self.shrink @ (self.axes.T @ out)
+        return np.asarray(dtrsm(1.0, self.factor, out, lower=1))
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.blas import dtrsm
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_poses
-from planner.identification.least_squares import MEDIAN_RMS, Fit
+from planner.identification.least_squares import MEDIAN_RMS, Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
 
@@ -24,7 +25,7 @@ HUBER_BOUND = 2.5  # robust standard deviations at which outliers are clipped
 MOST_ABSORBED = 0.8  # part of the slow noise that may be projected out before its autocorrelation is no longer known
 SIGNIFICANCE = 0.01  # chance that any test of a clean residual calls
 MAX_DETAIL = 3  # harmonics of an angle, powers of a length or a time
-TESTED_SAMPLES = 8_000  # samples that the tests look at
+TESTED_SAMPLES = 8_000  # samples that the tests look at, fewer if a reading has more than three numbers
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
 DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
 LARGE = 2.5  # times the declared noise, which data sheets give to a factor of two, that is more than noise
@@ -32,6 +33,8 @@ NEWTON_STEPS = 4  # to the angles at which the fitted arm is in a ball
 LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
+REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
+NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 NO_DIAGNOSIS = ResidualDiagnosis((), (), 0.0, TOO_FEW)
 
 
@@ -56,7 +59,7 @@ class ProjectedResidual:
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else pose_groups(problem)
         piece = without_noise(problem, errors).piece(slice(None), errors)
-        basis = np.linalg.qr(group_sums(piece.rows, group))[0]
+        basis = basis_of_rows(group_sums(piece.rows, group))
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 
@@ -82,6 +85,26 @@ class ProjectedResidual:
         tall = tall / np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         tall = tall - self.basis @ (self.basis.T @ tall)
         return orthonormal_basis(tall - self.basis @ (self.basis.T @ tall))
+
+
+def basis_of_rows(rows: Array) -> Array:
+    """Return an orthonormal basis (m, P) of the columns of rows (m, P).
+
+    Of many by Cholesky factors of their products, twice over, which is as exact as Householder's reflections where the
+    first one exists at all (Yamamoto et al. 2015, ETNA 44).
+    """
+    if rows.size > REFLECTED_NUMBERS:
+        try:
+            Q = rows / np.linalg.norm(rows, axis=0)
+            for _ in range(2):
+                R = np.linalg.cholesky(Q.T @ Q).T
+                change = np.abs(R - np.eye(len(R))).max()
+                Q = dtrsm(1.0, R, Q.T, trans_a=1).T
+            if change < NEARLY_ORTHOGONAL:
+                return np.asarray(Q)
+        except np.linalg.LinAlgError:
+            pass
+    return np.linalg.qr(rows)[0]
 
 
 def orthonormal_basis(tall: Array) -> Array:
@@ -157,7 +180,7 @@ class ResidualBattery:
 
 def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
     """Test the whitened residual of a fit for structure; ``rms`` [m] is its size, ``moving``: of a continuous run."""
-    problem = fit.problem.take(even_positions(len(fit.problem), TESTED_SAMPLES))
+    problem = fit.problem.take(even_positions(len(fit.problem), subset_size(fit.model, TESTED_SAMPLES)))
     rest = ProjectedResidual.of(problem, fit.errors, moving)
     tests = build_battery(without_noise(problem, fit.errors), rest, moving)
     found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)

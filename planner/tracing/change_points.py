@@ -100,17 +100,25 @@ def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
 
 def _beside(test: ScoreTest, A: Array) -> ScoreTest:
     """Return the test with whitened columns A (n, r, k) in the model."""
+    U, taken = _beyond(test, A)
+    return replace(
+        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ taken,
+        dof=max(1.0, test.dof - U.shape[1]), whole=None, gone=None,
+    )  # fmt: skip
+
+
+def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
+    """What whitened columns A (n, r, k) reach beyond the model, (m, rank) of unit length, and of the residual, (rank,).
+
+    Both with the prior's rows below them, in which the columns have nothing.
+    """
     A = A.reshape(-1, A.shape[2])
     shared = test.basis.T @ A
     # with the prior's rows below Q, the part of a column that is left has the length of the score's information
     mu, axes = np.linalg.eigh(A.T @ A - shared.T @ shared)
     seen = mu > 1e-9 * max(float(mu[-1]), 1e-300)
     root = axes[:, seen] / np.sqrt(mu[seen])
-    U = (A - test.basis @ shared) @ root
-    return replace(
-        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ (root.T @ (A.T @ test.residual)),
-        dof=max(1.0, test.dof - U.shape[1]), whole=None, gone=None,
-    )  # fmt: skip
+    return (A - test.basis @ shared) @ root, root.T @ (A.T @ test.residual)
 
 
 def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:
@@ -130,7 +138,7 @@ def _as_stepped(test: ScoreTest, columns: Array, score: EffectScore) -> Array:
 def _best_step(test: ScoreTest, thing: Steppable, columns: Array, things: int) -> EffectScore:
     """Score a thing's step, of columns (n, r, k), at the sample at which it explains most."""
     number = np.asarray(test.problem.samples.number)
-    information, along, length = _sums_before(test, columns)
+    information, along, length = _sums_before(test, columns, " ".join(p.name for p in thing.parameters))
     gain, size = score_gains(information, along, length)
     allowed = np.arange(FEWEST_SAMPLES, len(number) - FEWEST_SAMPLES + 1) - 1
     j = int(allowed[np.argmax(gain[allowed])])
@@ -144,10 +152,12 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     Of poses in a systematic order whatever the model lacks changes slowly over the run, and much of that looks like a
     step.
     """
-    beside = _beside(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
+    drift, taken = _beyond(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
+    count, residual = drift.shape[1], test.residual - drift @ taken
     A = _as_stepped(test, columns, score).reshape(-1, columns.shape[2])
-    shared, along = beside.basis.T @ A, A.T @ beside.residual
+    shared, along = np.vstack([test.basis.T @ A, drift.T @ A]), A.T @ residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
+    beside = replace(test, residual=residual, dof=max(1.0, test.dof - count), added=count)
     return beside.log_p(float(gain[0]), int(size[0]), 1.0) < LOG_SUDDEN
 
 
@@ -163,17 +173,32 @@ def _columns(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[Array]:
         first += len(thing.parameters)
 
 
-def _sums_before(test: ScoreTest, A: Array) -> tuple[Array, Array, Array]:
+def _sums_before(test: ScoreTest, A: Array, name: str) -> tuple[Array, Array, Array]:
     """Return information (n − 1, k, k), products with the residual and squared lengths (n − 1, k) of a step.
 
-    Of the columns −A (n, r, k) summed over the samples up to 0 … n − 2.
+    Of the columns −A (n, r, k) of what has this name, summed over the samples up to 0 … n − 2.
     """
     n, r, _ = A.shape
-    Q, e = test.basis.reshape(n, r, -1), test.residual.reshape(n, r)
     S = np.cumsum(np.einsum("nri,nrj->nij", A, A), axis=0)[:-1]
-    W = np.cumsum(Q.transpose(0, 2, 1) @ A, axis=0)[:-1]
-    along = -np.cumsum(np.einsum("nri,nr->ni", A, e), axis=0)[:-1]
-    return S - W.transpose(0, 2, 1) @ W, along, np.einsum("nii->ni", S)
+    along = -np.cumsum(np.einsum("nri,nr->ni", A, test.residual.reshape(n, r)), axis=0)[:-1]
+    return S - _shared_before(test, A, name), along, np.einsum("nii->ni", S)
+
+
+def _shared_before(test: ScoreTest, A: Array, name: str) -> Array:
+    """Return what of the information of a step the model takes up, (n − 1, k, k)."""
+    if test.whole is not None and test.gone is not None:
+        W = _products_before(test.whole.basis @ test.gone, A)
+        return _shared_before(test.whole, A, name) - W.transpose(0, 2, 1) @ W
+    if name not in test.shared_before:
+        W = _products_before(test.basis, A)
+        test.shared_before[name] = W.transpose(0, 2, 1) @ W
+    return test.shared_before[name]
+
+
+def _products_before(basis: Array, A: Array) -> Array:
+    """Return the products of basis vectors (n r, p) with columns (n, r, k) up to each sample but the last."""
+    n, r, _ = A.shape
+    return np.asarray(np.cumsum(basis.reshape(n, r, -1).transpose(0, 2, 1) @ A, axis=0)[:-1])
 
 
 def _worst_row(test: ScoreTest) -> list[EffectScore]:

@@ -101,6 +101,11 @@ class EffectDictionary:
         return tuple(out)
 
     @cached_property
+    def single_phis(self) -> tuple[np.ndarray, ...]:
+        """φ of every block in single precision."""
+        return tuple(block.phi.astype(np.float32) for block in self.blocks)
+
+    @cached_property
     def home(self) -> Array:
         """Block of every column and its row there, (2, width) int; −1 for those that move several things."""
         out = np.full((2, self.width), -1)
@@ -140,16 +145,27 @@ class WhitenedDictionary:
         mixed = _whitened_mixed_columns(dictionary, problem, about)
         return cls(dictionary, screws, mixed, tuple(_squares(dictionary, screws, mixed)))
 
-    def multiply(self, basis: Array, residual: Array) -> tuple[Array, Array]:
-        """Return the products of all columns with a basis (m, P) and a residual (m,), (width, P) and (width,)."""
-        both = np.column_stack([basis, residual])
-        shape = (len(self.dictionary.context.samples), -1, both.shape[1])
-        out = np.empty((self.dictionary.width, both.shape[1]))
-        for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
-            out[block.columns] = block.phi @ (screw[:, None, :] @ both.reshape(shape))[:, 0]
+    def project(self, basis: Array, single: bool = False) -> Array:
+        """Return the products of all columns with a basis (m, P), (width, P); ``single``: to single precision."""
+        shape = (len(self.dictionary.context.samples), -1, basis.shape[1])
+        out = np.empty((self.dictionary.width, basis.shape[1]), dtype=np.float32 if single else np.float64)
+        phis = self.dictionary.single_phis if single else [block.phi for block in self.dictionary.blocks]
+        for block, phi, screw in zip(self.dictionary.blocks, phis, self.screws, strict=True):
+            seen = (screw[:, None, :] @ basis.reshape(shape))[:, 0]
+            out[block.columns] = phi @ seen.astype(out.dtype, copy=False)
         for k, column in self.mixed.items():
-            out[k] = column @ both
-        return out[:, :-1], out[:, -1]
+            out[k] = column @ basis
+        return out
+
+    def along(self, residual: Array) -> Array:
+        """Return the products of all columns with a residual (m,), (width,)."""
+        out = np.empty(self.dictionary.width)
+        each = residual.reshape(len(self.dictionary.context.samples), -1)
+        for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
+            out[block.columns] = block.phi @ (screw * each).sum(axis=1)
+        for k, column in self.mixed.items():
+            out[k] = column @ residual
+        return out
 
 
 def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:

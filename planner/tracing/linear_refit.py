@@ -43,15 +43,28 @@ class _Rest:
 
     Attributes:
         parameters: that stay.
+        kept: their positions in the state, (q,).
         z: their values in prior sizes, (q,).
-        turn: from all columns and the residual to those that stay and the new residual, (P + 1, q + 1).
-        gram: products of these, (q + 1, q + 1).
+        part: of all columns and the residual in the new residual, (P + 1,).
     """
 
     parameters: tuple[Parameter, ...]
+    kept: np.ndarray
     z: Array
-    turn: Array
-    gram: Array
+    part: Array
+
+    def reduce(self, gram: Array) -> Array:
+        """Return products (q + 1, q + 1) of what stays and of the new residual from those of the state."""
+        out = np.empty((len(self.kept) + 1,) * 2)
+        along = gram @ self.part
+        out[:-1, :-1] = gram[np.ix_(self.kept, self.kept)]
+        out[:-1, -1] = out[-1, :-1] = along[self.kept]
+        out[-1, -1] = self.part @ along
+        return out
+
+    def reduce_products(self, products: Array) -> Array:
+        """Return the same (q + 1, k) of products (P + 1, k) with other columns."""
+        return np.vstack([products[self.kept], self.part @ products])
 
     def beside(self, gram: Array, products: Array, added: Columns) -> Array:
         """Return the products of what stays, of new columns and of the residual, (q + k + 1, q + k + 1).
@@ -61,14 +74,13 @@ class _Rest:
             products: of these with the new columns, (P + 1, k).
             added: the new columns.
         """
-        q, k = len(self.z), len(added)
-        own, cross = self.turn.T @ gram @ self.turn, self.turn.T @ products
+        q, k = len(self.kept), len(added)
+        cross = self.reduce_products(products)
         out = np.empty((q + k + 1, q + k + 1))
-        place = np.append(np.arange(q), q + k)
-        out[np.ix_(place, place)] = own
-        out[np.ix_(place, np.arange(q, q + k))] = cross
-        out[np.ix_(np.arange(q, q + k), place)] = cross.T
-        out[q : q + k, q : q + k] = added.gram
+        place, new = np.append(np.arange(q), q + k), np.arange(q, q + k)
+        out[np.ix_(place, place)] = self.reduce(gram)
+        out[np.ix_(place, new)], out[np.ix_(new, place)] = cross, cross.T
+        out[np.ix_(new, new)] = added.gram
         return out
 
 
@@ -149,7 +161,7 @@ class LinearState:
             held[mine] = _move(rest, fold, own, step)
         stage = self._stage(effects, len(z), white, held)
         residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
-        piece = LinearPiece(slice(None), _kept(rest, self.white).beside(added.columns).beside(residual))
+        piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(added.columns).beside(residual))
         found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
         return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
 
@@ -158,30 +170,28 @@ class LinearState:
         fit = self.state.fit
         gone = self.state.without(*effects)
         names = {p.name for f in gone for p in f.parameters} | {f.sensitivity_name for f in gone}
-        kept = [k for k, p in enumerate(fit.model.parameters) if p.name not in names]
+        kept = np.array([k for k, p in enumerate(fit.model.parameters) if p.name not in names], dtype=int)
         z = fit.errors / fit.problem.prior
-        turn = np.zeros((len(z) + 1, len(kept) + 1))
-        turn[:, -1] = np.append(z, 1.0)
-        turn[kept, -1] = 0.0
-        turn[kept, np.arange(len(kept))] = 1.0
-        gram = turn.T @ self.grams.sum(axis=0) @ turn
-        return _Rest(tuple(fit.model.parameters[k] for k in kept), z[kept], turn, gram)
+        part = np.append(z, 1.0)
+        part[kept] = 0.0
+        return _Rest(tuple(fit.model.parameters[k] for k in kept), kept, z[kept], part)
 
-    def _settle(
-        self, rest: _Rest, effects: tuple[FittedEffect, ...]
-    ) -> tuple[tuple[FittedEffect, ...], _Added]:
+    def _settle(self, rest: _Rest, effects: tuple[FittedEffect, ...]) -> tuple[tuple[FittedEffect, ...], _Added]:
         """Settle the nonlinear values and the prior sizes of what is new; return it with its columns."""
-        factor = cholesky(rest.gram[:-1, :-1] + np.eye(len(rest.z)))
-        right = solve_triangular(factor, rest.gram[:-1, -1] - rest.z, trans="T")
+        gram = rest.reduce(self.grams.sum(axis=0))
+        factor = cholesky(gram[:-1, :-1] + np.eye(len(rest.z)))
+        right = solve_triangular(factor, gram[:-1, -1] - rest.z, trans="T")
         new = [f for f in effects if f not in self.state.effects]
         errors = dict[str, float]()
         for left in reversed(range(SETTLING_ROUNDS)):
             moving = {f.name: p for f in new if (p := f.sensitivity(errors)) is not None}
             parameters = (*(p for f in new for p in f.parameters), *moving.values())
             columns = self._columns(parameters)
-            products = rest.turn.T @ self.white.products(columns)
+            products = rest.reduce_products(self.white.products(columns))
             shared = solve_triangular(factor, products[:-1], trans="T")
-            size, z, sigma = self._prior_sizes(parameters, columns.gram - shared.T @ shared, products[-1] - right @ shared)
+            size, z, sigma = self._prior_sizes(
+                parameters, columns.gram - shared.T @ shared, products[-1] - right @ shared
+            )
             errors = {p.name: v for p, v in zip(parameters, size * z, strict=True)}
             going = {p.name: abs(v) > STILL * s for p, v, s in zip(parameters, z, sigma, strict=True)}
             waiting = any(f.value is not None and f.name not in moving for f in new)
@@ -257,9 +267,6 @@ def _square(gram: Array, move: Array) -> float:
 
 def _move(rest: _Rest, columns: Columns, added: Columns, step: Array) -> Array:
     """Whitened residual (n, r) after a step of what stays and of what is new."""
-    q = len(rest.z)
-    return columns.times(rest.turn @ np.append(-step[:q], 1.0)) - added.times(step[q:])
-
-
-def _kept(rest: _Rest, columns: Columns) -> Columns:
-    return columns.select(np.argmax(rest.turn[:, :-1], axis=0))
+    q, part = len(rest.kept), rest.part.copy()
+    part[rest.kept] = -step[:q]
+    return columns.times(part) - added.times(step[q:])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky
+from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.blas import dtrsm
 
 from planner.common.determinism import even_positions
@@ -101,11 +101,13 @@ class ScoreTest:
 
     Attributes:
         problem, errors: the model about its fit, on the samples that are screened.
-        basis: orthonormal rows Q (m, P) of the whitened Jacobian with the prior's, readings only.
+        basis: rows Q (m, P), readings only, of a basis of the whitened Jacobian with the prior's: Q Qᵀ projects on it.
         residual: whitened, (m,).
         dof: degrees of freedom of the residual, autocorrelation of the noise counted.
         triangle: R (P, P) of the Jacobian with the prior's, Q R.
         whole, gone: of a model less some parameters, the test with all of them, and what of its basis, (P, k), is gone.
+        added: number of columns that are out of the residual but not in the basis.
+        shared_before: what the model takes up of steps, (n − 1, k, k) by what steps, kept by :mod:`change_points`.
     """
 
     problem: FitProblem
@@ -116,6 +118,8 @@ class ScoreTest:
     triangle: Array
     whole: "ScoreTest | None" = None
     gone: Array | None = None
+    added: int = 0
+    shared_before: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _columns: dict[int, WhitenedDictionary] = field(default_factory=dict, repr=False, compare=False)
     _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
     _projections: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -139,11 +143,18 @@ class ScoreTest:
         Its columns are taken as they are: what is left of them spans a part of the same space.
         """
         problem = self.problem.with_model(self.problem.model.subset(list(kept)))
-        turn = np.linalg.qr(self.triangle[:, kept], mode="complete")[0]
+        left = np.setdiff1d(np.arange(len(self.triangle)), kept)
+        # across all columns that stay: with x = R⁻ᵀ e, Rᵀ x has nothing but what is gone
+        gone = np.linalg.qr(solve_triangular(self.triangle, np.eye(len(self.triangle))[:, left], trans="T"))[0]
         raw = problem.model.residual_in(problem.context, problem.targets, self.errors[list(kept)])
         white = whiten(problem, raw[..., None]).reshape(-1)
-        Q = self.basis @ turn[:, : len(kept)]
-        return replace(self, basis=Q, residual=white - Q @ (Q.T @ white), whole=self, gone=turn[:, len(kept) :])
+        Q = self.basis - (self.basis @ gone) @ gone.T
+        return replace(self, basis=Q, residual=white - Q @ (Q.T @ white), whole=self, gone=gone)
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters of the model."""
+        return self.basis.shape[1] + self.added - (0 if self.gone is None else self.gone.shape[1])
 
     @cached_property
     def scatter(self) -> float:
@@ -153,12 +164,12 @@ class ScoreTest:
     @property
     def variance(self) -> float:
         """Variance of one whitened reading."""
-        return float(max(self.scatter / max(1, len(self.residual) - self.basis.shape[1]), 1e-300))
+        return float(max(self.scatter / max(1, len(self.residual) - self.rank), 1e-300))
 
     @property
     def effective_samples(self) -> float:
         """How many independent readings one of the screened ones stands for, at most 1."""
-        return min(1.0, float(self.dof + self.basis.shape[1]) / len(self.residual))
+        return min(1.0, float(self.dof + self.rank) / len(self.residual))
 
     @property
     def noise(self) -> float:
@@ -173,15 +184,14 @@ class ScoreTest:
         """Score every item of a dictionary that was laid out over the screened samples."""
         if len(dictionary.items) < KEPT_ITEMS:
             columns = WhitenedDictionary.of(dictionary, self.problem, self.errors)
-            projection, products = columns.multiply(self.basis, self.residual)
-            return _scores(columns, _informations(columns, projection), products)
+            return _scores(columns, _informations(columns, columns.project(self.basis)), columns.along(self.residual))
         known = self._scores.get(id(dictionary))
         if known is None:
             if id(dictionary) not in self._columns:  # the same for all tests about the same errors
                 self._columns[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.errors)
             columns = self._columns[id(dictionary)]
-            products = columns.multiply(self.basis[:, :0], self.residual)[1]
-            known = self._scores[id(dictionary)] = _scores(columns, self._informations(columns), products)
+            along = columns.along(self.residual)
+            known = self._scores[id(dictionary)] = _scores(columns, self._informations(columns), along)
         return known
 
     def _informations(self, columns: WhitenedDictionary) -> Sequence[Array]:
@@ -189,15 +199,17 @@ class ScoreTest:
         if self.whole is None or self.gone is None:
             return _informations(columns, self._project(columns))
         known = self.whole.score(columns.dictionary).information
-        free = self.whole._project(columns) @ self.gone
-        own = [free[equal.columns] for equal in columns.dictionary.equal_items]
+        projection = self.whole._project(columns)
+        free = projection @ self.gone.astype(projection.dtype)
+        own = [free[equal.columns].astype(float, copy=False) for equal in columns.dictionary.equal_items]
         return [before + W @ W.transpose(0, 2, 1) for before, W in zip(known, own, strict=True)]
 
     def _project(self, columns: WhitenedDictionary) -> Array:
         """Products of a kept dictionary's columns with the basis, (width, P)."""
         key = id(columns.dictionary)
         if key not in self._projections:
-            self._projections[key] = columns.multiply(self.basis, self.residual)[0]
+            # of many rows to single precision: nothing hangs on a share of a millionth of what a column explains
+            self._projections[key] = columns.project(self.basis, single=self.basis.size > REFLECTED_NUMBERS)
         return self._projections[key]
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
@@ -265,7 +277,7 @@ def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
 
 def _informations(columns: WhitenedDictionary, projection: Array) -> list[Array]:
     """Information after projection (width, P) of a dictionary's items, (K, k, k) for each of its equal items."""
-    own = [projection[equal.columns] for equal in columns.dictionary.equal_items]
+    own = [projection[equal.columns].astype(float, copy=False) for equal in columns.dictionary.equal_items]
     return [square - W @ W.transpose(0, 2, 1) for W, square in zip(own, columns.squares, strict=True)]
 
 
