@@ -154,7 +154,7 @@ class ScoreTest:
     @property
     def rank(self) -> int:
         """Number of parameters of the model."""
-        return self.basis.shape[1] + self.added - (0 if self.gone is None else self.gone.shape[1])
+        return int(self.basis.shape[1] + self.added - (0 if self.gone is None else self.gone.shape[1]))
 
     @cached_property
     def scatter(self) -> float:

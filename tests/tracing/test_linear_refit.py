@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from planner.tracing.linear_refit import LinearState
+from planner.tracing.score_test import ScoreTest
 from planner.tracing.significance import held_out_gain, wald_statistic
 from planner.tracing.state import FittedEffect
 from planner.tracing.transmission_error import likeliest_curve
-from planner.tracing.score_test import ScoreTest
 from tests.tracing.test_state import begun
 from tests.tracing.worlds import calibrated, effect
 
