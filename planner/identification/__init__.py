@@ -14,6 +14,7 @@ __all__ = [
     "problem",
     "released_robot",
     "residual_table",
+    "row_basis",
     "run_setup",
     "stages",
 ]

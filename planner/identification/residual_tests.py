@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
@@ -19,6 +18,7 @@ from planner.identification.cross_validation import number_poses
 from planner.identification.least_squares import MEDIAN_RMS, Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
+from planner.identification.row_basis import posterior_basis
 
 VISIBLE_SHARE = 1e-3  # part of a column that must be left beyond the model for it to count
 HUBER_BOUND = 2.5  # robust standard deviations at which outliers are clipped
@@ -33,8 +33,6 @@ NEWTON_STEPS = 4  # to the angles at which the fitted arm is in a ball
 LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
-REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
-NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 NO_DIAGNOSIS = ResidualDiagnosis((), (), 0.0, TOO_FEW)
 
 
@@ -59,7 +57,7 @@ class ProjectedResidual:
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else pose_groups(problem)
         piece = without_noise(problem, errors).piece(slice(None), errors)
-        basis = basis_of_rows(group_sums(piece.rows, group))
+        basis = posterior_basis(group_sums(piece.rows, group), 0.0)[0]
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 
@@ -85,26 +83,6 @@ class ProjectedResidual:
         tall = tall / np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         tall = tall - self.basis @ (self.basis.T @ tall)
         return orthonormal_basis(tall - self.basis @ (self.basis.T @ tall))
-
-
-def basis_of_rows(rows: Array) -> Array:
-    """Return an orthonormal basis (m, P) of the columns of rows (m, P).
-
-    Of many by Cholesky factors of their products, twice over, which is as exact as Householder's reflections where the
-    first one exists at all (Yamamoto et al. 2015, ETNA 44).
-    """
-    if rows.size > REFLECTED_NUMBERS:
-        try:
-            Q = rows / np.linalg.norm(rows, axis=0)
-            for _ in range(2):
-                R = np.linalg.cholesky(Q.T @ Q).T
-                change = np.abs(R - np.eye(len(R))).max()
-                Q = dtrsm(1.0, R, Q.T, trans_a=1).T
-            if change < NEARLY_ORTHOGONAL:
-                return np.asarray(Q)
-        except np.linalg.LinAlgError:
-            pass
-    return np.linalg.qr(rows)[0]
 
 
 def orthonormal_basis(tall: Array) -> Array:

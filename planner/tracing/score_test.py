@@ -9,14 +9,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.blas import dtrsm
+from scipy.linalg import solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Effect, Role
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
+from planner.identification.row_basis import posterior_basis
 from planner.tracing.dictionary import DictionaryItem, EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
 from planner.tracing.state import (
     MASS_PRIOR,
@@ -31,8 +31,7 @@ from planner.tracing.state import (
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
-REFLECTED_NUMBERS = 1_000_000  # of a Jacobian, up to which its basis is found by Householder's reflections
-NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
+PRECISE_NUMBERS = 1_000_000  # of a Jacobian, up to which a kept dictionary is projected in double precision
 KEPT_ITEMS = 1_000  # of a dictionary, from which on its columns are kept for the next look
 REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
 
@@ -209,7 +208,7 @@ class ScoreTest:
         key = id(columns.dictionary)
         if key not in self._projections:
             # of many rows to single precision: nothing hangs on a share of a millionth of what a column explains
-            self._projections[key] = columns.project(self.basis, single=self.basis.size > REFLECTED_NUMBERS)
+            self._projections[key] = columns.project(self.basis, single=self.basis.size > PRECISE_NUMBERS)
         return self._projections[key]
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
@@ -247,32 +246,6 @@ def linearise(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
     """Return the whitened rows (m, P), per prior size, and residual (m,) of a problem about its errors."""
     piece = problem.piece(slice(None), errors)
     return piece.rows.reshape(-1, piece.rows.shape[2]), piece.residual.reshape(-1)
-
-
-def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
-    """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them, and R.
-
-    Of many rows by the Cholesky factor of their products, twice over, which is as exact as Householder's reflections
-    where the first one exists at all (Yamamoto et al. 2015, ETNA 44).
-    """
-    count = rows.shape[1]
-    if rows.size > REFLECTED_NUMBERS:
-        try:
-            Q, below, R = _orthogonalise(rows, np.eye(count) * np.sqrt(prior_weight))
-            Q, below, more = _orthogonalise(Q, below)
-            if np.abs(more - np.eye(count)).max() < NEARLY_ORTHOGONAL:
-                return Q, more @ R
-        except np.linalg.LinAlgError:
-            pass
-    prior = np.eye(count) * np.sqrt(prior_weight)
-    Q, R = np.linalg.qr(np.vstack([rows, prior]))
-    return np.asarray(Q[: len(rows)]), np.asarray(R)
-
-
-def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
-    """Return rows (m, P) and (P, P) below them times R⁻¹, and R, the Cholesky factor of their products."""
-    R = cholesky(rows.T @ rows + below.T @ below)
-    return dtrsm(1.0, R, rows.T, trans_a=1).T, dtrsm(1.0, R, below.T, trans_a=1).T, R
 
 
 def _informations(columns: WhitenedDictionary, projection: Array) -> list[Array]:

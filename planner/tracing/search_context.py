@@ -9,10 +9,11 @@ import numpy as np
 from planner.common.errors import NoSolutionError
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
+from planner.identification.row_basis import posterior_basis
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.linear_refit import LinearState, changes_compliance
-from planner.tracing.score_test import EffectScore, ScoreTest, linearise, posterior_basis
+from planner.tracing.score_test import EffectScore, ScoreTest, linearise
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 

@@ -1,0 +1,37 @@
+"""Orthonormal bases of the rows of a Jacobian."""
+
+import numpy as np
+from scipy.linalg import cholesky
+from scipy.linalg.blas import dtrsm
+
+from planner.common.units import Array
+
+REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
+NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
+
+
+def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
+    """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them, and R.
+
+    Of many rows by the Cholesky factor of their products, twice over, which is as exact as Householder's reflections
+    where the first one exists at all (Yamamoto et al. 2015, ETNA 44).
+    """
+    prior = np.eye(rows.shape[1]) * np.sqrt(prior_weight)
+    if rows.size > REFLECTED_NUMBERS:
+        try:
+            Q, below, R = _orthogonalise(rows, prior)
+            Q, below, more = _orthogonalise(Q, below)
+            if np.abs(more - np.eye(len(more))).max() < NEARLY_ORTHOGONAL:
+                return Q, more @ R
+        except np.linalg.LinAlgError:
+            pass
+    Q, R = np.linalg.qr(np.vstack([rows, prior]))
+    return np.asarray(Q[: len(rows)]), np.asarray(R)
+
+
+def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
+    """Return rows (m, P) and (P, P) below them times R⁻¹, and R, the Cholesky factor of their products."""
+    gram = rows.T @ rows + below.T @ below
+    size = np.sqrt(np.diag(gram))
+    R = cholesky(gram / np.outer(size, size)) * size
+    return dtrsm(1.0, R, rows.T, trans_a=1).T, dtrsm(1.0, R, below.T, trans_a=1).T, R
