@@ -61,7 +61,7 @@ class Whitener:
         """Return it for another size of the noise."""
         return Whitener(self.declared, self.shaken, noise)
 
-    def scaled(self, factor: float) -> "Whitener":
+    def times(self, factor: float) -> "Whitener":
         """Return it for a noise that is larger by a factor."""
         noise = self.noise
         return self.with_noise(Noise(noise.gauge * factor, noise.joints * factor, noise.angle * factor))

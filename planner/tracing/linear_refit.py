@@ -150,7 +150,7 @@ class LinearState:
         ease = _square(gram, first.move) / (readings - first.effective) / before
         best = _Step.of(gram, z, ease)
         problem = fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters)))
-        problem = replace(problem, whitener=problem.whitener.scaled(float(np.sqrt(ease))))
+        problem = replace(problem, whitener=problem.whitener.times(float(np.sqrt(ease))))
         at = z + best.move
         solution = Solution(problem.prior * at, best.factor, _square(gram, best.move) / ease + float(at @ at))
         every = np.full((1, len(z)), np.nan)
