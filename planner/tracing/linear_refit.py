@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.lapack import dtrtri
 
 from planner.common.units import Array
 from planner.effects.effect import Parameter, Role
@@ -22,82 +21,12 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.model.identification_document import Metrics, Stage
+from planner.tracing.normal_equations import AddedColumns, NewtonStep, RemainingColumns
 from planner.tracing.state import SETTLING_ROUNDS, FittedEffect, SearchState
 
 FACTOR_ROUNDS = 8  # in which the factors on new prior sizes settle
 SETTLED = 0.02  # relative change of a factor that ends them
 STILL = 0.1  # standard deviations that a nonlinear value may still have to go
-
-
-@dataclass(frozen=True)
-class _Added:
-    """Parameters that come to a state, and their whitened columns per prior size."""
-
-    parameters: tuple[Parameter, ...]
-    columns: Columns
-
-
-@dataclass(frozen=True)
-class _Rest:
-    """What stays of a state when effects go: their columns times what they were join the residual.
-
-    Attributes:
-        parameters: that stay.
-        kept: their positions in the state, (q,).
-        z: their values in prior sizes, (q,).
-        part: of all columns and the residual in the new residual, (P + 1,).
-    """
-
-    parameters: tuple[Parameter, ...]
-    kept: np.ndarray
-    z: Array
-    part: Array
-
-    def reduce(self, gram: Array) -> Array:
-        """Return products (q + 1, q + 1) of what stays and of the new residual from those of the state."""
-        out = np.empty((len(self.kept) + 1,) * 2)
-        along = gram @ self.part
-        out[:-1, :-1] = gram[np.ix_(self.kept, self.kept)]
-        out[:-1, -1] = out[-1, :-1] = along[self.kept]
-        out[-1, -1] = self.part @ along
-        return out
-
-    def reduce_products(self, products: Array) -> Array:
-        """Return the same (q + 1, k) of products (P + 1, k) with other columns."""
-        return np.vstack([products[self.kept], self.part @ products])
-
-    def beside(self, gram: Array, products: Array, added: Columns) -> Array:
-        """Return the products of what stays, of new columns and of the residual, (q + k + 1, q + k + 1).
-
-        Args:
-            gram: of all columns of the state and the residual, (P + 1, P + 1).
-            products: of these with the new columns, (P + 1, k).
-            added: the new columns.
-        """
-        q, k = len(self.kept), len(added)
-        cross = self.reduce_products(products)
-        out = np.empty((q + k + 1, q + k + 1))
-        place, new = np.append(np.arange(q), q + k), np.arange(q, q + k)
-        out[np.ix_(place, place)] = self.reduce(gram)
-        out[np.ix_(place, new)], out[np.ix_(new, place)] = cross, cross.T
-        out[np.ix_(new, new)] = added.gram
-        return out
-
-
-@dataclass(frozen=True)
-class _Step:
-    """Step (P,) in prior sizes to the minimum, the triangle R (P, P) of the information, and effective parameters."""
-
-    move: Array
-    factor: Array
-    effective: float
-
-    @classmethod
-    def of(cls, gram: Array, z: Array, ease: float) -> "_Step":
-        """Solve for the step from z (P,) by products (P + 1, P + 1) with a noise of ``ease`` times the variance."""
-        factor = cholesky(gram[:-1, :-1] / ease + np.eye(len(z)))
-        move = solve_triangular(factor, solve_triangular(factor, gram[:-1, -1] / ease - z, trans="T"))
-        return cls(np.asarray(move), factor, float(len(z) - (dtrtri(factor)[0] ** 2).sum()))
 
 
 @dataclass(frozen=True)
@@ -136,36 +65,43 @@ class LinearState:
 
     def refit(self, effects: tuple[FittedEffect, ...]) -> SearchState:
         """Return the state with other effects; none that comes or goes is a compliance, whose masses would change."""
-        fit = self.state.fit
-        rest = self._rest(effects)
+        fit, rest = self.state.fit, self._rest(effects)
         effects, added = self._settle(rest, effects)
-        new = [added.columns.take(mine) for mine in self.members]
+        new = tuple(added.columns.take(mine) for mine in self.members)
         grams = np.stack(
             [rest.beside(g, c.products(n), n) for g, c, n in zip(self.grams, self.folds, new, strict=True)]
         )
         gram, z = grams.sum(axis=0), np.append(rest.z, np.zeros(len(added.parameters)))
-        readings = len(fit.problem) * fit.model.width
-        before = float(self.grams[:, -1, -1].sum()) / (readings - fit.effective)
-        first = _Step.of(gram, z, 1.0)
-        ease = _square(gram, first.move) / (readings - first.effective) / before
-        best = _Step.of(gram, z, ease)
+        ease = self._noise_ratio(gram, z)
+        best = NewtonStep.of(gram, z, ease)
         problem = fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters)))
         problem = replace(problem, whitener=problem.whitener.times(float(np.sqrt(ease))))
         at = z + best.move
-        solution = Solution(problem.prior * at, best.factor, _square(gram, best.move) / ease + float(at @ at))
+        solution = Solution(problem.prior * at, best.factor, best.square(gram) / ease + float(at @ at))
         every = np.full((1, len(z)), np.nan)
         steps, _ = steps_without_folds(grams / ease, z, every, np.ones_like(every))
-        white = _move(rest, self.white, added.columns, best.move)
-        held = np.empty_like(white)
-        for mine, fold, own, step in zip(self.members, self.folds, new, steps, strict=True):
-            held[mine] = _move(rest, fold, own, step)
-        stage = self._stage(effects, len(z), white, held)
+        white = rest.residual(self.white, added.columns, best.move)
+        stage = self._stage(effects, len(z), white, self._held_residual(rest, new, steps))
         residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
         piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(added.columns).beside(residual))
         found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
         return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
 
-    def _rest(self, effects: tuple[FittedEffect, ...]) -> _Rest:
+    def _noise_ratio(self, gram: Array, z: Array) -> float:
+        """Variance of the noise that a refit from z (P,) finds, by products (P + 1, P + 1), over that of the state."""
+        fit = self.state.fit
+        readings, step = len(fit.problem) * fit.model.width, NewtonStep.of(gram, z, 1.0)
+        before = float(self.grams[:, -1, -1].sum()) / (readings - fit.effective)
+        return step.square(gram) / (readings - step.effective) / before
+
+    def _held_residual(self, rest: RemainingColumns, new: tuple[Columns, ...], steps: Array) -> Array:
+        """Whitened residual (n, r) of each fold after the step (folds, P) to the fit without it."""
+        out = np.empty((len(self.split.fold), self.state.fit.model.width))
+        for mine, fold, own, step in zip(self.members, self.folds, new, steps, strict=True):
+            out[mine] = rest.residual(fold, own, step)
+        return out
+
+    def _rest(self, effects: tuple[FittedEffect, ...]) -> RemainingColumns:
         """What stays of the state without those of its effects that are not among ``effects``."""
         fit = self.state.fit
         gone = self.state.without(*effects)
@@ -174,9 +110,11 @@ class LinearState:
         z = fit.errors / fit.problem.prior
         part = np.append(z, 1.0)
         part[kept] = 0.0
-        return _Rest(tuple(fit.model.parameters[k] for k in kept), kept, z[kept], part)
+        return RemainingColumns(tuple(fit.model.parameters[k] for k in kept), kept, z[kept], part)
 
-    def _settle(self, rest: _Rest, effects: tuple[FittedEffect, ...]) -> tuple[tuple[FittedEffect, ...], _Added]:
+    def _settle(
+        self, rest: RemainingColumns, effects: tuple[FittedEffect, ...]
+    ) -> tuple[tuple[FittedEffect, ...], AddedColumns]:
         """Settle the nonlinear values and the prior sizes of what is new; return it with its columns."""
         gram = rest.reduce(self.grams.sum(axis=0))
         factor = cholesky(gram[:-1, :-1] + np.eye(len(rest.z)))
@@ -204,7 +142,7 @@ class LinearState:
         sized = tuple(replace(p, prior=float(s)) for p, s in zip(parameters, size, strict=True))
         own = iter(new)
         effects = tuple(f if f in self.state.effects else next(own) for f in effects)
-        return effects, _Added(sized, self._columns(sized))
+        return effects, AddedColumns(sized, self._columns(sized))
 
     def _prior_sizes(
         self, parameters: tuple[Parameter, ...], information: Array, along: Array
@@ -258,15 +196,3 @@ def changes_compliance(state: SearchState, effects: tuple[FittedEffect, ...]) ->
     """Tell whether a compliance comes or goes from a state to other effects: masses that show through it change."""
     own = {f.name for f in state.effects if f.has(Role.COMPLIANCE)}
     return own != {f.name for f in effects if f.has(Role.COMPLIANCE)}
-
-
-def _square(gram: Array, move: Array) -> float:
-    """Sum of squares of the residual after a step (P,), by products (P + 1, P + 1)."""
-    return float(gram[-1, -1] - 2 * gram[-1, :-1] @ move + move @ gram[:-1, :-1] @ move)
-
-
-def _move(rest: _Rest, columns: Columns, added: Columns, step: Array) -> Array:
-    """Whitened residual (n, r) after a step of what stays and of what is new."""
-    q, part = len(rest.kept), rest.part.copy()
-    part[rest.kept] = -step[:q]
-    return columns.times(part) - added.times(step[q:])
