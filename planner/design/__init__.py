@@ -2,6 +2,7 @@
 
 __all__ = [
     "bayesian_design",
+    "bayesian_refinement",
     "candidates",
     "discrimination",
     "fixtures",

@@ -111,7 +111,7 @@ class BayesianDesign:
     Attributes:
         unknown: what may be wrong.
         chosen: positions in the pool in the order in which they were taken, (n,) int.
-        after: expected error of the tool [m] after the first 1 … n of them.
+        after: expected error of the tool [m] after the first 1 … n of them, as driven.
         bound: no n of the candidates that were considered leave a smaller error than this [m].
         left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
@@ -131,31 +131,40 @@ class BayesianDesign:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return float(self.after[-1]) / self.bound - 1.0
 
-    def as_driven(self, left: float, minutes: Callable[[int], float]) -> "BayesianDesign":
-        """Return it with the error [m] after the poses that are driven, and the minutes of every number of poses."""
-        forecasts = (replace(f, minutes=minutes(f.poses)) for f in self.forecasts)
-        return replace(self, left=left, forecasts=tuple(forecasts))
+    def as_driven(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
+        """Return it with the errors after the poses that are driven, and the minutes of every number of poses.
 
-    def error_after(self, samples: Samples) -> float:
-        """Return the expected error [m] after readings at other poses."""
-        return _error_left(self.unknown.white(samples), self.unknown.weight_per_prior)
+        Other numbers, chosen among few candidates, are foreseen better by as much as this one came out better.
+        """
+        after = errors_after(self.unknown.white(samples), self.unknown.weight_per_prior)
+        left, n = float(after[-1]), len(after)
+        others = [f for f in self.forecasts if f.poses != len(self.after)]
+        numbers, errors = np.array([f.poses for f in others], dtype=float), np.array([f.error for f in others])
+        share = left / float(np.exp(np.interp(np.log(n), np.log(numbers), np.log(errors)))) if others else 1.0
+        found = [PoseNumberForecast(f.poses, max(share * f.error, self.floor)) for f in others if f.poses != n]
+        found = sorted([*found, PoseNumberForecast(n, left)], key=lambda f: f.poses)
+        forecasts = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
+        return replace(self, after=after, left=left, forecasts=forecasts)
 
 
 class BackgroundDesign:
     """The chosen poses, while their bound and what other numbers would give are computed by other processes.
 
     Attributes:
+        unknown: what may be wrong.
         chosen: positions in the pool, (n,) int.
     """
 
     def __init__(
         self,
+        unknown: UndeclaredErrors,
         chosen: np.ndarray,
         limits: Beside[tuple[float, float]],
         others: Beside[dict[int, float]],
         design: Callable[[tuple[float, float], dict[int, float]], BayesianDesign],
     ) -> None:
-        self.chosen, self._limits, self._others, self._design = chosen, limits, others, design
+        self.unknown, self.chosen = unknown, chosen
+        self._limits, self._others, self._design = limits, others, design
 
     def result(self) -> BayesianDesign:
         """Wait for the whole design; to be called once."""
@@ -206,7 +215,7 @@ def choose_bayesian_poses(
         bound, floor = limits
         return BayesianDesign(unknown, considered[chosen], after, bound, float(after[-1]), floor, numbers)
 
-    return BackgroundDesign(considered[chosen], limits, others, design)
+    return BackgroundDesign(unknown, considered[chosen], limits, others, design)
 
 
 def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:

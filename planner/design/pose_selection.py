@@ -214,22 +214,27 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
     """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
     if not cell.plan.refine or choice.ball is not None:
         return choice
-    filters = [
-        (choice.samples.at_mounting(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings
-    ]
 
     def rows(states: Array, pose: np.ndarray) -> Array:
         return choice.model.rows(replace(choice.samples.take(pose), q=states))
 
-    def valid(states: Array, pose: np.ndarray) -> np.ndarray:
+    valid = passes_filters(cell, choice.samples)
+    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
+
+
+def passes_filters(cell: Cell, samples: Samples) -> Callable[[Array, np.ndarray], np.ndarray]:
+    """Return what tells which states (m, N) [rad], in the place of samples (m,), keep every filter of a candidate."""
+    filters = [(samples.at_mounting(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings]
+
+    def valid(states: Array, which: np.ndarray) -> np.ndarray:
         ok = np.zeros(len(states), dtype=bool)
         for held, workspace, world in filters:
-            mine = np.flatnonzero(held[pose])
+            mine = np.flatnonzero(held[which])
             mine = mine[workspace.inside(states[mine], SAFETY_MARGIN)]
             ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
         return ok
 
-    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
+    return valid
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:

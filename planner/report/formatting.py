@@ -91,7 +91,7 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         else f"The {n} here were not chosen by it, and have {digits(choice.on_grid_value, 4)}."
     )
     out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
-    if choice.value != choice.on_grid_value:
+    if plan.by_index and choice.value != choice.on_grid_value:
         off = plan.certificate
         sought = count_text(off.candidates - bound.candidates - n)
         least = f"no {n} of the candidates, these and {sought} poses sought between them {verb} a {rule.what}"

@@ -6,6 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
 from planner.common.units import Array
 from planner.design.bayesian_design import choose_bayesian_poses
+from planner.design.bayesian_refinement import refine_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
@@ -89,7 +90,7 @@ class BarPoses(PoseSession):
         return Selection(parted.choice, curve, parted)
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
-        """Replace what no path joins, then move the poses off the grid where nothing but the index chose them."""
+        """Replace what no path joins, then move the poses off the grid, but for those that tell rivals apart."""
         cell, seed = self.cell, self.options.seed
         with stages.stage("refinement"):
             choice, count = replace_all(
@@ -104,6 +105,8 @@ class BarPoses(PoseSession):
             if not cell.robot.bodies:
                 checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
+            if chosen.foreseen and cell.plan.refine:
+                return choice.with_angles(refine_bayesian_poses(cell, chosen.foreseen.unknown, choice.samples, seed))
             return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:

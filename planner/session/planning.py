@@ -123,7 +123,8 @@ class PoseSession(ABC):
         self.draw(stages)
         chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
         with chosen.curve or nullcontext(), chosen.foreseen or nullcontext():
-            choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), stages)
+            by_index = chosen.foreseen is None
+            choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), by_index, stages)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
             ahead = chosen.foreseen.result() if chosen.foreseen else None
@@ -133,7 +134,7 @@ class PoseSession(ABC):
         if ahead:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
             minutes = session_minutes(cell, drives, len(choice.q))
-            ahead = ahead.as_driven(ahead.error_after(choice.samples), minutes)
+            ahead = ahead.as_driven(choice.samples, minutes)
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -148,19 +149,25 @@ class PoseSession(ABC):
             foresight=ahead,
         )
 
-    def _drive_refined(self, refined: PoseChoice, stages: Stages) -> tuple[PoseChoice, Certificate, tuple[Drive, ...]]:
+    def _drive_refined(
+        self, refined: PoseChoice, by_index: bool, stages: Stages
+    ) -> tuple[PoseChoice, Certificate, tuple[Drive, ...]]:
         """Drive all places, and certify the poses beside that; those that are driven come with the drives."""
+
+        def certify(choice: PoseChoice) -> Certificate:
+            return certify_off_grid(self.cell, self.pool, choice) if by_index else choice.certificate
+
         try:
-            with Beside(partial(certify_off_grid, self.cell, self.pool, refined)) as certifying, stages.stage("path"):
+            with Beside(partial(certify, refined)) as certifying, stages.stage("path"):
                 drives, choice = self._drive_places(refined)
         except TimeIsOverError as over:
-            limit, certificate = current_limit(), certify_off_grid(self.cell, self.pool, refined)
+            limit, certificate = current_limit(), certify(refined)
             notes = (*self.notes, *session_notes(self.cell), *(limit.notes if limit else ()))
             raise PathNotProvenError(
                 UnprovenPoses(self.cell, self.options.seed, self.pool, refined, certificate, notes, str(over))
             ) from over
         certificate = certifying.result()
-        return choice, certificate if choice is refined else certify_off_grid(self.cell, self.pool, choice), drives
+        return choice, certificate if choice is refined else certify(choice), drives
 
     def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""

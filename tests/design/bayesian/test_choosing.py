@@ -21,7 +21,9 @@ from planner.design.bayesian_design import (
     errors_after,
     select_greedily,
 )
+from planner.design.bayesian_refinement import refine_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
+from planner.design.pose_selection import passes_filters
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
@@ -84,6 +86,10 @@ def kuka():
     return cell, draw_candidates(cell, 1500, 0)
 
 
+def error_after(ahead, samples):
+    return errors_after(ahead.unknown.white(samples), ahead.unknown.weight_per_prior)[-1]
+
+
 @pytest.fixture(scope="module")
 def ahead(kuka):
     return choose_bayesian_poses(*kuka, 120).result()
@@ -92,7 +98,7 @@ def ahead(kuka):
 def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, ahead):
     _, pool = kuka
     assert len(set(ahead.chosen)) == 120
-    assert ahead.error_after(pool.samples.take(ahead.chosen)) == pytest.approx(ahead.left, rel=1e-6)
+    assert error_after(ahead, pool.samples.take(ahead.chosen)) == pytest.approx(ahead.left, rel=1e-6)
     assert ahead.bound < ahead.left < ahead.unknown.untraced
     rows = ahead.unknown.model.rows(pool.samples)
     geometry = [k for k, p in enumerate(ahead.unknown.model.parameters) if p.group in ("gauge", "geometry")]
@@ -101,7 +107,7 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     by_index = detmax(scaled @ axes[size > 1e-5 * size[0]].T, 120)
     by_chance = np.random.default_rng(0).choice(len(pool), 120, replace=False)
     for others in (by_index, by_chance):
-        assert ahead.error_after(pool.samples.take(others)) > 1.08 * ahead.left
+        assert error_after(ahead, pool.samples.take(others)) > 1.08 * ahead.left
     assert f"{1e3 * ahead.left:.3f} mm" in describe_bayesian_design(ahead)
 
 
@@ -129,8 +135,9 @@ def test_more_poses_leave_less_and_never_less_than_all_candidates(ahead):
     assert next(f.error for f in ahead.forecasts if f.poses == 120) == pytest.approx(ahead.left)
 
 
-def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(ahead):
-    driven = ahead.as_driven(ahead.left, lambda poses: poses / 2)
+def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, ahead):
+    driven = ahead.as_driven(kuka[1].samples.take(ahead.chosen), lambda poses: poses / 2)
+    assert driven.left == pytest.approx(ahead.left)
     assert "80 poses" in describe_numbers_of_poses(driven)
     assert "about 40 min" in describe_numbers_of_poses(driven)
     assert "another fixture" not in describe_numbers_of_poses(replace(driven, floor=0.4 * driven.left))
@@ -164,3 +171,18 @@ def test_a_fixture_that_tells_less_with_every_reading_has_poses_nevertheless():
     assert out[:28].tolist() == chosen[:28].tolist()
     both = np.append(chosen, 400)
     assert bayesian_design._use_every_place(place, both, white, np.eye(6)).tolist() == both.tolist()
+
+
+def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_order(kuka, ahead):
+    cell, pool = kuka
+    there = pool.samples.take(ahead.chosen)
+    q = refine_bayesian_poses(cell, ahead.unknown, there, 0)
+    assert error_after(ahead, replace(there, q=q)) < 0.95 * ahead.left
+    assert passes_filters(cell, there)(q, np.arange(len(q))).all()
+    assert np.abs(q - there.q).max(axis=1).mean() < 0.6  # each stays about where it was
+    np.testing.assert_array_equal(q, refine_bayesian_poses(cell, ahead.unknown, there, 0))
+    shuffled = np.random.default_rng(3).permutation(len(q))
+    driven = ahead.as_driven(replace(there, q=q).take(shuffled), lambda poses: poses / 2)
+    assert driven.left < 0.95 * ahead.left
+    errors = [f.error for f in driven.forecasts]
+    assert all(a >= b for a, b in pairwise(errors)), "other numbers come out better by as much"
