@@ -83,7 +83,7 @@ def is_left_to_background(group: str) -> bool:
     no farther than it was measured. The whole curve of a gear the background has as harmonics and ripple: beside them
     it would stand or fall as a whole, and the draws would hardly ever exchange the one for the others.
     """
-    kind = group.partition(", ")[0]
+    kind, _ = _kind_and_place(group)
     if kind in (NONPARAMETRIC, GEAR_CURVE):
         return True
     return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
@@ -91,13 +91,19 @@ def is_left_to_background(group: str) -> bool:
 
 def without_rivals_of(curves: Collection[str], families: Sequence[EffectFamily]) -> tuple[EffectFamily, ...]:
     """Return the families without harmonics and ripple of the gears whose whole curves, by their groups, are there."""
-    places = tuple(f", {group.partition(', ')[2]}" for group in curves)
-    return tuple(f for f in families if not (f.name.startswith("gear ") and f.name.endswith(places)))
+    places = {_kind_and_place(group)[1] for group in curves}
+    return tuple(f for f in families if not (f.name.startswith("gear ") and _kind_and_place(f.name)[1] in places))
 
 
 def curve_groups(model: Model) -> frozenset[str]:
     """Return the groups of the model's whole curves of gears."""
-    return frozenset(p.group for p in model.parameters if p.group.partition(", ")[0] == GEAR_CURVE)
+    return frozenset(p.group for p in model.parameters if _kind_and_place(p.group)[0] == GEAR_CURVE)
+
+
+def _kind_and_place(name: str) -> tuple[str, str]:
+    """Return the two parts of the name of a group or family; no place where it has none: ``soft base``."""
+    kind, _, place = name.partition(", ")
+    return kind, place
 
 
 def _band(effect: Effect, size: float | None) -> Iterator[Parameter]:
