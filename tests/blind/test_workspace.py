@@ -5,7 +5,17 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from tests.blind.workspace import Outcome, Task, arm_tool, difference, hidden_effects, states_anywhere, true_tool
+from tests.blind.workspace import (
+    SCALE,
+    Outcome,
+    Task,
+    arm_tool,
+    difference,
+    gauge_scale,
+    hidden_effects,
+    states_anywhere,
+    true_tool,
+)
 from tests.blind.workspace_table import read_log, table
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BENCHES
@@ -39,6 +49,15 @@ def test_hidden_effects_move_the_true_tool():
         bare = difference(true_tool(arm, bench, truth, q), arm_tool(arm, bench, dict(truth.errors), q))
         assert len({(e.kind, e.joint) for e in effects}) == 3
         assert length(bare).mean() > 2e-5
+
+
+def test_the_scale_of_a_gauge_is_off_and_moves_no_tool():
+    drawn = [gauge_scale(replace(TASK, seed=k)).size / SCALE["edbb"] for k in range(400)]
+    assert abs(np.std(drawn) - 1) < 0.15
+    arm, bench = Arm.from_toml(NAME), BENCHES[NAME]
+    q = states_anywhere(arm, bench, np.random.default_rng(5))[:20]
+    one, other = (true_tool(arm, bench, draw_truth(arm, 5, e), q) for e in ([], [gauge_scale(TASK)]))
+    assert np.array_equal(one, other)
 
 
 def test_the_table_says_which_arms_came_out_worse():

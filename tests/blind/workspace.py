@@ -31,6 +31,9 @@ INSIDE = ("joint-compliance", "encoder-once", "encoder-twice", "reducer-ripple",
 OUTSIDE = ("gear-uneven", "hose-drag", "link-twist", "soft-floor-xy", "wobble", "sawtooth")
 GEAR = (5e-5, 3e-4)
 SOFT = (1e-4, 1e-3)  # [rad] at the joint's reference torque
+# one sigma of a gauge's scale, which no run tells from the arm's lengths: steel 1 K off; air 1 K off, 1 ppm, and an
+# absolute distance meter, as much again (ASME B89.4.19)
+SCALE = {"edbb": 1e-5, "tracker": 2e-6}
 
 
 @dataclass(frozen=True)
@@ -88,11 +91,18 @@ def hidden_effects(arm: Arm, rng: np.random.Generator, count: int, outside: bool
     return list(out.values())
 
 
+def gauge_scale(task: Task) -> Effect:
+    """Draw how far the gauge's scale is off; a gauge whose scale is perfect measures better than any can state."""
+    rng = np.random.default_rng([task.seed, 9])
+    return Effect("gauge-scale", size=float(SCALE[task.gauge] * rng.standard_normal()))
+
+
 def try_task(task: Task, measured_q: np.ndarray) -> Outcome:
     """Make the run at the joint angles (n, N) [rad], identify it, and judge the robots over the workspace."""
     arm, bench = Arm.from_toml(task.arm), BENCHES[task.arm]
     rng = np.random.default_rng([task.seed, 8])
-    truth = draw_truth(arm, task.seed, hidden_effects(arm, rng, task.hidden, task.outside))
+    hidden = hidden_effects(arm, rng, task.hidden, task.outside)
+    truth = draw_truth(arm, task.seed, [*hidden, gauge_scale(task)])
     made = runs.measured(arm, bench, task.gauge, measured_q, truth, task.seed)
     q = states_anywhere(arm, bench, rng)
     true = true_tool(arm, bench, made.truth, q)
@@ -116,7 +126,7 @@ def try_task(task: Task, measured_q: np.ndarray) -> Outcome:
         f"{found.release.share:.2f}",
         seconds,
         any("workspace" in w or "anywhere" in w for w in found.warnings),
-        truth.effects,
+        tuple(hidden),
         tuple(f"{f.effect}, {f.on}" for f in found.findings),
     )
 

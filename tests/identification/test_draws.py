@@ -101,3 +101,40 @@ def test_mean_covariance_and_draws_are_those_of_the_mixture(monkeypatch):
     assert np.allclose(drawn.mean(axis=1), mean, atol=0.02)
     assert np.allclose(np.cov(drawn), covariance, atol=0.03 * covariance.max())
     assert np.all(np.isfinite(cholesky(R.T @ R)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("readings", [40, 120])
+def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):
+    """How far truth is off the mean among how far the draws are: even (Talts et al. 2018, arXiv:1804.06788).
+
+    Families by twos explain nearly the same, so that each must give way to the other.
+    """
+    rng, pairs, truths = np.random.default_rng(4), 12, 150
+    slab = mixture_room._spike_and_slab(mixture_room.SLAB, mixture_room.SLAB_WEIGHT, 0.5, shared=True)
+    half = rng.normal(size=(readings, pairs, 2))
+    columns = np.stack([half, half + 0.3 * rng.normal(size=half.shape)], axis=2).reshape(readings, -1)
+    columns = np.column_stack([columns, 30 * rng.normal(size=(readings, 20))])
+    family = np.append(np.repeat(np.arange(2 * pairs), 2), np.full(20, -1))
+    tool = rng.normal(size=(60, len(family)))
+    places = []
+    for _ in range(truths):
+        share = rng.beta(draws.PREVALENCE, draws.PREVALENCE * 2 * pairs / draws.EXPECTED)
+        acts = rng.random(2 * pairs) < share
+        factors = acts * rng.choice(
+            slab.factors[1:], p=slab.probability[1:] / slab.probability[1:].sum(), size=len(acts)
+        )
+        z = np.append(factors, 1.0)[family] * rng.standard_normal(len(family))
+        noise = np.exp(0.7 * rng.standard_normal())
+        y = columns @ z + noise * rng.standard_normal(readings)
+        model = RandomEffects(columns, y, family, np.ones((readings, 1)), (slab,) * len(acts), np.eye(1) / 0.7**2)
+        drawn = draw_sizes(model, SizeDraw(np.zeros(len(acts)), np.zeros(1)))
+        variance = np.array([model.variance(d.noise_logs)[0] for d in drawn])
+        size = np.append(np.stack([d.factors for d in drawn]), np.ones((len(drawn), 1)), axis=1)[:, family]
+        rows = np.column_stack([columns, y]) / np.sqrt(variance.mean())
+        mixture = SizeMixture(size, variance / variance.mean())
+        errors = tool @ mixture.draw_errors(rows.T @ rows, np.zeros(len(family)))
+        off = np.linalg.norm(errors - errors.mean(axis=1, keepdims=True), axis=0)
+        places.append((off < np.linalg.norm(tool @ z - errors.mean(axis=1))).mean())
+    assert abs(np.mean(places) - 0.5) < 3.5 / np.sqrt(12 * truths)
+    assert np.mean(np.array(places) > 0.95) < 0.05 + 3.5 * np.sqrt(0.05 * 0.95 / truths)
