@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -309,7 +310,7 @@ def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, 
             scale = size[at]
             H = scale[:, None] * gram[np.ix_(at, at)] * scale + np.eye(len(at))
             right = scale * (gram[at, -1] - gram[at, :-1] @ move) - z[at] / scale
-            move[at] = scale * np.linalg.solve(H, right)
+            move[at] = scale * cho_solve(cho_factor(H, overwrite_a=True), right)
     return move
 
 

@@ -3,23 +3,28 @@
 import numpy as np
 from scipy.linalg import cholesky
 from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dtrcon
 
 from planner.common.units import Array
 
 REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
+WELL_CONDITIONED = 1e-6  # reciprocal condition number of R, from which on one factor is exact to 1e-4 and mostly 1e-10
 NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 
 
 def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
     """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them, and R.
 
-    Of many rows by the Cholesky factor of their products, twice over, which is as exact as Householder's reflections
-    where the first one exists at all (Yamamoto et al. 2015, ETNA 44).
+    Of many rows by the Cholesky factor of their products, which squares the condition number; where that is large twice
+    over, which is as exact as Householder's reflections where the first one exists at all (Yamamoto et al. 2015, ETNA
+    44).
     """
     prior = np.eye(rows.shape[1]) * np.sqrt(prior_weight)
     if rows.size > REFLECTED_NUMBERS:
         try:
             Q, below, R = _orthogonalise(rows, prior)
+            if dtrcon(R)[0] > WELL_CONDITIONED:
+                return Q, R
             Q, below, more = _orthogonalise(Q, below)
             if np.abs(more - np.eye(len(more))).max() < NEARLY_ORTHOGONAL:
                 return Q, more @ R

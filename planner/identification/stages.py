@@ -1,10 +1,11 @@
 """The stages of a fit: nominal robot, frames, geometry, then declared effects and compliance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from planner.cell.setup import Targets
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
 from planner.effects.context import Context
@@ -18,6 +19,7 @@ from planner.model.model import Model, chunks
 from planner.runs.run import Run
 
 STAGE_READINGS = 24_000  # readings of a long run that are fitted before the last stage
+KEPT_SAMPLES = 20_000  # of a run, up to which what basis functions look at is kept for all of it
 SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
 GAIN_ERRORS = 2.0  # standard errors that the held-out error must fall by before an effect is kept
 PLAIN_GROUPS = ("gauge", "geometry")  # of parameters that are no effects
@@ -41,6 +43,7 @@ class FitContext:
     judge: Callable[[Fit], Metrics | None]
     robust: bool
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
+    _whole: list["_Piece"] = field(default_factory=list, repr=False, compare=False)
 
     def spare(self, model: Model) -> int:
         """Number of readings beyond the parameters of a model."""
@@ -59,7 +62,7 @@ class FitContext:
         Of a long run only a spread part is fitted unless ``whole``; all of it is judged. The fit starts where
         ``before`` ended, with its noise and prior sizes.
         """
-        run, split = self.run, self.split
+        split = self.split
         start = factors = noise = None
         if before is not None:
             known = dict(zip(before.model.names, zip(before.errors, before.problem.prior, strict=True), strict=True))
@@ -74,7 +77,7 @@ class FitContext:
         held = predict_held_out(found, split if few is None else split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
         if few is not None:
-            residual, held_residual = _over_all(found, run, held.shift, split)
+            residual, held_residual = self._over_all(found, held.shift)
         stage = Stage(
             name=name,
             effects=tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in PLAIN_GROUPS),
@@ -95,26 +98,48 @@ class FitContext:
             self._problems[few is None] = known
         return known
 
+    def _over_all(self, found: Fit, shift: Array) -> tuple[Array, Array]:
+        """Residuals of every sample by the fit to a part of the run, and by the fit without the sample's fold."""
+        model = found.model
+        residual = np.empty((len(self.run), model.width))
+        held = np.empty_like(residual)
+        for piece in self._pieces(model):
+            residual[piece.samples] = model.residual_in(piece.context, piece.targets, found.errors)
+            held[piece.samples] = model.residual_in(piece.context, piece.targets, found.errors + shift[piece.fold])
+        return residual, held
+
+    def _pieces(self, model: Model) -> Iterator["_Piece"]:
+        """Yield the whole run in pieces of one fold; of a run that is not too long kept from stage to stage."""
+        if len(self.run) > KEPT_SAMPLES:
+            yield from self._lay_out(model)
+            return
+        if not self._whole or self._whole[0].context.setup is not model.setup:
+            self._whole[:] = self._lay_out(model)
+        yield from self._whole
+
+    def _lay_out(self, model: Model) -> Iterator["_Piece"]:
+        samples, fold = self.run.samples, self.split.fold
+        targets = model.setup.targets(samples, self.run.readings)
+        for k in range(self.split.folds):
+            mine = np.flatnonzero(fold == k)
+            for part in chunks(len(mine)):  # what basis functions look at is computed once for both residuals
+                few = mine[part]
+                yield _Piece(few, k, Context(model.setup, samples.take(few)), targets.take(few))
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Some samples of a run, (m,) int, all of one fold."""
+
+    samples: np.ndarray
+    fold: int
+    context: Context
+    targets: Targets
+
 
 Progress = Callable[[str], None]
 Tracer = Callable[[FittedStage, FitContext, Progress], tuple[list[FittedStage], TracingResult]]
 """From the fitted geometry, with what the cell declares beside it, to one stage for each effect, and what was found."""
-
-
-def _over_all(found: Fit, run: Run, shift: Array, split: Split) -> tuple[Array, Array]:
-    """Residuals of every sample of a run by the fit to a part of it, and by the fit without the sample's fold."""
-    model, samples = found.model, run.samples
-    targets = model.setup.targets(samples, run.readings)
-    residual = np.empty((len(samples), model.width))
-    held = np.empty_like(residual)
-    for fold in range(split.folds):
-        mine = np.flatnonzero(split.fold == fold)
-        for part in chunks(len(mine)):  # what basis functions look at is computed once for both
-            few = mine[part]
-            context, there = Context(model.setup, samples.take(few)), targets.take(few)
-            residual[few] = model.residual_in(context, there, found.errors)
-            held[few] = model.residual_in(context, there, found.errors + shift[fold])
-    return residual, held
 
 
 def is_gain(before: Stage, after: Stage, split: Split) -> bool:

@@ -22,11 +22,10 @@ from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.model.identification_document import Metrics, Stage
 from planner.tracing.normal_equations import AddedColumns, NewtonStep, RemainingColumns
-from planner.tracing.state import SETTLING_ROUNDS, FittedEffect, SearchState
+from planner.tracing.state import SETTLING_ROUNDS, STILL, FittedEffect, SearchState
 
 FACTOR_ROUNDS = 8  # in which the factors on new prior sizes settle
 SETTLED = 0.02  # relative change of a factor that ends them
-STILL = 0.1  # standard deviations that a nonlinear value may still have to go
 
 
 @dataclass(frozen=True)

@@ -75,13 +75,12 @@ def autocorrelation_function(x: Array) -> Array:
 
 def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> Array:
     """What the effect adds to the whitened readings (n, r) that the other parameters cannot."""
-    errors, R = state.fit.errors / state.fit.problem.prior, state.fit.solution.factor
-    own = state.positions(found)
-    rest = [j for j, p in enumerate(state.fit.model.parameters) if j not in own and p.group != LINK_MASSES]
+    errors, (kept, S) = state.fit.errors / state.fit.problem.prior, state.known_root
+    own, among = state.positions(found), np.isin(kept, state.positions(found))
     part = np.zeros(len(errors) + 1)
     part[own] = errors[own]
-    # the information RᵀR holds the products of all columns with each other, the prior's among them
-    part[rest] = -np.linalg.solve(R[:, rest].T @ R[:, rest], R[:, rest].T @ (R[:, own] @ errors[own]))
+    # with H the information, −H⁻¹ between the others and the effect is Σ between both over the effect's own Σ
+    part[kept[~among]] = S[~among] @ (S[among].T @ np.linalg.solve(S[among] @ S[among].T, errors[own]))
     return piece.factored.times(part)
 
 
@@ -154,12 +153,11 @@ def wald_statistic(state: SearchState, found: FittedEffect) -> tuple[float, int]
     expected near zero and found there. Masses other than stated count as known: they show through the compliances
     only, and go with them.
     """
-    model, R, prior = state.fit.model, state.fit.solution.factor, state.fit.problem.prior
-    kept = np.array([j for j, p in enumerate(model.parameters) if p.group != LINK_MASSES])
+    kept, whole = state.known_root
     which = np.searchsorted(kept, state.positions(found))
-    root = np.linalg.inv(np.linalg.qr(R[:, kept], mode="r"))[which]
+    root = whole[which]
     variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
-    along = axes.T @ (state.fit.errors / prior)[kept][which]
+    along = axes.T @ (state.fit.errors / state.fit.problem.prior)[kept][which]
     decided = variance < DETERMINED_VARIANCE
     if not found.has(Role.GEAR_CURVE) or not decided.any():
         decided = np.ones(len(which), dtype=bool)

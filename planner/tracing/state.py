@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
@@ -88,6 +90,7 @@ def link_mass_uncertainty(model: Model) -> float:
 
 SETTLING_ROUNDS = 6  # in which nonlinear values settle
 SETTLING_SAMPLES = 3_000  # samples of a long run on which they do
+STILL = 0.1  # standard deviations that a nonlinear value may still have to go
 MOST_REPEATS = 4  # effects of one kind at one place
 
 
@@ -203,10 +206,13 @@ class SearchState:
     def refit(self, bench: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
         """Fit the base model with effects: nonlinear values settle first, then all parameters together.
 
-        It starts from this state, with its noise and priors.
+        It starts from this state, with its noise and priors. What was only refitted linearly has settled already.
         """
         errors = dict(zip(self.fit.model.names, self.fit.errors, strict=True))
-        effects, errors = self._settle(effects, errors)
+        if self.linear is not None and effects is self.effects:
+            effects, errors = _take_steps(effects, {n: v for n, v in errors.items() if n not in self._still})
+        else:
+            effects, errors = self._settle(effects, errors)
         sensitivities = [p for f in effects if (p := f.sensitivity(errors)) is not None]
         model = self.base.plus([*(p for f in effects for p in f.parameters), *sensitivities])
         masses = _link_masses(self.base, effects, errors)
@@ -218,6 +224,25 @@ class SearchState:
         if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:
             fitted = fit(model)  # they stand in for what is missing yet, and for the compliances themselves
         return SearchState(self.base, effects, fitted)
+
+    @property
+    def _still(self) -> set[str]:
+        """Names of the parameters that stand for steps of nonlinear values which are not worth one."""
+        sigma = np.linalg.norm(self.fit.solution.root(self.fit.problem.prior), axis=1)
+        near = np.abs(self.fit.errors) <= STILL * sigma
+        return {f.sensitivity_name for f in self.effects} & set(np.array(self.fit.model.names)[near].tolist())
+
+    @cached_property
+    def known_root(self) -> tuple[np.ndarray, Array]:
+        """Positions of all parameters but masses, (q,), and a root S (q, q) of their covariance per prior size.
+
+        Masses count as known in it: they show through compliances only.
+        """
+        kept = np.array([j for j, p in enumerate(self.fit.model.parameters) if p.group != LINK_MASSES], dtype=int)
+        R = self.fit.solution.factor
+        if len(kept) < len(R):
+            R = np.asarray(np.linalg.qr(R[:, kept], mode="r"))
+        return kept, np.asarray(dtrtri(R)[0])
 
     def _settle(
         self, effects: tuple[FittedEffect, ...], errors: dict[str, float]
@@ -262,15 +287,23 @@ def _settling_step(
     found = solve(here, np.array([(errors | zero).get(p.name, 0.0) for p in everything]), ROUGHLY_CONVERGED)
     value = dict(zip(model.names, found.errors, strict=True))
     sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
-    moved = tuple(f.step_value(value[sensitivities[f.name].name]) if f.name in sensitivities else f for f in effects)
-    for before, after in zip(effects, moved, strict=True):  # parameters bear their nonlinear value in their names
-        value |= {q.name: value[p.name] for p, q in zip(before.parameters, after.parameters, strict=True)}
+    moved, value = _take_steps(effects, value)
     settled = (
         len(sensitivities) == sum(f.value is not None for f in effects)
-        and all(abs(value[p.name]) <= 0.1 * sigma[p.name] for p in sensitivities.values())
+        and all(abs(value[p.name]) <= STILL * sigma[p.name] for p in sensitivities.values())
         and all(_is_settled(f.parameters[0].name, errors, value) for f in _compliances(effects))
     )
     return (effects if settled else moved), value, settled
+
+
+def _take_steps(
+    effects: tuple[FittedEffect, ...], errors: dict[str, float]
+) -> tuple[tuple[FittedEffect, ...], dict[str, float]]:
+    """Move nonlinear values by the parameters that stand for their steps; return the effects and all values."""
+    moved = tuple(f.step_value(errors[f.sensitivity_name]) if f.sensitivity_name in errors else f for f in effects)
+    for before, after in zip(effects, moved, strict=True):  # parameters bear their nonlinear value in their names
+        errors = errors | {q.name: errors[p.name] for p, q in zip(before.parameters, after.parameters, strict=True)}
+    return moved, errors
 
 
 def _is_settled(name: str, before: dict[str, float], after: dict[str, float]) -> bool:
