@@ -153,8 +153,8 @@ class WhitenedDictionary:
         for block, phi, screw in zip(self.dictionary.blocks, phis, self.screws, strict=True):
             seen = (screw[:, None, :] @ basis.reshape(shape))[:, 0]
             out[block.columns] = phi @ seen.astype(out.dtype, copy=False)
-        for k, column in self.mixed.items():
-            out[k] = column @ basis
+        if self.mixed:
+            out[list(self.mixed)] = np.stack(list(self.mixed.values())) @ basis
         return out
 
     def along(self, residual: Array) -> Array:

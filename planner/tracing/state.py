@@ -210,7 +210,8 @@ class SearchState:
         """
         errors = dict(zip(self.fit.model.names, self.fit.errors, strict=True))
         if self.linear is not None and effects is self.effects:
-            effects, errors = _take_steps(effects, {n: v for n, v in errors.items() if n not in self._still})
+            still = self._still()
+            effects, errors = _take_steps(effects, {n: v for n, v in errors.items() if n not in still})
         else:
             effects, errors = self._settle(effects, errors)
         sensitivities = [p for f in effects if (p := f.sensitivity(errors)) is not None]
@@ -225,7 +226,6 @@ class SearchState:
             fitted = fit(model)  # they stand in for what is missing yet, and for the compliances themselves
         return SearchState(self.base, effects, fitted)
 
-    @property
     def _still(self) -> set[str]:
         """Names of the parameters that stand for steps of nonlinear values which are not worth one."""
         sigma = np.linalg.norm(self.fit.solution.root(self.fit.problem.prior), axis=1)
