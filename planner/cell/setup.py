@@ -59,7 +59,7 @@ class MeasurementSetup(RobotSetup):
         p_BX: fixtures in the base frame, (S, 3) [m]; only a length gauge has them.
         R_BG, p_BG: frames of plates or trackers in the base frame, (S, 3, 3) and (S, 3) [m].
         p_FM, R_FM: targets on the flange, (T, 3) [m] and (T, 3, 3).
-        p_GS: sockets in the plate's frame, (K, 3) [m].
+        p_GS: sockets in the plate's frame, (K, 3) [m]; ball_names: as they are called.
         place_names, point_names: as they are called.
         place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
         joint_sigma: repeatability of one joint [rad].
@@ -82,6 +82,7 @@ class MeasurementSetup(RobotSetup):
     joint_sigma: float
     zero: float = 0.0
     loaded: tuple[str, ...] = ()
+    ball_names: tuple[str, ...] = ()
 
     @cached_property
     def chain(self) -> Chain:
@@ -161,6 +162,7 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         tool_mass=tool.mass,
         com_F=tool.com_F,
         loaded=tuple(dict.fromkeys(fixtures[c.fixture].name for c in cell.circles if c.loads)),
+        ball_names=tuple(b.name for b in cell.balls),
     )
 
 

@@ -18,6 +18,8 @@ KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball
 TAPE = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying, ch. 6); size estimated"
 TRACKER = "Muralikrishnan, Phillips & Sawyer 2016, Precision Engineering 44: laser trackers, some parts in a million"
 WARM_GAUGE = "a run with temperature_degC logged while the gauge warms up or cools down and the arm does not"
+PLATE = "plates: a printed one holds 0.1 to 0.3 mm, a machined one 0.02 mm; size estimated"
+FEWEST_BALLS = 3  # with two, one that sits elsewhere is the scale of their distance
 PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
 SHORTEST, LONGEST = 5e-4, 2e-2  # [m] periods of a scale that are scanned
 USUAL_PERIODS = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] usual ones below
@@ -168,6 +170,26 @@ class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
 
 
 @dataclass(frozen=True)
+class BallPlace(BasisFunction, key="ball-place:INDEX:AXIS:AXIS", static=False, gauge=True):
+    """φ = −1 at the ball or socket that is nearest, along one of the plate's axes, seen along one of the base's.
+
+    A ball that sits further along the plate's axis than the cell says lets the cell's position read that much less.
+    """
+
+    ball: int
+    own: int
+    axis: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the component at samples of this ball, nought at others."""
+        setup = c.measurement_setup
+        R_BG = setup.R_BG[c.samples.place]
+        p_GM = np.einsum("nji,nj->ni", R_BG, c.ray)
+        nearest = np.argmin(np.linalg.norm(p_GM[:, None] - setup.p_GS[None], axis=2), axis=1)
+        return np.asarray(np.where(nearest == self.ball, -R_BG[:, self.axis, self.own], 0.0))
+
+
+@dataclass(frozen=True)
 class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge=True, column="temperature"):
     """φ = (T − about) times the component of ``GaugeRay`` [K m]."""
 
@@ -304,6 +326,23 @@ def position_scale(run: Excitation) -> Iterator[Effect]:
     yield _of_gauge("gauge scale", "1", moves, 1e-5, 5e-3, f"{what} off, {{size}}", TRACKER)
 
 
+@register("ball place", by_gauge=True)
+def ball_places(run: Excitation) -> Iterator[Effect]:
+    """Balls or sockets of a plate that sit elsewhere than the cell says: not measured well, or mistyped."""
+    if len(run.setup.ball_names) < FEWEST_BALLS:
+        return
+    for k, ball in enumerate(run.setup.ball_names):
+        offsets = tuple(
+            Parameter(
+                f"place_{ball}_{a}", "m", 1e-4, f"ball {ball}: further along the plate's {a}",
+                _each_axis([BallPlace(k, own, axis) for axis in range(3)]),
+            )
+            for own, a in enumerate("xyz")
+        )  # fmt: skip
+        sentence = f"ball or socket {ball} sits {{size}} from where [[balls]] has it in the plate"
+        yield Effect("ball place", Place(f"ball {ball}"), offsets, sentence, 0.1, PLATE)
+
+
 @register("gauge growth", needs=WARM_GAUGE, by_gauge=True)
 def position_growth(run: Excitation) -> Iterator[Effect]:
     """Thermal growth of a plate, or of a tracker's scale."""
@@ -332,7 +371,7 @@ LENGTH_ERRORS = (
     ball_shapes,
     scale_interpolation,
 )
-POSITION_ERRORS = (position_scale, position_growth, gauge_lag, refraction)
+POSITION_ERRORS = (position_scale, ball_places, position_growth, gauge_lag, refraction)
 
 
 def _in_sockets(run: Excitation) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,13 +16,14 @@ from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.flange_poses import index_in_cell, nominal_flange_poses, points_of
-from planner.gauges.placement.sockets import place_sockets
+from planner.gauges.placement.sockets import SocketPlacement, place_sockets
 from planner.kinematics.bodies import Body, capsule_between
 from planner.kinematics.geometry import pose
-from planner.runs.run import NO_REFERENCE_READINGS, Mounting, Readings, ReferenceReadings, Run, Samples
+from planner.runs.run import NO_REFERENCE_READINGS, IntArray, Mounting, Readings, ReferenceReadings, Run, Samples
 
 INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
 NEWTON_STEPS = 8
+MUCH_BETTER = 0.7  # of what the poses are off, with two names exchanged: errors of a robot do not do that
 SHAFT_LENGTH = 30e-3  # [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
 
 
@@ -100,16 +102,25 @@ class BallGauge(FrameGauge):
         names = run.places if len(run.places) > 1 else ("",)
         setup = super().number_places(setup, cell, replace(run, places=names))
         balls = tuple(b.name for b in cell.balls)
-        return replace(setup, p_GS=setup.p_GS[[index_in_cell(run, name, balls, "ball", cell) for name in run.balls]])
+        order = [index_in_cell(run, name, balls, "ball", cell) for name in run.balls]
+        return replace(setup, p_GS=setup.p_GS[order], ball_names=run.balls)
 
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find the plates, and the tool points where the cell has none."""
         p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
         r = run.readings
         assert r.ball is not None
-        plate = place_sockets(
-            p_BF, R_BF, r.ball, run.samples.place, points_of(run), setup.p_GS, offset=r.offset, p_FM=p_FM
-        )
+
+        def place(ball: IntArray) -> tuple[SocketPlacement, float]:
+            where = run.samples.place, points_of(run)
+            found = place_sockets(p_BF, R_BF, ball, *where, setup.p_GS, offset=r.offset, p_FM=p_FM)
+            away = 0.0 if r.offset is None else r.offset
+            plate_point = np.einsum("nij,nj->ni", found.R_BP[where[0]], setup.p_GS[ball] + away) + found.p_BP[where[0]]
+            tool_point = np.einsum("nij,nj->ni", R_BF, found.p_FM[where[1]]) + p_BF
+            return found, float(np.sqrt(((plate_point - tool_point) ** 2).sum(axis=1).mean()))
+
+        plate, off = place(r.ball)
+        _check_exchanged(run, setup.ball_names, off, lambda ball: place(ball)[1])
         return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
     def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
@@ -185,6 +196,23 @@ class BallGauge(FrameGauge):
         for k, axis in enumerate(self.indicators.axes_F):
             a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, SHAFT_LENGTH))
             yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
+
+
+def _check_exchanged(run: Run, names: tuple[str, ...], off: float, off_with: Callable[[IntArray], float]) -> None:
+    """Refuse a run that fits much better with the names of two balls exchanged; ``off`` is how it fits now [m].
+
+    Raises:
+        InputError: naming the two.
+    """
+    ball = np.asarray(run.readings.ball)
+    for a, b in combinations(range(len(names)), 2):
+        swapped = off_with(np.where(ball == a, b, np.where(ball == b, a, ball)))
+        if swapped < MUCH_BETTER * off:
+            raise InputError(
+                f"{run.name}: balls {names[a]} and {names[b]} look exchanged: with their names as they are the poses "
+                f"are {to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped):.3g} mm; correct the column "
+                "'ball' of the run, or the places in [[balls]]"
+            )
 
 
 def check_names(path: Path, file: CellFile) -> None:

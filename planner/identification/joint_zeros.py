@@ -1,4 +1,4 @@
-"""By how much each joint really stands elsewhere than its controller shows, as the released robot has it."""
+"""By how much each joint really stands elsewhere than its controller shows, as the run shows it."""
 
 import numpy as np
 
@@ -12,20 +12,22 @@ def joint_zeros_text(c: Calibration) -> str:
     A controller's angle q turns the model by A q + θ₀, so errors of θ are A times errors of q. A joint that the run
     does not show, or that is coupled to such a joint, has none; one whose zero also stands for other errors bears a *.
     """
-    if c.released is None:
-        return ""
-    robot, fit = c.fit.model.setup.robot, c.released.fit
+    robot = c.fit.model.setup.robot
     names = [f"theta{k + 1}" for k in range(robot.n_joints)]
-    seen = {e.name: "*" if e.absorbs else "" for e in c.estimates if e.identifiable}
-    values = dict(zip(fit.model.names, map(float, fit.errors), strict=True))
+    seen = {e.name: e for e in c.estimates if e.identifiable}
+    shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])
+    std = np.array([(seen[n].std or 0.0) if n in seen else 0.0 for n in names])
     turn = np.linalg.inv(robot.sense_matrix)
-    zero = turn @ np.array([values.get(n, 0.0) for n in names])
-    std = np.sqrt(((turn @ c.released.spread(names)) ** 2).sum(axis=1))
-    shown = (turn == 0.0) | np.array([n in seen for n in names])
-    parts = [
-        f"joint {k + 1} {to_deg(zero[k]):+.3f} ± {to_deg(std[k]):.3f}°{seen[n]}"
-        for k, n in enumerate(names)
-        if shown[k].all()
+    zero, sigma = to_deg(turn @ shift), to_deg(np.sqrt(turn**2 @ std**2))
+    shown = ((turn == 0.0) | np.array([n in seen for n in names])).all(axis=1)
+    if not shown.any():
+        return ""
+    stars = ["*" if n in seen and seen[n].absorbs else "" for n in names]
+    parts = [f"joint {k + 1} {zero[k]:+.3f} ± {sigma[k]:.3f}°{stars[k]}" for k in np.flatnonzero(shown)]
+    unseen = ", ".join(str(k + 1) for k in np.flatnonzero(~shown))
+    remarks = [
+        "add it to the angle that is shown",
+        "* also stands for errors that the run does not show" if any(stars) else "",
+        f"not seen: joint {unseen}" if unseen else "",
     ]
-    star = "; * also stands for errors that the run does not show" if any(seen.get(n) for n in names) else ""
-    return f"{', '.join(parts)} (add it to the angle that is shown{star})" if parts else ""
+    return f"{', '.join(parts)} ({'; '.join(filter(None, remarks))})"

@@ -87,6 +87,7 @@ def _noncentrality(size: int, tried: int) -> float:
 
 
 DECIMALS = 3  # of a reading in millimetres
+NEAR_ANOTHER = 0.1  # of a row's error: so near to another ball it was in that one
 SIGMAS = 4.0  # within which a slip of the pen must give the expected reading
 
 
@@ -128,10 +129,23 @@ def _wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run,
         for column, read, off, sigma in _columns(state, run, k, error / MM, std / MM)
     ]
     if not parts:
-        return ChangeNote(f"{where}: {sentence}", row=row)
+        other_ball = _ball_it_would_be(state, run, k, error)
+        return ChangeNote(f"{where}: {sentence}{other_ball}", row=row)
     other = _exchanged_with(state, found, run, k, 2 * SIGMAS * float(std[0]))
     cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
     return ChangeNote(f"{where}: {'; '.join(parts)}; {cause}", row=row)
+
+
+def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str:
+    """Say in which other ball or socket the tool point of row ``k`` was, which is off by ``error`` (3,) [m]."""
+    setup, ball = state.fit.model.setup, run.readings.ball
+    if ball is None or len(error) != len(setup.p_GS[0]):
+        return ""
+    p_BS = setup.p_GS @ setup.R_BG[run.samples.place[k]].T  # of one plate, differences count alone
+    apart = np.linalg.norm(p_BS - (p_BS[ball[k]] - error), axis=1)
+    nearest = int(np.argmin(apart))
+    near = nearest != ball[k] and apart[nearest] < NEAR_ANOTHER * np.linalg.norm(error)
+    return f": its ball would be '{setup.ball_names[nearest]}'" if near else ""
 
 
 def _exchanged_with(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
