@@ -64,8 +64,8 @@ def register_tracker(cell: Cell) -> TrackerRegistration:
         missing = [n.name for n in cell.nests if n.p_GN is None]
         which = f"read_mm is missing for {', '.join(missing)}" if missing else f"it has {len(read)} of them"
         raise InputError(
-            f"{cell.path}: the tracker's frame takes {FEWEST_NESTS} nests in [[tracker.nests]]; {which}, and so is a"
-            " line '# nest_mm: NAME, x, y, z' for each above the columns of the run"
+            f"{cell.path}: the tracker's frame takes {FEWEST_NESTS} nests in [[tracker.nests]]; {which}; each "
+            "needs its place there and a line '# nest_mm: NAME, x, y, z' above the columns of the run"
         )
     W, G = np.array([n.p_WN for n in read]), np.array([n.p_GN for n in read])
     if are_collinear(W):

@@ -225,7 +225,8 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
         if own:
             worst = max(own, key=lambda x: x.size)
             unit, factor = display_unit(worst.unit, worst.size)
-            where = f"of {worst.on}" if len(own) == 1 else f"of {len(own)} joints"
+            places = sum(x.on.startswith("joint ") for x in own)
+            where = f"of {worst.on}" if len(own) == 1 or not places else f"of {places} joints"
             out.append(f"{kind} {where} above {digits(worst.size * factor, 2)} {unit}")
     return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
 
