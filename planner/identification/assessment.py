@@ -21,12 +21,20 @@ from planner.identification.covariance import (
     workspace_error,
     workspace_warning,
 )
-from planner.identification.cross_validation import Split, finer_split, new_frames, number_poses, predict_held_out
+from planner.identification.cross_validation import (
+    Split,
+    finer_split,
+    new_frames,
+    number_poses,
+    predict_held_out,
+    validation_residual,
+)
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
+from planner.identification.run_setup import setup_for_run
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import (
     Estimate,
@@ -53,6 +61,7 @@ LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to a pose
 NAMED_OUTLIERS = 5  # outliers that a warning names
+FAR_OFF = 20.0  # times the median error of a validation, beyond which a row is none of its errors
 
 
 def find_problems(
@@ -124,7 +133,26 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
         )
     if validation is not None and new_frames(setup, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
+    if validation is not None:
+        out += _wrong_validation_rows(
+            validation, validation_residual(found, validation, setup_for_run(cell, validation))
+        )
     return out
+
+
+def _wrong_validation_rows(run: Run, residual: Array) -> list[str]:
+    """Name rows of a validation that are off far more than its others: exchanged, or mistyped."""
+    size = error_size(residual)
+    usual = float(np.median(size))
+    wrong = np.flatnonzero(size > FAR_OFF * usual)
+    if not len(wrong) or len(wrong) > len(size) // 4:
+        return []
+    named = "; ".join(f"{run.where(int(k))} by {size[k] / MM:.3g} mm" for k in wrong[:NAMED_OUTLIERS])
+    more = f"; and {len(wrong) - NAMED_OUTLIERS} more" if len(wrong) > NAMED_OUTLIERS else ""
+    return [
+        f"of the validation's rows, half of which are off by less than {usual / MM:.3g} mm, some are far off ({named}"
+        f"{more}): exchanged or mistyped? Its errors count them"
+    ]
 
 
 def _of_pull(run: Run) -> list[str]:

@@ -22,7 +22,12 @@ from planner.runs.run import Run
 
 
 def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
-    """Return the errors of the fitted model on another run [m]; frames that only this run has are fitted on it.
+    """Return the errors of the fitted model on another run [m], as :func:`validation_residual` has them."""
+    return Metrics.of(validation_residual(found, run, bare))
+
+
+def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
+    """Return what the fitted model leaves of another run, (n, r) [m]; frames that only this run has are fitted on it.
 
     ``bare`` is the setup of that run with nothing placed yet.
     """
@@ -30,11 +35,11 @@ def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
     model = _timeless(found, run)
     if not new_frames(setup, run):
         problem = FitProblem.of(model, _renumber_places(run, setup))
-        return Metrics.of(problem.residual(np.zeros(0)))
+        return problem.residual(np.zeros(0))
     model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
     here = fit(FitProblem.of(model, run, found.problem.whitener.noise), robust=True)
-    return Metrics.of(here.problem.residual(here.errors))
+    return here.problem.residual(here.errors)
 
 
 def new_frames(setup: MeasurementSetup, run: Run) -> bool:
