@@ -87,6 +87,7 @@ class Gauge(ABC):
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
     calibrates_unasked: ClassVar[bool] = True  # whether a plan calibrates where no number of poses is given
+    validates_with: ClassVar[int] = 0  # poses of a plan that only validates, where no number is given
     is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     set_anew: ClassVar[str] = "zero"  # how the names of its parameters begin that are others in every session

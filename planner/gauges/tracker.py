@@ -48,7 +48,7 @@ class Tracker(FrameGauge):
     usual_scale: ClassVar[float] = 2e-6  # air 1 K off is 1 ppm, and so is an absolute distance meter (ASME B89.4.19)
     calibrates_unasked: ClassVar[bool] = False
     usual_cone: ClassVar[Mapping[str, float]] = {"fixture": 180.0}  # it turns to wherever the reflector is
-    usual_plan: ClassVar[Mapping[str, object]] = {"validate": 500}  # (TriCal paper, section 6)
+    validates_with: ClassVar[int] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0
 
     @classmethod

@@ -79,8 +79,9 @@ class PointPoses(PoseSession):
         with stages.stage("selection"):
             if not self.only_validates:
                 return Selection(*select_poses(cell, pool, self.poses, index, seed))
-            given = _draw_poses(pool, cell.plan.validate, seed)
-            return Selection(judge_poses(cell, pool, given, index))
+            asked = "validate_" in cell.file.plan.model_fields_set
+            count = cell.plan.validate if asked else cell.gauge.validates_with
+            return Selection(judge_poses(cell, pool, _draw_poses(pool, count, seed), index))
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace poses whose last way to the ball is not proven; settle which are centred several times."""

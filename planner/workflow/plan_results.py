@@ -76,7 +76,7 @@ class PlanResult(SessionResult):
             else f"it did not choose the poses (no set of the candidates does better than {bound:#.4g})"
         )
         lines = [
-            f"{plan.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, plan {plan.plan_id}",
+            f"{plan.cell.name}: {_numbers_of_poses(plan)}, plan {plan.plan_id}",
             f"  candidates  {plan.pool.funnel.text()}",
             f"  {choice.index:<10}  {choice.value:#.4g}; {proof}",
             f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
@@ -259,6 +259,16 @@ def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:
         return f"edbb check {run} --plan {plan} --baseline CALIBRATED -o checked"
     where = f"{run} --cell {plan.parent / 'cell.toml'} --plan {plan}"
     return f"edbb identify {where} -o calibrated" if calibrates else f"edbb accuracy {where} -o accuracy"
+
+
+def _numbers_of_poses(plan: Plan) -> str:
+    """Say what the poses are for, and how many are measured beside those that calibrate."""
+    roles = [v.role for d in plan.drives for v in d.visits]
+    if "calibrate" not in roles:
+        return f"{len(plan.choice.q)} poses that validate a robot, none that calibrates it (--poses N plans those)"
+    more = roles.count("validate")
+    unseen = f" and {more} that the fit will not see" if more else ""
+    return f"{len(plan.choice.q)} poses for {plan.choice.seen.rank} parameters{unseen}"
 
 
 def plan_files(programs: Programs) -> str:

@@ -8,6 +8,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
+from planner.gauges.tracker import Tracker
 from planner.kinematics.chain import Chain
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
@@ -25,12 +26,17 @@ def planned(cell):
     return plan_cell(cell, PlanOptions(), Stages(lambda *_: None))
 
 
-def test_five_hundred_is_the_default(tmp_path):
+def test_five_hundred_validate_by_default_and_ten_where_others_calibrate(tmp_path, monkeypatch):
     shipped = load_cell("kuka-kr6-r700/tracker")
-    assert shipped.plan.validate == 500
+    assert shipped.plan.validate == shipped.gauge.validates_with == 500
     path = tmp_path / "cell.toml"
     path.write_text(shipped.path.read_text().replace("validate = 500\n", ""))
-    assert load_cell(str(path)).plan.validate == 500
+    cell = load_cell(str(path))
+    assert cell.plan.validate == 10
+    monkeypatch.setattr(Tracker, "validates_with", 30)  # quicker
+    cell = replace(cell, plan=replace(cell.plan, candidates=800))
+    roles = [v.role for v in plan_cell(cell, PlanOptions(), Stages(lambda *_: None)).drives[0].visits]
+    assert (roles.count("validate"), roles.count("calibrate")) == (30, 0)
 
 
 def test_poses_only_validate_and_are_visited_once(planned):
