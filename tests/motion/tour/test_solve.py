@@ -7,6 +7,7 @@ import pytest
 
 import planner.motion.tour.solve as solve
 from planner.common.errors import InputError, NoSolutionError
+from planner.motion.tour.exact import node_limit
 from planner.motion.tour.instance import slowest_axis_cost
 from planner.motion.tour.solve import solve_tour
 from tests.motion.tour.conftest import brute_force, driven, leg_costs
@@ -154,3 +155,11 @@ def test_wishes_that_make_no_sense_are_named(wish):
 def test_bad_poses_are_named(q, speed):
     with pytest.raises(InputError):
         slowest_axis_cost(np.array(q), np.array(speed))
+
+
+def test_the_search_for_a_proof_is_shorter_the_more_poses_there_are():
+    limits = [node_limit(n) for n in (40, 100, 200, 300, 400, 1000)]
+    assert limits == sorted(limits, reverse=True)
+    assert limits[0] == 100_000
+    assert limits[1] > 20 * limits[2] > 0
+    assert limits[-1] == 20
