@@ -142,7 +142,7 @@ class Robot:
         """Number of joints N."""
         return len(self.speed)
 
-    @property
+    @cached_property
     def chain(self) -> Chain:
         """The chain from the base to the flange."""
         return Chain(self.transforms)

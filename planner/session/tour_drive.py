@@ -38,7 +38,7 @@ from planner.session.tour_cost import prove_shortcuts, tour_costs
 
 TRIES = 12  # tours re-solved with a leg forbidden
 LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
-MANY = 250  # poses at balls beyond which the order is proven to a fraction of a per cent only: nobody waits for more
+MANY = 250  # poses beyond which the order is proven to a fraction of a per cent only: the rest may take many minutes
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
         NoSolutionError: no tour joins the nodes.
     """
     cost = tour_costs(place.cell, place.mounting, nodes)
-    proof = 0 if len(nodes) > MANY and not place.measuring.bar else None
+    proof = 0 if len(nodes) > MANY else None
     forbidden: dict[tuple[int, int], str] = {}
     known: Beside[np.ndarray] | None = Beside(partial(prove_detours, place.measuring, nodes, seed, place.detours))
     for _ in range(TRIES):

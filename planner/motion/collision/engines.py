@@ -1,6 +1,7 @@
 """The first collision engine: pinocchio with coal, for bulk checks and as first judge."""
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -66,12 +67,13 @@ class CollisionWorld:
         Pairs that are not asked for are ``UNKNOWN``.
         """
         mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
-        out = np.full(mask.shape, UNKNOWN)
-        columns = [np.flatnonzero(row).tolist() for row in mask]
-        for i, state in enumerate(self.configuration(q)):
-            pin.updateGeometryPlacements(self.model, self._data, self._geometry, self._geometry_data, state)
-            found = [pin.computeDistance(self._geometry, self._geometry_data, k).min_distance for k in columns[i]]
-            out[i, columns[i]] = found
+        out, (rows, columns) = np.full(mask.shape, UNKNOWN), np.nonzero(mask)
+        ends, pairs, found = np.searchsorted(rows, np.arange(len(q) + 1)).tolist(), columns.tolist(), list[float]()
+        geometry, data, measure = self._geometry, self._geometry_data, pin.computeDistance
+        for state, own in zip(self.configuration(q), pairwise(ends), strict=True):
+            pin.updateGeometryPlacements(self.model, self._data, geometry, data, state)
+            found += [measure(geometry, data, k).min_distance for k in pairs[slice(*own)]]
+        out[rows, columns] = found
         return out
 
     def near(self, q: Array, margin: float) -> np.ndarray:

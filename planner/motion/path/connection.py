@@ -49,15 +49,27 @@ def _pull_once(
     flat = tries.reshape(-1, N)
     gain = leg_time(constraints, before, here) + leg_time(constraints, here, after)
     gain = gain[:, None] - (leg_time(constraints, ends[0], flat) + leg_time(constraints, flat, ends[1])).reshape(n, t)
-    better = np.flatnonzero(gain.ravel() > 1e-3 * gain.max(initial=0.0))
-    proven = constraints.prove(ends[0][better], flat[better]).proven
-    proven[proven] = constraints.prove(flat[better[proven]], ends[1][better[proven]]).proven
-    good = np.full(n * t, -np.inf)
-    good[better[proven]] = gain.ravel()[better[proven]]
-    best = np.argmax(good.reshape(n, t), axis=1)
+    found = _first_proven(constraints, before, tries, after, np.where(gain > 1e-3 * gain.max(initial=0.0), gain, 0.0))
     for row, (k, i) in enumerate(places):
-        if good.reshape(n, t)[row, best[row]] > 0.0:
-            ways[k][i] = tries[row, best[row]]
+        if found[row] >= 0:
+            ways[k][i] = tries[row, found[row]]
+
+
+def _first_proven(constraints: Constraints, before: Array, tries: Array, after: Array, gain: Array) -> np.ndarray:
+    """Return which of the tries (n, t, N) [rad] gains most of those that are proven from and to their neighbours, (n,).
+
+    −1 where none is, and none is looked at that does not gain: those that gain less are proven only after the others
+    have failed.
+    """
+    found, left = np.full(len(tries), -1), gain.copy()
+    while len(rows := np.flatnonzero((found < 0) & (left > 0.0).any(axis=1))):
+        best = np.argmax(left[rows], axis=1)
+        there = tries[rows, best]
+        proven = constraints.prove(before[rows], there).proven
+        proven[proven] = constraints.prove(there[proven], after[rows[proven]]).proven
+        found[rows[proven]] = best[proven]
+        left[rows, best] = 0.0
+    return found
 
 
 def _pull_candidates(before: Array, here: Array, after: Array, rng: np.random.Generator) -> Array:
