@@ -127,7 +127,7 @@ def export_command(
         return
     for line in (*made.notes, *made.write(output)):
         errors.print(line, markup=False, highlight=False, soft_wrap=True)
-    print_next(f"load {output} into the controller, measure; {evaluation_step('run.csv', plan_file)}")
+    print_next(f"run {output}, measure; {evaluation_step('run.csv', plan_file)}")
 
 
 def both_command(

@@ -118,7 +118,7 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
             return Solution(errors, here.factor, here.cost)
     raise NoSolutionError(
         f"the fit did not come to rest in {MAX_STEPS} steps: the start is too far off, or the readings contradict "
-        "each other"
+        "each other (names of fixtures, points or rows that were exchanged do that)"
     )
 
 

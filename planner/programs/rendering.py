@@ -25,7 +25,7 @@ NUMBERS = ("tool", "base", "load")
 MANY_BLOCKS = 500  # without a stop, beyond which the time of the shortest is said
 START_NOTE = (
     "to start at pose N: {how}, N from 1 to {last} as counted in this program; the way from the mount pose to it is "
-    "planned, what comes before is left out; what was measured is kept, and the bar's zero is set anew"
+    "planned, what comes before is left out; what was measured is kept, and a gauge that is zeroed is zeroed anew"
 )
 
 

@@ -108,7 +108,7 @@ def _workspace_sentences(c: Calibration) -> list[str]:
         return [f"Error of the tool expected over the workspace: {in_mm(c.workspace_error)} mm rms."]
     out = [
         f"Error of the tool over the workspace, rms: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm "
-        f"(as likely more as less; with 95 % below {in_mm(r.at_most)} mm)."
+        f"(median; 95 % below {in_mm(r.at_most)} mm)."
     ]
     if (w := r.work_tool) is not None:
         x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)

@@ -254,16 +254,16 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
 def _workspace_text(r: Release, anywhere: float) -> str:
     """Say how good the tool is expected to be anywhere: the figure that leads."""
     out = f"tool error over the workspace, rms: {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm"
-    out += f" (as likely more as less; with 95 % below {r.at_most / MM:.3f} mm"
+    out += f" (median; 95 % below {r.at_most / MM:.3f} mm"
     out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
     own = r.work_tool
     if own is None:
-        return f"{out}; with another tool {r.other_tool / MM:.3f} mm)"
+        return f"{out}; at a tool point that was not measured {r.other_tool / MM:.3f} mm)"
     return f"{out}; with the robot's own tool {own.nominal_anywhere / MM:.3f} mm → {own.anywhere / MM:.3f} mm)"
 
 
 def _release_text(r: Release) -> str:
-    what = "posterior of geometry and effects" if r.basis == "posterior" else "geometry alone"
+    what = "geometry and all effects, by their probability" if r.basis == "posterior" else "geometry alone"
     return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
 
 
