@@ -157,7 +157,7 @@ def is_joint_compliance(parameter: Parameter) -> bool:
     return isinstance(parameter.main.phi, LoadTorque)
 
 
-@register(JOINT_COMPLIANCE, background=Background.BY_PLACE)
+@register(JOINT_COMPLIANCE, background=Background.COMMON)
 def joint_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
     unknown = [k for k, m in enumerate(run.setup.robot.masses) if m is None]
@@ -203,7 +203,7 @@ def payload_compliance(run: Excitation) -> Iterator[Effect]:
         yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL)
 
 
-@register("link bending", background=Background.BY_PLACE)
+@register("link bending", background=Background.COMMON)
 def link_bending(run: Excitation) -> Iterator[Effect]:
     """A link, or the bearing at its end, bends about the two axes across the next joint's."""
     for link in run.joints[:-1]:

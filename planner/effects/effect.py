@@ -131,6 +131,8 @@ class Background(Enum):
     """With one size for all places, since a run says little of each."""
     BY_PLACE = auto()
     """With a size at each place."""
+    COMMON = auto()
+    """The same, and likely whatever else an arm has: joints and links of every arm yield."""
     KNOWN = auto()
     """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
     OF_SHAPE = auto()

@@ -28,6 +28,7 @@ PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and 
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
+BY_PLACE = (Background.BY_PLACE, Background.COMMON)
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,10 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         entry = registration_of(effect.kind)
         if entry.background in ABSENT or effect.has(Role.UNTRACED):
             continue
-        label = effect.family if entry.background is Background.BY_PLACE else effect.kind
+        label = effect.family if entry.background in BY_PLACE else effect.kind
         is_known = entry.background is Background.KNOWN
         known |= {label} if is_known else set()
-        common |= {label} if effect.has(Role.COMPLIANCE) else set()
+        common |= {label} if entry.background is Background.COMMON else set()
         out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)

@@ -107,7 +107,7 @@ class _DrawnFit:
 LEARNING_READINGS = 600  # of a long run that say how large the families are
 STEPS = 2  # of Gauss and Newton from the fit to the mean
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
-COMMON = 0.2  # the same of what most arms have: a joint's compliance, more than the catalogue's least size
+COMMON = 0.2  # the same of what most arms have: joints and links that yield, more than the catalogue's least size
 STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
