@@ -42,6 +42,18 @@ def test_the_deviance_is_that_of_the_dense_covariance(m, p):
     assert one - other == pytest.approx(dense, rel=1e-5)
 
 
+@pytest.mark.parametrize("many", [0.0, 10.0], ids=["by readings", "by columns"])
+def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, many):
+    monkeypatch.setattr(draws, "MANY", many)
+    model, draw = model_of(), SizeDraw(np.array([0.5, 0.0]), np.array([0.1, -0.2]))
+    X = model.columns * model.sizes(draw.factors)
+    C = np.diag(model.variance(draw.noise_logs)) + X @ X.T
+    own = model.sorted_columns
+    known = model.precision(draw)
+    assert np.tril(known.gram) == pytest.approx(np.tril(own.T @ np.linalg.solve(C, own)), rel=1e-6, abs=1e-7)
+    assert known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+
+
 def prior_of(pair, shared):
     """Log probability of two families' factors; by Beta(a, 2 a / EXPECTED) where how often families act is learnt."""
     own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])

@@ -10,6 +10,7 @@ from planner.identification.cross_validation import Split, predict_held_out, pre
 from planner.identification.least_squares import fit, solve
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.problem import FitProblem
+from planner.identification.stages import error_reduction
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import arm_of, declared, loaded, world
 from tests.simulation.generator.runs import balls, edbb_continuous, edbb_static, tracker
@@ -248,3 +249,15 @@ def test_fit_is_found_again_from_a_second_start():
     start = found.errors + w.model.prior * rng.normal(0.0, 0.5, len(w.names))
     again = fit(FitProblem.of(w.model, run), start=start)
     assert np.all(np.abs(again.errors - found.errors) < 0.05 * np.sqrt(np.diag(covariance)))
+
+
+def test_a_part_of_a_run_may_lack_whole_groups():
+    """Every third sample of groups of two: those that are left count alike, and those that are not do not count."""
+    rng = np.random.default_rng(3)
+    group = np.repeat(np.arange(30), 2)
+    whole = Split("pose", group, group % 5, group)
+    part = whole.take(np.arange(0, 60, 6))
+    before = rng.normal(size=(10, 3))
+    gain, error = error_reduction(before, before * np.sqrt(0.5), part)
+    assert gain == pytest.approx(0.5)
+    assert np.isfinite(error)
