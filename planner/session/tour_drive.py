@@ -38,7 +38,7 @@ from planner.session.tour_cost import prove_shortcuts, tour_costs
 
 TRIES = 12  # tours re-solved with a leg forbidden
 LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
-MANY = 250  # poses beyond which the order is proven to a fraction of a per cent only: the rest may take many minutes
+MANY, AT_200, MOST = 250, 2_000, 100_000  # poses beyond which no tree is searched; its nodes at 200 poses, and at most
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,14 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
     return travel
 
 
+def proof_nodes(poses: int) -> int:
+    """Return how many nodes of a tree the proof of a tour is worth: each takes longer the more poses there are.
+
+    Beyond ``MANY`` the bound stands at a fraction of a per cent, and thousands of nodes take minutes to move it.
+    """
+    return 0 if poses > MANY else min(MOST, int(AT_200 * (200 / poses) ** 5))
+
+
 def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
     """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
 
@@ -136,7 +144,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
         NoSolutionError: no tour joins the nodes.
     """
     cost = tour_costs(place.cell, place.mounting, nodes)
-    proof = 0 if len(nodes) > MANY else None
+    proof = proof_nodes(len(nodes))
     forbidden: dict[tuple[int, int], str] = {}
     known: Beside[np.ndarray] | None = Beside(partial(prove_detours, place.measuring, nodes, seed, place.detours))
     for _ in range(TRIES):

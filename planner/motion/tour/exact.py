@@ -25,7 +25,7 @@ BoolArray = NDArray[np.bool_]
 
 _SEARCH_NEIGHBOURS = 8
 _NEIGHBOURS = 6  # legs from each node that the relaxation begins with
-_NODE_LIMIT, _AT_200, _FEWEST = 100_000, 2_000, 20  # of all searches together; at 200 poses; and the least
+_NODE_LIMIT = 100_000  # of all searches together
 _GRID = 2**14  # steps of a dual value per unit of cost
 _VIOLATION = 1e-3  # an inequality must be missed by this much to be worth a row
 
@@ -59,19 +59,11 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | Non
     search.improve(2 * size, most=length - bound)
     if instance.length(search.tour) < length:  # of equals the first found
         tour, length = search.tour, instance.length(search.tour)
-    limit = node_limit(size) if nodes is None else nodes
+    limit = _NODE_LIMIT if nodes is None else nodes
     if bound >= length or limit == 0:
         return Outcome(tour, min(bound, length))
     useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
     return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
-
-
-def node_limit(size: int) -> int:
-    """Return how many nodes of the tree a tour of so many poses is worth: each takes longer the more poses there are.
-
-    Tours that the first nodes do not prove shortest, thousands more seldom do; what is left open is told.
-    """
-    return int(np.clip(_AT_200 * (200 / size) ** 5, _FEWEST, _NODE_LIMIT))
 
 
 class _Program:
