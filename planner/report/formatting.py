@@ -5,6 +5,7 @@ from math import ceil, floor, isfinite, log10
 
 from planner.cell.cell import Cell
 from planner.common.units import UM, to_mm
+from planner.design.bayesian_design import describe_bayesian_design
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
 from planner.motion.path.verdict import Verdict
@@ -78,6 +79,14 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     """Say how far from the best possible the poses are, sentence by sentence."""
     choice, bound = plan.choice, plan.choice.certificate
     rule, n = INDEX_RULES[choice.index], len(choice.q)
+    if plan.foresight is not None:
+        ahead = describe_bayesian_design(plan.foresight)
+        moved = "; the poses were then moved off their grid, which it does not cover" if plan.cell.plan.refine else ""
+        return (
+            f"{ahead[0].upper()}{ahead[1:]}.",
+            f"That limit is a proof over the candidates{moved}.",
+            f"{choice.index}, the {rule.what}, is {digits(choice.value, 4)} here; it did not choose these poses.",
+        )
     pool = f"the {count_text(bound.candidates)} candidate poses"
     who = f"No {n} of {pool}" if bound.poses else f"No set of {pool}, however many it takes,"
     verb = ("reach" if bound.poses else "reaches") if rule.maximise else ("have" if bound.poses else "has")
