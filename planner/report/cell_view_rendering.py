@@ -23,6 +23,7 @@ AXIS = {
     "showspikes": False,
     "tickfont": {"size": 11},
 }
+LEGEND_SHARE = 0.06  # of the height, below the scene: labels of ticks end above it
 SYMBOLS = {"calibrate": "circle", "repeat": "diamond", "validate": "square", "mount": "cross"}
 
 
@@ -37,7 +38,7 @@ def view_json(view: CellView) -> str:
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "white",
         "legend": {"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
-        "scene": {"aspectmode": "data", "camera": eye, **spans},
+        "scene": {"aspectmode": "data", "camera": eye, "domain": {"y": [LEGEND_SHARE, 1.0]}, **spans},
     }
     return figure_json([*_bodies(view), *_lines(view), *_poses(view)], layout)
 
