@@ -204,15 +204,18 @@ def _check_exchanged(run: Run, names: tuple[str, ...], off: float, off_with: Cal
     Raises:
         InputError: naming the two.
     """
-    ball = np.asarray(run.readings.ball)
-    for a, b in combinations(range(len(names)), 2):
-        swapped = off_with(np.where(ball == a, b, np.where(ball == b, a, ball)))
-        if swapped < MUCH_BETTER * off:
-            raise InputError(
-                f"{run.name}: balls {names[a]} and {names[b]} look exchanged: with their names as they are the poses "
-                f"are {to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped):.3g} mm; correct the column "
-                "'ball' of the run, or the places in [[balls]]"
-            )
+    ball, pairs = np.asarray(run.readings.ball), list(combinations(range(len(names)), 2))
+    if not pairs:
+        return
+    swapped = [off_with(np.where(ball == a, b, np.where(ball == b, a, ball))) for a, b in pairs]
+    best = int(np.argmin(swapped))
+    a, b = pairs[best]
+    if swapped[best] < MUCH_BETTER * off:
+        raise InputError(
+            f"{run.name}: balls {names[a]} and {names[b]} look exchanged: with their names as they are the poses are "
+            f"{to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped[best]):.3g} mm; correct the column "
+            "'ball' of the run, or the places in [[balls]]"
+        )
 
 
 def check_names(path: Path, file: CellFile) -> None:

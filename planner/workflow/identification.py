@@ -54,7 +54,8 @@ class CalibrationResult(Result):
         found = self.calibration
         wide = 2 + max(26, *(len(s.name) for s in found.stages))
         fitted = sum(e.identifiable for e in found.estimates)
-        leads = [] if found.release is None else [_workspace_text(found.release, found.workspace_error)]
+        release = None if found.problems else found.release
+        leads = [] if release is None else [_workspace_text(release, found.workspace_error)]
         lines = [
             *leads,
             f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split.groups}, "
@@ -68,8 +69,8 @@ class CalibrationResult(Result):
             lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
         lines.append(f"  left        {found.diagnosis.sentence}")
-        if found.release is not None:
-            lines.append(f"  written     {_release_text(found.release)}")
+        if release is not None:
+            lines.append(f"  written     {_release_text(release)}")
             zeros = joint_zeros_text(found)
             lines += [f"  zeros       {zeros}"] if zeros else []
         return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])

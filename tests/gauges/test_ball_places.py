@@ -35,6 +35,18 @@ def _balls(cell):
     return re.findall(r'\[\[balls\]\]\s*name = "([^"]+)"\s*position_mm = \[([^\]]+)\]', cell.read_text())
 
 
+def _with_names_exchanged(run, one, two, out):
+    lines = run.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    at = lines[first].split(",").index("ball")
+    for k in range(first + 1, len(lines)):
+        fields = lines[k].split(",")
+        fields[at] = {one: two, two: one}.get(fields[at], fields[at])
+        lines[k] = ",".join(fields)
+    out.write_text("\n".join(lines) + "\n")
+    return out
+
+
 def test_a_ball_that_sits_elsewhere_is_found_and_the_robot_does_not_take_it(measured, tmp_path):
     run, cell = measured
     clean = _found(run, cell)
@@ -58,14 +70,15 @@ def test_a_ball_that_sits_elsewhere_is_found_and_the_robot_does_not_take_it(meas
 def test_exchanged_names_are_refused_and_named(measured, tmp_path):
     run, cell = measured
     names = [name for name, _ in _balls(cell)][:2]
-    lines = run.read_text().splitlines()
-    first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
-    at = lines[first].split(",").index("ball")
-    for k in range(first + 1, len(lines)):
-        fields = lines[k].split(",")
-        fields[at] = {names[0]: names[1], names[1]: names[0]}.get(fields[at], fields[at])
-        lines[k] = ",".join(fields)
-    other = tmp_path / "run.csv"
-    other.write_text("\n".join(lines) + "\n")
+    other = _with_names_exchanged(run, *names, tmp_path / "run.csv")
     with pytest.raises(InputError, match=f"balls {names[0]} and {names[1]} look exchanged"):
         _found(other, cell)
+
+
+def test_of_all_pairs_the_one_that_fits_best_is_named(measured, tmp_path):
+    """Another pair may fit better than none as well, since a plate can be turned."""
+    run, cell = measured
+    names = [name for name, _ in _balls(cell)]
+    for a, b in ((1, 2), (2, 3), (1, 3)):
+        with pytest.raises(InputError, match=f"balls {names[a]} and {names[b]} look exchanged"):
+            _found(_with_names_exchanged(run, names[a], names[b], tmp_path / "run.csv"), cell)

@@ -43,6 +43,7 @@ def setup(robot_name: str, kind: str, rng: np.random.Generator) -> MeasurementSe
         p_FM=rng.normal(0.0, 0.1, (POINTS, 3)),
         R_FM=Rotation.random(POINTS, random_state=rng).as_matrix(),
         p_GS=rng.normal(0.0, 0.2, (SOCKETS, 3)),
+        ball_names=tuple(map(str, range(1, SOCKETS + 1))),
         place_names=("A", "B", "C"),
         point_names=("left", "right"),
         place_prior=np.full(PLACES, 5e-3),

@@ -84,7 +84,7 @@ def test_every_kind_that_an_identification_can_name_is_known():
     for kind in rigs.KINDS:
         setup = rigs.setup(NJ, kind, rng)
         robot = replace(setup.robot, gear_ratio=(101.0,) * 6)
-        setup = setup if kind == "sockets" else replace(setup, p_GS=np.zeros((0, 3)))
+        setup = setup if kind == "sockets" else replace(setup, p_GS=np.zeros((0, 3)), ball_names=())
         entries = catalogue(replace(setup, robot=robot), everything(setup, 60, rng))
         found |= {e.kind for e in entries}
         for e in entries:
