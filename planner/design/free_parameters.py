@@ -69,17 +69,18 @@ def check_effects(cell: Cell) -> None:
     _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, PROBE_STATES, 0)))
 
 
-def preference_order(model: Model) -> list[int]:
+def preference_order(model: Model, frame_stated: bool = True) -> list[int]:
     """Return positions of the parameters, best kept first.
 
     A bar's as they stand. Where a frame takes up how the arm's first rows stand, the rows nearest to the tool are
     kept: the frame's own parameters, then the robot's from the tool inwards, the last joint's angle and effects last.
     Of a robot from a URDF, whose frames have six errors each, joint zeros come first and lengths before angles: the
-    user can set the zeros in the controller.
+    user can set the zeros in the controller. Of a frame that the cell does not state (``frame_stated``) nobody can have
+    planned, and all stay as they stand.
     """
     order = range(len(model.parameters))
     from_urdf, framed = model.setup.robot.convention == "urdf", model.setup.gauge.frees_base
-    if not framed and not from_urdf:
+    if not (frame_stated if framed else from_urdf):
         return list(order)
     kinds = [p.group for p in model.parameters]
     last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]

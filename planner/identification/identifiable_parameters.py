@@ -84,8 +84,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     names = {d.name for d in out}
     open_ = whole.subset([k for k, name in enumerate(whole.names) if name not in names])
     stated = cell.file.artifact is not None or cell.file.tracker is not None
-    by_plan = stated or not setup.gauge.frees_base  # else nobody can have planned with it
-    model, seen = identifiable_subset(open_, run.samples, preference_order(open_) if by_plan else None)
+    model, seen = identifiable_subset(open_, run.samples, preference_order(open_, stated))
     still = unloaded_compliances((*cell.plan.effects, *more), whole)
     idle = [p for p in compliance_parameters(setup) if p.name in {d.name for d in still}]
     known = tuple(p for p in whole.parameters if p.name in names)
