@@ -182,11 +182,15 @@ class BallPlace(BasisFunction, key="ball-place:INDEX:AXIS:AXIS", static=False, g
 
     def __call__(self, c: Context) -> Array:
         """Return the component at samples of this ball, nought at others."""
-        setup = c.measurement_setup
-        R_BG = setup.R_BG[c.samples.place]
-        p_GM = np.einsum("nji,nj->ni", R_BG, c.ray)
-        nearest = np.argmin(np.linalg.norm(p_GM[:, None] - setup.p_GS[None], axis=2), axis=1)
-        return np.asarray(np.where(nearest == self.ball, -R_BG[:, self.axis, self.own], 0.0))
+        R_BG = c.measurement_setup.R_BG[c.samples.place]
+        return np.asarray(np.where(nearest_ball(c) == self.ball, -R_BG[:, self.axis, self.own], 0.0))
+
+
+def nearest_ball(c: Context) -> np.ndarray:
+    """Return which ball of the plate the measured point is nearest to, (n,) int."""
+    setup = c.measurement_setup
+    p_GM = np.einsum("nji,nj->ni", setup.R_BG[c.samples.place], c.ray)
+    return np.asarray(np.argmin(np.linalg.norm(p_GM[:, None] - setup.p_GS[None], axis=2), axis=1))
 
 
 @dataclass(frozen=True)
@@ -329,9 +333,11 @@ def position_scale(run: Excitation) -> Iterator[Effect]:
 @register("ball place", by_gauge=True)
 def ball_places(run: Excitation) -> Iterator[Effect]:
     """Balls or sockets of a plate that sit elsewhere than the cell says: not measured well, or mistyped."""
-    if len(run.setup.ball_names) < FEWEST_BALLS:
+    names = run.setup.ball_names
+    visited = np.unique(nearest_ball(run.context)) if names else ()
+    if len(visited) < FEWEST_BALLS:
         return
-    for k, ball in enumerate(run.setup.ball_names):
+    for k, ball in ((int(k), names[k]) for k in visited):
         offsets = tuple(
             Parameter(
                 f"place_{ball}_{a}", "m", 1e-4, f"ball {ball}: further along the plate's {a}",
