@@ -173,7 +173,7 @@ class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
 class BallPlace(BasisFunction, key="ball-place:INDEX:AXIS:AXIS", static=False, gauge=True):
     """φ = −1 at the ball or socket that is nearest, along one of the plate's axes, seen along one of the base's.
 
-    A ball that sits further along the plate's axis than the cell says lets the cell's position read that much less.
+    A ball that sits further along than the cell says lets the cell's position read that much less.
     """
 
     ball: int
@@ -334,17 +334,13 @@ def position_scale(run: Excitation) -> Iterator[Effect]:
 def ball_places(run: Excitation) -> Iterator[Effect]:
     """Balls or sockets of a plate that sit elsewhere than the cell says: not measured well, or mistyped."""
     names = run.setup.ball_names
-    visited = np.unique(nearest_ball(run.context)) if names else ()
-    if len(visited) < FEWEST_BALLS:
-        return
-    for k, ball in ((int(k), names[k]) for k in visited):
+    visited = np.unique(nearest_ball(run.context)) if names else np.zeros(0)
+    for k, ball in ((int(k), names[k]) for k in visited if len(visited) >= FEWEST_BALLS):
+        moves = [_each_axis([BallPlace(k, own, axis) for axis in range(3)]) for own in range(3)]
         offsets = tuple(
-            Parameter(
-                f"place_{ball}_{a}", "m", 1e-4, f"ball {ball}: further along the plate's {a}",
-                _each_axis([BallPlace(k, own, axis) for axis in range(3)]),
-            )
-            for own, a in enumerate("xyz")
-        )  # fmt: skip
+            Parameter(f"place_{ball}_{a}", "m", 1e-4, f"ball {ball}: further along the plate's {a}", m)
+            for a, m in zip("xyz", moves, strict=True)
+        )
         sentence = f"ball or socket {ball} sits {{size}} from where [[balls]] has it in the plate"
         yield Effect("ball place", Place(f"ball {ball}"), offsets, sentence, 0.1, PLATE)
 
