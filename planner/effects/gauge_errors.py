@@ -334,7 +334,7 @@ def position_scale(run: Excitation) -> Iterator[Effect]:
 def ball_places(run: Excitation) -> Iterator[Effect]:
     """Balls or sockets of a plate that sit elsewhere than the cell says: not measured well, or mistyped."""
     names = run.setup.ball_names
-    visited = np.unique(nearest_ball(run.context)) if names else np.zeros(0)
+    visited = np.unique(nearest_ball(run.context)) if names else np.arange(0)
     for k, ball in ((int(k), names[k]) for k in visited if len(visited) >= FEWEST_BALLS):
         moves = [_each_axis([BallPlace(k, own, axis) for axis in range(3)]) for own in range(3)]
         offsets = tuple(
