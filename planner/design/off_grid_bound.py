@@ -45,7 +45,7 @@ def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice) -> Certifica
         before = found.value
         found = certify_bound(rows, choice.index, found.poses, TOLERANCE, near=found)
         settled = number > 0 and abs(found.value / before - 1.0) < SETTLED
-        if settled or must_stop(BOUND, "poses off the grid were sought only in part"):
+        if settled or number == ROUNDS - 1 or must_stop(BOUND, "poses off the grid were sought only in part"):
             break
         duals = [d for d in found.duals if not isinstance(d, WholePool)]
         more = [_Descent.of(cell, choice.model, samples, rows, found, d).lowest(number) for d in duals]

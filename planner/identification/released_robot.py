@@ -119,12 +119,16 @@ class ReleasedRobot:
 
         Its rms is as likely exceeded as not: the figure that leads.
         """
-        return np.asarray(self.likely_share(fit) * self.expected_errors(fit))
+        expected = self.expected_errors(fit)
+        return np.asarray(self._share_of(expected, fit) * expected)
 
     def likely_share(self, fit: Fit | None) -> float:
         """Return what is as likely exceeded as not over the root of the expected mean square, over the workspace."""
-        expected = float(np.sqrt((self.expected_errors(fit) ** 2).mean()))
-        return self.anywhere_with(fit) / expected if expected > 0 else 1.0
+        return self._share_of(self.expected_errors(fit), fit)
+
+    def _share_of(self, expected: Array, fit: Fit | None) -> float:
+        rms = float(np.sqrt((expected**2).mean()))
+        return self.anywhere_with(fit) / rms if rms > 0 else 1.0
 
     def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
         """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
